@@ -1,0 +1,112 @@
+"""The configuration of a case: geometry, material, supports, loads, solver, dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, SerializeAsAny, field_validator
+
+from datagen.loads import LoadFamily, load_family
+from datagen.material import NeoHookean, Volumetric
+from datagen.meshing import BoxMesh
+from datagen.regions import Region
+from datagen.solver_settings import SolverSettings
+from shared_schema.configuration import Frozen, read_yaml, validate
+from shared_schema.errors import InputError
+from shared_schema.manifest import digest_of
+
+SHIPPED = Path(__file__).parent / "configs"
+
+
+class DatasetSettings(Frozen):
+    """How many samples are made, and how they are stored.
+
+    Attributes
+    ----------
+    samples : int
+        Load cases in all, training and test.
+    seed : int
+        With the sample number, it determines each load.
+    shard_size : int
+        Load cases in one shard, the unit in which work is handed out and kept.
+    test_fraction : float
+        Part of the samples that `datagen structure` sets aside as the test split.
+    """
+
+    samples: int = Field(gt=0)
+    seed: int = Field(0, ge=0)
+    shard_size: int = Field(500, gt=0)
+    test_fraction: float = Field(0.05, gt=0, lt=1)
+
+
+class Case(Frozen):
+    """A case: everything that determines a dataset.
+
+    Attributes
+    ----------
+    name : str
+    mesh : BoxMesh
+    material : NeoHookean
+    supports : tuple of Region
+        Nodes in any of them are clamped.
+    load : LoadFamily
+    solver : SolverSettings
+    dataset : DatasetSettings
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    mesh: BoxMesh
+    material: NeoHookean
+    supports: tuple[Region, ...] = Field(min_length=1)
+    load: SerializeAsAny[LoadFamily]
+    solver: SolverSettings = SolverSettings()
+    dataset: DatasetSettings
+
+    @field_validator("load", mode="before")
+    @classmethod
+    def _of_its_family(cls, value: Any) -> Any:
+        return load_family(value) if isinstance(value, dict) else value
+
+    def plain(self) -> dict[str, Any]:
+        """The whole configuration as plain data, as the manifest keeps it."""
+        return self.model_dump(mode="json")
+
+    def digest(self) -> str:
+        """SHA-256 of the configuration."""
+        return digest_of(self.plain())
+
+
+def read_case(
+    name: str, volumetric: Volumetric | None = None, samples: int | None = None
+) -> Case:
+    """Read a case from a YAML file, or by the name of a shipped one.
+
+    Parameters
+    ----------
+    name : str
+        Path of a YAML file, or a name such as ``beam2d``.
+    volumetric : {"paper", "quadratic"}, optional
+        Replaces the material's volumetric term.
+    samples : int, optional
+        Replaces the number of samples.
+
+    Raises
+    ------
+    InputError
+        If there is no such case, or a key or value in it is wrong.
+    """
+    path = Path(name)
+    if not path.is_file():
+        path = SHIPPED / f"{name}.yaml"
+        if not path.is_file():
+            shipped = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.yaml")))
+            raise InputError(f"case '{name}': no such file, and not one of those shipped ({shipped})")
+    content = read_yaml(path)
+    for section, key, value in (
+        ("material", "volumetric", volumetric),
+        ("dataset", "samples", samples),
+    ):
+        if value is not None and isinstance(content.get(section), dict):
+            content[section][key] = value
+    return validate(Case, content, str(path))

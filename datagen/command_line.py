@@ -1,0 +1,163 @@
+"""The command ``datagen``: run, structure, solve, check, info."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")  # before numpy loads: the ranks are the parallelism
+
+import numpy as np
+
+from datagen import __version__
+from shared_schema.checker import check_dataset
+from shared_schema.command_line import run_command
+from shared_schema.errors import FAILED, WRONG_INPUT, InputError, WorkError
+from shared_schema.point_load import nodal_forces
+from shared_schema.solution_file import require_suffix, write_solution
+
+VOLUMETRIC = ("paper", "quadratic")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
+    options = _parser().parse_args(arguments)
+    logging.getLogger().setLevel(logging.WARNING)  # ffcx logs its compiler calls as info
+    command: Callable[[argparse.Namespace], None] = options.command
+    if command is not _run:
+        return run_command("datagen", lambda: command(options))
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    try:
+        if comm.rank == 0:
+            return run_command("datagen", lambda: _run(options))
+        try:
+            _run(options)
+            return 0
+        except InputError:  # the same on every rank; rank 0 says it
+            return WRONG_INPUT
+    except BaseException:
+        traceback.print_exc()
+        if comm.size > 1:
+            comm.Abort(FAILED)
+        raise
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="datagen",
+        description="Make datasets of large-deformation equilibria under families of nodal loads.",
+        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
+    )
+    parser.add_argument("--version", action="version", version=f"datagen {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="solve every load case of a case (under mpirun, or not)")
+    run.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
+    run.add_argument("--out", type=Path, required=True, metavar="DIR", help="nodal dataset to make")
+    run.add_argument("--samples", type=int, metavar="K", help="instead of the case's number")
+    run.add_argument("--volumetric", choices=VOLUMETRIC, help="instead of the case's term")
+    run.set_defaults(command=_run)
+
+    structure = commands.add_parser("structure", help="lay a nodal dataset on its grid")
+    structure.add_argument("nodal", type=Path, metavar="NODAL_DIR")
+    structure.add_argument("--out", type=Path, required=True, metavar="DIR")
+    structure.set_defaults(command=_structure)
+
+    solve = commands.add_parser("solve", help="solve one load case and write the fields")
+    solve.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
+    solve.add_argument(
+        "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
+    )
+    solve.add_argument("--volumetric", choices=VOLUMETRIC, help="instead of the case's term")
+    solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    solve.set_defaults(command=_solve)
+
+    check = commands.add_parser("check", help="hold a dataset against the schema, byte by byte")
+    check.add_argument("dataset", type=Path, metavar="DIR")
+    check.set_defaults(command=_check)
+
+    info = commands.add_parser("info", help="summarise a dataset")
+    info.add_argument("dataset", type=Path, metavar="DIR")
+    info.set_defaults(command=_info)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from datagen.case import read_case
+    from datagen.farm import run
+
+    case = read_case(options.case, options.volumetric, options.samples)
+    manifest = run(case, options.out, MPI.COMM_WORLD)
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")
+
+
+def _structure(options: argparse.Namespace) -> None:
+    from datagen.structure import structure
+
+    info = structure(options.nodal, options.out).structured
+    assert info is not None
+    shape = " x ".join(str(n) for n in info.grid_shape)
+    print(f"{options.out}: {info.train} training and {info.test} test samples on a {shape} grid")
+
+
+def _solve(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from datagen.body import make_body
+    from datagen.case import read_case
+    from datagen.load_stepping import solve_load_case
+
+    require_suffix(options.out)
+    case = read_case(options.case, options.volumetric)
+    body = make_body(case, MPI.COMM_SELF)
+    forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
+    nodes = np.flatnonzero(forces.any(axis=1))
+    report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+    if not report.solved:
+        raise WorkError(
+            f"no equilibrium found beyond {report.load_factor:.1%} of the load "
+            f"({report.explanation}; {report.cutbacks} cutbacks)"
+        )
+    displacement = body.problem.displacement()
+    write_solution(
+        options.out,
+        body.mesh.coordinates,
+        body.mesh.cells,
+        body.mesh.cell_type,
+        {"force": forces, "displacement": displacement},
+    )
+    largest = np.linalg.norm(displacement, axis=1).max()
+    print(
+        f"{options.out}: largest displacement {largest:.6g} m, {report.load_steps} load steps, "
+        f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N"
+    )
+
+
+def _check(options: argparse.Namespace) -> None:
+    problems = check_dataset(options.dataset)
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    if problems:
+        raise InputError(f"{options.dataset}: {len(problems)} violations of the schema")
+    print(f"{options.dataset}: intact")
+
+
+def _info(options: argparse.Namespace) -> None:
+    from datagen.info import summary
+
+    print(summary(options.dataset))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

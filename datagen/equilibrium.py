@@ -1,0 +1,263 @@
+r"""Equilibrium of one body under nodal loads: the forms, and Newton's method by PETSc SNES.
+
+The residual (Deshpande et al. 2022, Eq. res) is
+
+.. math:: R(u) = f_{int}(u) - f_{ext} = 0, \qquad f_{int}(u)·v = \int_Ω P(F) : ∇v \, dV,
+
+with :math:`P = \partial W / \partial F` and :math:`f_{ext}` the vector of nodal forces, which is
+added on the rank that owns the node, before the rows of the clamped nodes are replaced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx.fem import petsc as fem_petsc
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from datagen.material import NeoHookean, deformation_gradient, strain_energy
+from datagen.meshing import Mesh, node_numbering
+from datagen.solver_settings import SolverSettings
+
+COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
+QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
+INVERTED = "inverted element (J <= 0)"
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """What one Newton solve ended with.
+
+    Attributes
+    ----------
+    converged : bool
+    reason : int
+        PETSc's SNESConvergedReason: positive if converged.
+    explanation : str
+        The reason in words.
+    iterations : int
+    residual_norm : float
+        2-norm of the last residual, in N.
+    """
+
+    converged: bool
+    reason: int
+    explanation: str
+    iterations: int
+    residual_norm: float
+
+
+class EquilibriumProblem:
+    """R(u) = f_int(u) − f_ext = 0 on one mesh; forms, matrix and solver are built once.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Distributed over the ranks of its communicator; every method is collective over them.
+    material : NeoHookean
+    clamped : array of bool, (n_nodes,)
+        Nodes whose displacement is zero, by node number.
+    settings : SolverSettings
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        material: NeoHookean,
+        clamped: NDArray[np.bool_],
+        settings: SolverSettings,
+    ) -> None:
+        self.mesh = mesh
+        self.comm = mesh.domain.comm
+        space = dolfinx.fem.VectorFunctionSpace(mesh.domain, ("Lagrange", 1))
+        self.numbering = node_numbering(mesh, space)
+        self.dimension = mesh.coordinates.shape[1]
+        self.u = dolfinx.fem.Function(space, name="displacement")
+
+        lam = dolfinx.fem.Constant(mesh.domain, PETSc.ScalarType(material.lame_lambda))
+        mu = dolfinx.fem.Constant(mesh.domain, PETSc.ScalarType(material.lame_mu))
+        dx = ufl.Measure("dx", mesh.domain, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+        f = deformation_gradient(self.u)
+        energy = strain_energy(f, lam, mu, material.volumetric) * dx
+        internal = ufl.derivative(energy, self.u)
+        tangent = ufl.derivative(internal, self.u)
+        jit = COMPILER_OPTIONS
+        self.energy_form = dolfinx.fem.form(energy, jit_params=jit)
+        self.residual_form = dolfinx.fem.form(internal, jit_params=jit)
+        self.tangent_form = dolfinx.fem.form(tangent, jit_params=jit)
+
+        blocks = np.flatnonzero(clamped[self.numbering.node_of_block]).astype(np.int32)
+        zero = np.zeros(self.dimension, dtype=PETSc.ScalarType)
+        self.supports = [dolfinx.fem.dirichletbc(zero, blocks, space)]
+        self._min_j = MinimumJ(mesh.domain, self.u)
+
+        self._load_dofs = np.empty(0, dtype=np.intp)
+        self._load_values = np.empty(0)
+        self.load_factor = 0.0
+
+        self._residual = fem_petsc.create_vector(self.residual_form)
+        self._matrix = fem_petsc.create_matrix(self.tangent_form)
+        self._x = self._residual.duplicate()
+        self._snes = self._make_snes(settings)
+        self._inverted = False
+
+    def _make_snes(self, settings: SolverSettings) -> PETSc.SNES:
+        snes = PETSc.SNES().create(self.comm)
+        snes.setFunction(self._compute_residual, self._residual)
+        snes.setJacobian(self._compute_tangent, self._matrix)
+        snes.setTolerances(
+            rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
+        )
+        snes.setType("newtonls")
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+        ksp.getPC().setFactorSolverType("petsc" if self.comm.size == 1 else "mumps")
+        options = PETSc.Options()
+        snes.setOptionsPrefix(f"equilibrium_{id(self)}_")
+        name = snes.getOptionsPrefix() + "snes_linesearch_type"
+        options[name] = "basic"
+        snes.setFromOptions()
+        options.delValue(name)
+        return snes
+
+    def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:
+        """Replace the nodal load.
+
+        Parameters
+        ----------
+        nodes : array of int, (n_loads,)
+            Loaded nodes, by node number; the same on every rank.
+        forces : array, (n_loads, d)
+            Force vector at each of them, in N.
+        """
+        positions, blocks = self.numbering.owned_blocks(nodes)
+        d = self.dimension
+        self._load_dofs = (blocks[:, None] * d + np.arange(d)).ravel()
+        self._load_values = np.ascontiguousarray(forces[positions]).ravel()
+
+    def solve(self, load_factor: float) -> NewtonResult:
+        """Solve R(u) = f_int(u) − load_factor · f = 0, starting from the current `u`.
+
+        `u` holds the last iterate afterwards, whether or not it converged.
+        """
+        self.load_factor = load_factor
+        self._inverted = False
+        self.u.vector.copy(self._x)
+        self._snes.solve(None, self._x)
+        self._take(self._x)
+        reason = self._snes.getConvergedReason()
+        return NewtonResult(
+            converged=reason > 0,
+            reason=reason,
+            explanation=INVERTED if self._inverted else reason_name(reason),
+            iterations=self._snes.getIterationNumber(),
+            residual_norm=self._snes.getFunctionNorm(),
+        )
+
+    def reset(self) -> None:
+        """Go back to the undeformed body."""
+        self.u.x.array[:] = 0.0
+
+    def state(self) -> NDArray[np.float64]:
+        """Copy this rank's part of the displacement (with ghosts), to go back to by `restore`."""
+        return self.u.x.array.copy()
+
+    def restore(self, state: NDArray[np.float64]) -> None:
+        """Take up a state that `state` copied."""
+        self.u.x.array[:] = state
+
+    def displacement(self) -> NDArray[np.float64]:
+        """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
+        return self._gather(self.u.x.array)
+
+    def reactions(self) -> NDArray[np.float64]:
+        """Gather the forces f_int(u) − f_ext by node number: (n_nodes, d) in N.
+
+        In equilibrium they vanish except at the clamped nodes, where they are the reactions.
+        """
+        with self._residual.localForm() as local:
+            local.set(0.0)
+        self._assemble_out_of_balance(self._residual)
+        return self._gather(self._residual.array_r)
+
+    def energy(self) -> float:
+        """Strain energy ∫ W dV of the current state in J."""
+        local = dolfinx.fem.assemble_scalar(self.energy_form)
+        return float(self.comm.allreduce(local))
+
+    def tangent(self) -> PETSc.Mat:
+        """Assemble ∂f_int/∂u at the current state, with the identity in the clamped rows."""
+        self._matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self._matrix, self.tangent_form, bcs=self.supports)
+        self._matrix.assemble()
+        return self._matrix
+
+    def _gather(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        owned = self.numbering.owned
+        part = local[: owned * self.dimension].reshape(owned, self.dimension)
+        numbers = self.numbering.node_of_block[:owned]
+        result = np.empty((self.numbering.total, self.dimension))
+        if self.comm.size == 1:
+            result[numbers] = part
+        else:
+            for some_numbers, values in self.comm.allgather((numbers, part)):
+                result[some_numbers] = values
+        return result
+
+    def _take(self, x: PETSc.Vec) -> None:
+        owned = self.numbering.owned * self.dimension
+        self.u.x.array[:owned] = x.array_r
+        self.u.x.scatter_forward()
+
+    def _assemble_out_of_balance(self, b: PETSc.Vec) -> None:
+        fem_petsc.assemble_vector(b, self.residual_form)
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        b.array_w[self._load_dofs] -= self.load_factor * self._load_values
+
+    def _compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        self._take(x)
+        with b.localForm() as local:
+            local.set(0.0)
+        if self.comm.allreduce(self._min_j.local()) <= 0.0:
+            self._inverted = True
+            b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
+            return
+        self._assemble_out_of_balance(b)
+        fem_petsc.set_bc(b, self.supports, x, -1.0)
+
+    def _compute_tangent(
+        self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat
+    ) -> None:
+        self.tangent()
+
+
+class MinimumJ:
+    """Smallest J = det F over the Gauss points, the guard against inverted elements."""
+
+    def __init__(self, domain: Any, u: Any) -> None:
+        import basix
+
+        cell = getattr(basix.CellType, domain.topology.cell_type.name)
+        points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
+        j = ufl.det(deformation_gradient(u))
+        self._expression = dolfinx.fem.Expression(j, points, jit_params=COMPILER_OPTIONS)
+        count = domain.topology.index_map(domain.topology.dim).size_local
+        self._cells = np.arange(count, dtype=np.int32)
+
+    def local(self) -> float:
+        """Smallest J over the cells that this rank owns."""
+        if self._cells.size == 0:
+            return np.inf
+        return float(self._expression.eval(self._cells).min())
+
+
+def reason_name(reason: int) -> str:
+    """Name of a SNESConvergedReason, as PETSc spells it."""
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    return names.get(reason, str(reason))

@@ -1,0 +1,86 @@
+"""A summary of a dataset as a table of text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from shared_schema.checker import require_intact
+from shared_schema.manifest import Manifest, read_manifest
+from shared_schema.shard import Arrays, read_shard
+
+Row = tuple[str, str]
+
+
+def summary(folder: Path) -> str:
+    """Describe a dataset: samples, failures by reason, solver effort, ranges.
+
+    Raises
+    ------
+    InputError
+        If there is no intact dataset.
+    """
+    manifest = read_manifest(folder)
+    require_intact(folder, manifest)
+    shards = [read_shard(folder / entry.file, manifest.kind) for entry in manifest.shards]
+    rows = _common(manifest, shards[0])
+    rows += _nodal(shards) if manifest.kind == "nodal" else _structured(manifest)
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+
+def _common(manifest: Manifest, shard: Arrays) -> list[Row]:
+    nodes, dimension = shard["mesh/coordinates"].shape
+    return [
+        ("dataset", f"{manifest.name}, {manifest.kind}, schema version {manifest.schema_version}"),
+        ("samples", f"{manifest.samples} solved, {manifest.failed} failed"),
+        ("shards", str(len(manifest.shards))),
+        ("seed", str(manifest.seed)),
+        ("mesh", f"{nodes} nodes, {len(shard['mesh/cells'])} cells, {nodes * dimension} DOFs"),
+        ("clamped / loadable nodes", f"{shard['mesh/clamped'].sum()} / {shard['mesh/loadable'].sum()}"),
+        ("made by", ", ".join(f"{k} {v}" for k, v in manifest.software.items())),
+        ("digest", manifest.digest),
+    ]
+
+
+def _nodal(shards: list[Arrays]) -> list[Row]:
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([shard[name] for shard in shards])
+
+    reasons = Counter(str(reason) for shard in shards for reason in shard["failed/reason"])
+    rows = [(f"failed: {reason}", str(count)) for reason, count in reasons.most_common()]
+    if sum(len(shard["samples/number"]) for shard in shards) == 0:
+        return rows
+    per_node = np.unique(joined("samples/loaded_nodes"), return_counts=True)[1]
+    magnitude = np.linalg.norm(joined("samples/displacement"), axis=2).max(axis=1)
+    wall = joined("samples/wall_time")
+    force = joined("samples/force")
+    residual = joined("samples/residual_norm").max()
+    return [
+        *rows,
+        ("samples per loaded node", f"{per_node.min()} to {per_node.max()}"),
+        ("force components", f"{force.min():.4g} to {force.max():.4g} N"),
+        ("largest |u| of a sample", f"median {np.median(magnitude):.4g}, max {magnitude.max():.4g} m"),
+        ("load steps", _mean_and_max(joined("samples/load_steps"))),
+        ("cutbacks", _mean_and_max(joined("samples/cutbacks"))),
+        ("Newton iterations", _mean_and_max(joined("samples/newton_iterations"))),
+        ("largest residual", f"{residual:.3g} N"),
+        ("solve time", f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample"),
+    ]
+
+
+def _structured(manifest: Manifest) -> list[Row]:
+    info = manifest.structured
+    assert info is not None
+    return [
+        ("grid", " x ".join(str(n) for n in info.grid_shape)),
+        ("split", f"{info.train} train, {info.test} test"),
+        ("std of displacement", ", ".join(f"{s:.4g}" for s in info.displacement.std) + " m"),
+        ("source digest", info.source_digest),
+    ]
+
+
+def _mean_and_max(values: np.ndarray) -> str:
+    return f"mean {values.mean():.2f}, max {values.max()}"

@@ -1,0 +1,134 @@
+"""What a run has done so far, so that it can be killed at any moment and gone on with.
+
+While a run is under way its folder holds ``.journal/``: the case, and an entry for each shard that
+is finished. A shard counts once its entry exists and its file has the entry's checksum. When all
+are there the manifest is written and the journal removed; a later start finds its entries in the
+manifest.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+from datagen.case import Case
+from shared_schema.configuration import validate
+from shared_schema.errors import InputError
+from shared_schema.manifest import (
+    MANIFEST,
+    ShardEntry,
+    digest_of,
+    read_manifest,
+    write_atomically,
+)
+from shared_schema.shard import sha256
+
+JOURNAL = ".journal"
+
+
+class Journal:
+    """The state of a run in its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The dataset's folder; made if it is not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._journal = folder / JOURNAL
+        self._lock: int | None = None
+
+    def open(self, case: Case) -> None:
+        """Lock the folder for this run and see that what is in it belongs to `case`.
+
+        Raises
+        ------
+        InputError
+            If another run works in the folder, or it holds another case, or other files.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError(f"--out '{self.folder}': expected a folder, found a file")
+        found = None
+        if self.folder.is_dir():
+            found = self._case_found()
+            if found is None and any(self.folder.iterdir()) and not self._journal.exists():
+                raise InputError(f"--out '{self.folder}': the folder holds something else")
+            if found is not None:
+                _require_same(self.folder, found, case.plain())
+        self._journal.mkdir(parents=True, exist_ok=True)
+        self._lock = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"--out '{self.folder}': another run is working in it") from None
+        for partial in self.folder.glob(".shard-*.partial"):
+            partial.unlink()
+        if found is None:
+            text = json.dumps(case.plain(), indent=1) + "\n"
+            write_atomically(self._journal / "case.json", text)
+
+    def _case_found(self) -> dict[str, Any] | None:
+        """The case that the folder belongs to, if it says one."""
+        path = self._journal / "case.json"
+        if path.is_file():
+            content: dict[str, Any] = json.loads(path.read_text())
+            return content
+        if (self.folder / MANIFEST).is_file():
+            return read_manifest(self.folder, "nodal").case
+        return None
+
+    def entries(self) -> dict[str, ShardEntry]:
+        """Entries of the finished shards whose files are intact, by file name."""
+        entries = []
+        if (self.folder / MANIFEST).is_file():
+            entries += list(read_manifest(self.folder).shards)
+        for path in sorted(self._journal.glob("shard-*.json")):
+            entries.append(validate(ShardEntry, json.loads(path.read_text()), str(path)))
+        return {
+            entry.file: entry
+            for entry in entries
+            if (self.folder / entry.file).is_file()
+            and sha256(self.folder / entry.file) == entry.sha256
+        }
+
+    def record(self, entry: ShardEntry) -> None:
+        """Count a shard as finished; its file is in place already."""
+        path = self._journal / f"{Path(entry.file).stem}.json"
+        write_atomically(path, entry.model_dump_json() + "\n")
+
+    def close(self, complete: bool) -> None:
+        """Unlock the folder, and remove the journal of a complete dataset."""
+        if complete:
+            shutil.rmtree(self._journal, ignore_errors=True)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def _require_same(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    if digest_of(found) == digest_of(wanted):
+        return
+    differences = [
+        f"{key} = {new!r}, the folder has {old!r}"
+        for key, (old, new) in _differences(found, wanted).items()
+    ]
+    raise InputError(f"--out '{folder}': made from another case: {'; '.join(differences)}")
+
+
+def _differences(
+    old: dict[str, Any], new: dict[str, Any], prefix: str = ""
+) -> dict[str, tuple[Any, Any]]:
+    found: dict[str, tuple[Any, Any]] = {}
+    for key in sorted(old.keys() | new.keys()):
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            found |= _differences(a, b, f"{prefix}{key}.")
+        elif a != b:
+            found[prefix + key] = (a, b)
+    return found

@@ -1,0 +1,121 @@
+"""What a load family is, and how the case file names one.
+
+A family of one's own is a class in a file of one's own, named in the case as
+``family: path/to/file.py:ClassName``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from datagen.regions import Region
+from shared_schema.configuration import Frozen, first_problem
+
+SHIPPED = {
+    "random_node": "datagen.loads.random_node:RandomNode",
+}
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """The load of one sample.
+
+    Attributes
+    ----------
+    nodes : array of int, (n_loads,)
+        Loaded nodes, by node number, each once.
+    forces : array, (n_loads, d)
+        Force vector at each of them, in N.
+    """
+
+    nodes: NDArray[np.int64]
+    forces: NDArray[np.float64]
+
+
+class LoadFamily(Frozen, ABC):
+    """A family of load cases; its attributes are the keys of the case's ``load`` section.
+
+    Attributes
+    ----------
+    family : str
+        Its name in the case file.
+    region : Region
+        Where the nodes stand that it may load; none of them may be clamped.
+    """
+
+    family: str
+    region: Region
+
+    @abstractmethod
+    def draw(
+        self, number: int, seed: int, nodes: NDArray[np.int64], coordinates: NDArray[np.float64]
+    ) -> LoadCase:
+        """Make the load of one sample, from nothing but these arguments.
+
+        Parameters
+        ----------
+        number : int
+            Sample number.
+        seed : int
+            Seed of the dataset.
+        nodes : array of int, (n_loadable,)
+            Nodes in the region, ascending.
+        coordinates : array, (n_nodes, d)
+            All nodes, in m.
+        """
+
+    @abstractmethod
+    def loads_per_sample(self, loadable: int) -> int:
+        """Largest number of nodes that one sample loads, given the number in the region."""
+
+
+def generator(seed: int, number: int) -> np.random.Generator:
+    """Random numbers of one sample: the same for every rank, restart and order of work."""
+    return np.random.default_rng([seed, number])
+
+
+def load_family(content: dict[str, Any]) -> LoadFamily:
+    """Build the family that the ``load`` section of a case names.
+
+    Raises
+    ------
+    ValueError
+        If there is no such family, or one of its keys is wrong.
+    """
+    name = content.get("family")
+    if not isinstance(name, str):
+        raise ValueError(f"expected 'family', one of {', '.join(SHIPPED)} or FILE.py:ClassName")
+    family = _import_family(name)
+    try:
+        return family.model_validate(content)
+    except ValidationError as error:
+        raise ValueError(f"{first_problem(error)} (load family '{name}')") from None
+
+
+def _import_family(name: str) -> type[LoadFamily]:
+    place, _, class_name = SHIPPED.get(name, name).rpartition(":")
+    try:
+        if place.endswith(".py"):
+            spec = importlib.util.spec_from_file_location(Path(place).stem, place)
+            assert spec is not None and spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+        else:
+            module = importlib.import_module(place)
+        family = getattr(module, class_name)
+    except (ImportError, AttributeError, OSError, ValueError):
+        raise ValueError(
+            f"load family '{name}': expected one of {', '.join(SHIPPED)} or FILE.py:ClassName"
+        ) from None
+    if not (isinstance(family, type) and issubclass(family, LoadFamily)):
+        raise ValueError(f"load family '{name}': expected a subclass of LoadFamily")
+    return family

@@ -1,0 +1,44 @@
+"""One node of the region, under a random force: the family of the paper's datasets."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from datagen.loads.family import LoadCase, LoadFamily, generator
+
+
+class RandomNode(LoadFamily):
+    """A single node, its force drawn component by component from U(low, high).
+
+    Attributes
+    ----------
+    range : tuple of 2 floats
+        (low, high) of each force component, in N.
+    balanced : bool
+        Load the nodes in turn, so that each is loaded equally often; otherwise draw the node.
+    """
+
+    range: tuple[float, float] = Field()
+    balanced: bool = True
+
+    @field_validator("range")
+    @classmethod
+    def _ascending(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if value[0] >= value[1]:
+            raise ValueError("expected [low, high] with low < high")
+        return value
+
+    def draw(
+        self, number: int, seed: int, nodes: NDArray[np.int64], coordinates: NDArray[np.float64]
+    ) -> LoadCase:
+        """Choose the node, then draw its force."""
+        random = generator(seed, number)
+        chosen = number % len(nodes) if self.balanced else int(random.integers(len(nodes)))
+        force = random.uniform(*self.range, size=(1, coordinates.shape[1]))
+        return LoadCase(nodes[[chosen]], force)
+
+    def loads_per_sample(self, loadable: int) -> int:
+        """One."""
+        return 1

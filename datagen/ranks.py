@@ -1,0 +1,65 @@
+"""How MPI ranks share work: a counter that each takes from, and one rank's word for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from mpi4py import MPI
+
+from shared_schema.errors import InputError
+
+Result = TypeVar("Result")
+
+
+def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
+    """Do `work` on rank 0 and give every rank its result, or its InputError (collective)."""
+    result: Result | None = None
+    error: InputError | None = None
+    if comm.rank == 0:
+        try:
+            result = work()
+        except InputError as wrong:
+            error = wrong
+    result, error = comm.bcast((result, error), root=0)
+    if error is not None:
+        raise error
+    return result  # type: ignore[return-value]
+
+
+class SharedCounters:
+    """Counters in the memory of rank 0 that every rank adds to without asking anyone (MPI RMA).
+
+    Parameters
+    ----------
+    comm : mpi4py communicator
+        Creation and `free` are collective; `add` and `read` are not.
+    names : sequence of str
+    """
+
+    def __init__(self, comm: MPI.Comm, *names: str) -> None:
+        self._index = {name: i for i, name in enumerate(names)}
+        itemsize = MPI.INT64_T.Get_size()
+        size = itemsize * len(names) if comm.rank == 0 else 0
+        self._window = MPI.Win.Allocate(size, itemsize, comm=comm)
+        if comm.rank == 0:
+            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+        comm.barrier()
+
+    def add(self, name: str, amount: int) -> int:
+        """Add to a counter and return what it was before."""
+        before = np.zeros(1, dtype=np.int64)
+        increment = np.array([amount], dtype=np.int64)
+        self._window.Lock(0, MPI.LOCK_SHARED)
+        self._window.Fetch_and_op(increment, before, 0, self._index[name], MPI.SUM)
+        self._window.Unlock(0)
+        return int(before[0])
+
+    def read(self, name: str) -> int:
+        """Value of a counter."""
+        return self.add(name, 0)
+
+    def free(self) -> None:
+        """Give the memory back (collective)."""
+        self._window.Free()

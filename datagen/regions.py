@@ -1,0 +1,81 @@
+"""Regions of space that pick out nodes: one condition a coordinate, as in ``{x: "> 0", y: 1}``."""
+
+from __future__ import annotations
+
+import operator
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import field_validator
+
+from shared_schema.configuration import Frozen
+
+AXES = ("x", "y", "z")
+COMPARISONS = {
+    ">": operator.gt,
+    "<": operator.lt,
+    ">=": operator.ge,
+    "<=": operator.le,
+}
+CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
+RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
+
+
+class Region(Frozen):
+    """The nodes whose coordinates meet every condition given.
+
+    Attributes
+    ----------
+    x, y, z : float, str or None
+        A number (equality), a comparison such as ``"> 0"`` or ``"<= 2"``, or nothing. In metres.
+    """
+
+    x: float | str | None = None
+    y: float | str | None = None
+    z: float | str | None = None
+
+    @field_validator("x", "y", "z")
+    @classmethod
+    def _is_condition(cls, value: float | str | None) -> float | str | None:
+        if isinstance(value, str):
+            parse_condition(value)
+        return value
+
+    def select(self, coordinates: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which nodes lie in the region.
+
+        Parameters
+        ----------
+        coordinates : array, (n_nodes, d)
+            Node coordinates in m.
+
+        Returns
+        -------
+        array of bool, (n_nodes,)
+        """
+        tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
+        inside = np.ones(len(coordinates), dtype=bool)
+        for axis, name in enumerate(AXES[: coordinates.shape[1]]):
+            condition = getattr(self, name)
+            if condition is None:
+                continue
+            values = coordinates[:, axis]
+            if isinstance(condition, str):
+                symbol, bound = parse_condition(condition)
+                margin = tolerance if symbol in (">", "<=") else -tolerance
+                inside &= COMPARISONS[symbol](values, bound + margin)
+            else:
+                inside &= np.abs(values - condition) <= tolerance
+        return inside
+
+
+def parse_condition(text: str) -> tuple[str, float]:
+    """Split ``"> 0.5"`` into its comparison and its bound; ValueError if it is not of that form."""
+    match = CONDITION.match(text)
+    try:
+        if match is None:
+            raise ValueError
+        return match[1], float(match[2])
+    except ValueError:
+        raise ValueError("expected a number or a comparison such as '> 0'") from None

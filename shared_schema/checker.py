@@ -1,0 +1,145 @@
+"""The checker: everything that can be wrong with a dataset, named.
+
+It reads every byte: the manifest against its digest, every shard against its checksum, and every
+array against the layout. It never stops at the first problem.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from shared_schema.errors import InputError
+from shared_schema.grid_map import NO_NODE, GridMap
+from shared_schema.layout import CELL_TYPES, LAYOUTS
+from shared_schema.manifest import Manifest, digest_of, read_manifest
+from shared_schema.shard import (
+    Arrays,
+    array_problems,
+    first_line,
+    open_shard,
+    plain,
+    read_shard,
+    sha256,
+)
+
+
+def check_dataset(folder: Path) -> list[str]:
+    """List every violation of the contract that a dataset has; empty if it has none.
+
+    Parameters
+    ----------
+    folder : Path
+        The dataset.
+
+    Returns
+    -------
+    list of str
+        One line a violation: file, dataset, what was found and what was expected.
+    """
+    try:
+        manifest = read_manifest(folder)
+    except InputError as error:
+        return [str(error)]
+    problems = _manifest_problems(folder, manifest)
+    lengths: dict[str, tuple[int, ...]] = {"dim": (manifest.dimension,)}
+    numbers: list[int] = []
+    for entry in manifest.shards:
+        path = folder / entry.file
+        if not path.is_file():
+            problems.append(f"{entry.file}: missing")
+            continue
+        if sha256(path) != entry.sha256:
+            problems.append(f"{entry.file}: checksum does not match the manifest")
+        try:
+            with open_shard(path, manifest.kind) as file:
+                if plain(file.attrs["case_digest"]) != manifest.case_digest:
+                    problems.append(f"{entry.file}: made from another case configuration")
+                if plain(file.attrs["cell_type"]) not in CELL_TYPES:
+                    problems.append(
+                        f"{entry.file}: attribute 'cell_type' is {file.attrs['cell_type']!r}, "
+                        f"expected one of {', '.join(CELL_TYPES)}"
+                    )
+                names = [layout.path for layout in LAYOUTS[manifest.kind]]
+                arrays = {name: file[name][()] for name in names}
+        except (InputError, OSError) as error:
+            problems.append(f"{entry.file}: {first_line(error).removeprefix(f'{path}: ')}")
+            continue
+        lengths = {k: v for k, v in lengths.items() if k not in ("sample", "failed")}
+        lengths["sample"] = (entry.samples,)
+        if manifest.kind == "nodal":
+            lengths["failed"] = (entry.failed,)
+        found = array_problems(manifest.kind, arrays, lengths)
+        if not found:
+            found = _content_problems(manifest, arrays)
+            numbers += arrays["samples/number"].tolist()
+            if manifest.kind == "nodal":
+                numbers += arrays["failed/number"].tolist()
+        problems += [f"{entry.file}: {problem}" for problem in found]
+    if len(set(numbers)) != len(numbers):
+        problems.append("a sample number appears more than once")
+    return problems
+
+
+def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
+    problems = []
+    if manifest.case_digest != digest_of(manifest.case):
+        problems.append("manifest: 'case_digest' is not the digest of 'case'")
+    for name in ("samples", "failed"):
+        total = sum(getattr(entry, name) for entry in manifest.shards)
+        if total != getattr(manifest, name):
+            problems.append(
+                f"manifest: '{name}' is {getattr(manifest, name)}, the shards hold {total}"
+            )
+    listed = {entry.file for entry in manifest.shards}
+    for path in sorted(folder.glob("shard-*")):
+        if path.name not in listed:
+            problems.append(f"{path.name}: not in the manifest")
+    info = manifest.structured
+    if (manifest.kind == "structured") != (info is not None):
+        problems.append(f"manifest: 'structured' does not fit the kind '{manifest.kind}'")
+    elif info is not None and info.train + info.test != manifest.samples:
+        problems.append(
+            f"manifest: train {info.train} + test {info.test} is not samples {manifest.samples}"
+        )
+    return problems
+
+
+def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
+    """What shapes and types cannot tell: node numbers in range, a grid map that is one."""
+    problems = []
+    nodes = len(arrays["mesh/coordinates"])
+    for name in ("mesh/cells", "samples/loaded_nodes", "failed/loaded_nodes"):
+        if name in arrays and arrays[name].size:
+            lowest = 0 if name == "mesh/cells" else NO_NODE
+            if arrays[name].min() < lowest or arrays[name].max() >= nodes:
+                problems.append(f"dataset '{name}' names a node outside 0 … {nodes - 1}")
+    if manifest.structured is None:
+        return problems
+    if arrays["grid/node_at"].shape != manifest.structured.grid_shape:
+        problems.append(
+            f"dataset 'grid/node_at' has shape {arrays['grid/node_at'].shape}, "
+            f"the manifest says {manifest.structured.grid_shape}"
+        )
+        return problems
+    grid = GridMap(arrays["grid/node_at"])
+    if not np.array_equal(np.sort(grid.node_at[grid.mask]), np.arange(nodes)):
+        problems.append("dataset 'grid/node_at' does not place every node exactly once")
+    if not np.array_equal(grid.mask, arrays["grid/mask"]):
+        problems.append("dataset 'grid/mask' is not that of 'grid/node_at'")
+    for name in ("samples/force", "samples/displacement"):
+        if np.any(arrays[name][..., ~grid.mask]):
+            problems.append(f"dataset '{name}' is not zero where the grid has no node")
+    return problems
+
+
+def require_intact(folder: Path, manifest: Manifest) -> None:
+    """Raise InputError at the first shard of a dataset that is missing or damaged."""
+    for entry in manifest.shards:
+        path = folder / entry.file
+        if not path.is_file():
+            raise InputError(f"{path}: no such shard")
+        if sha256(path) != entry.sha256:
+            read_shard(path, manifest.kind)  # says more where the file cannot be read at all
+            raise InputError(f"{path}: checksum does not match the manifest")

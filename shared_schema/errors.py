@@ -1,0 +1,22 @@
+"""Errors and exit codes that both command lines share.
+
+======  ==========================================================================
+code    meaning
+======  ==========================================================================
+0       done
+1       the work failed, with the reason (a load case without equilibrium, say)
+2       the input is wrong: one line with the key, the value and what was expected
+======  ==========================================================================
+"""
+
+from __future__ import annotations
+
+DONE, FAILED, WRONG_INPUT = 0, 1, 2
+
+
+class InputError(Exception):
+    """The user's input is wrong; the message is the one line that the user sees (exit code 2)."""
+
+
+class WorkError(Exception):
+    """The input was right and the work failed; the message is the reason (exit code 1)."""

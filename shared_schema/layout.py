@@ -1,0 +1,185 @@
+"""What is in a shard: one annotated tree for each kind of dataset.
+
+Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
+``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz].
+An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
+``failed`` have the same length in every shard of a dataset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SCHEMA_VERSION = 1
+
+Kind = Literal["nodal", "structured"]
+
+
+@dataclass(frozen=True)
+class ArrayLayout:
+    """One HDF5 dataset of a shard.
+
+    Attributes
+    ----------
+    path : str
+        Where it stands in the file.
+    dtype : str
+        NumPy name of its type; ``str`` for UTF-8 text.
+    axes : tuple of str
+        Named axes, slowest first.
+    units : str
+        SI unit, or ``1``.
+    description : str
+    sparse : bool
+        Mostly zeros: stored compressed.
+    """
+
+    path: str
+    dtype: str
+    axes: tuple[str, ...]
+    units: str
+    description: str
+    sparse: bool = False
+
+
+MESH = (
+    ArrayLayout(
+        "mesh/coordinates", "float64", ("node", "dim"), "m", "node positions of the undeformed body"
+    ),
+    ArrayLayout(
+        "mesh/cells", "int64", ("cell", "corner"), "1", "node numbers of every cell, VTK order"
+    ),
+    ArrayLayout(
+        "mesh/clamped", "bool", ("node",), "1", "nodes whose displacement is prescribed as zero"
+    ),
+    ArrayLayout(
+        "mesh/loadable", "bool", ("node",), "1", "nodes that the load family may load"
+    ),
+)
+
+NODAL = (
+    *MESH,
+    ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
+    ArrayLayout(
+        "samples/loaded_nodes",
+        "int64",
+        ("sample", "load"),
+        "1",
+        "loaded nodes, padded with -1",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/force",
+        "float64",
+        ("sample", "load", "dim"),
+        "N",
+        "force vector at each loaded node, padded with 0",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/displacement",
+        "float64",
+        ("sample", "node", "dim"),
+        "m",
+        "displacement of every node in equilibrium",
+    ),
+    ArrayLayout(
+        "samples/converged_reason", "int64", ("sample",), "1", "SNESConvergedReason of PETSc"
+    ),
+    ArrayLayout("samples/load_steps", "int64", ("sample",), "1", "converged load steps"),
+    ArrayLayout("samples/cutbacks", "int64", ("sample",), "1", "failed load steps, cut back"),
+    ArrayLayout(
+        "samples/newton_iterations", "int64", ("sample",), "1", "Newton iterations of all load steps"
+    ),
+    ArrayLayout("samples/residual_norm", "float64", ("sample",), "N", "2-norm of the last residual"),
+    ArrayLayout("samples/wall_time", "float64", ("sample",), "s", "time that the solve took"),
+    ArrayLayout("failed/number", "int64", ("failed",), "1", "sample number of unsolved load cases"),
+    ArrayLayout(
+        "failed/loaded_nodes", "int64", ("failed", "load"), "1", "loaded nodes, padded with -1"
+    ),
+    ArrayLayout(
+        "failed/force", "float64", ("failed", "load", "dim"), "N", "force vectors, padded with 0"
+    ),
+    ArrayLayout(
+        "failed/load_factor",
+        "float64",
+        ("failed",),
+        "1",
+        "part of the load under which an equilibrium was still found",
+    ),
+    ArrayLayout("failed/reason", "str", ("failed",), "1", "why the load case was given up"),
+)
+
+STRUCTURED = (
+    *MESH,
+    ArrayLayout(
+        "grid/node_at",
+        "int64",
+        ("*grid",),
+        "1",
+        "node number at each grid point, -1 where the grid has no node",
+    ),
+    ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that are nodes"),
+    ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
+    ArrayLayout("samples/is_test", "bool", ("sample",), "1", "belongs to the test split"),
+    ArrayLayout(
+        "samples/force",
+        "float32",
+        ("sample", "dim", "*grid"),
+        "N",
+        "nodal force, channels first, 0 where the grid has no node",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/displacement",
+        "float32",
+        ("sample", "dim", "*grid"),
+        "m",
+        "nodal displacement, channels first, 0 where the grid has no node",
+    ),
+)
+
+LAYOUTS: dict[Kind, tuple[ArrayLayout, ...]] = {"nodal": NODAL, "structured": STRUCTURED}
+CELL_TYPES = ("triangle", "quad", "tetra", "hexahedron")
+SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
+
+
+def layout_of(kind: Kind, path: str) -> ArrayLayout:
+    """Find the layout of the dataset at `path`; KeyError if the kind has none there."""
+    for layout in LAYOUTS[kind]:
+        if layout.path == path:
+            return layout
+    raise KeyError(path)
+
+
+def shape_problem(
+    layout: ArrayLayout, shape: tuple[int, ...], lengths: dict[str, tuple[int, ...]]
+) -> str | None:
+    """Hold a shape against the named axes of its layout.
+
+    Parameters
+    ----------
+    layout : ArrayLayout
+    shape : tuple of int
+        Shape found.
+    lengths : dict
+        Length of every axis seen so far (``*grid`` has several); new axes are added.
+
+    Returns
+    -------
+    str or None
+        What is wrong, if anything.
+    """
+    grid_rank = len(shape) - (len(layout.axes) - 1) if "*grid" in layout.axes else 0
+    if len(shape) != len(layout.axes) and not ("*grid" in layout.axes and grid_rank in (2, 3)):
+        return f"has shape {shape}, expected axes ({', '.join(layout.axes)})"
+    start = 0
+    for axis in layout.axes:
+        width = grid_rank if axis == "*grid" else 1
+        length = shape[start : start + width]
+        start += width
+        expected = lengths.setdefault(axis, length)
+        if length != expected:
+            return f"has shape {shape}: axis '{axis}' is {length}, expected {expected}"
+    return None

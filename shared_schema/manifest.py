@@ -1,0 +1,197 @@
+"""The manifest of a dataset: what it is, how it was made, and the checksum of everything in it.
+
+``manifest.json`` is written last and in one canonical spelling, so that its presence means a
+complete dataset and any changed byte is found.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from shared_schema.configuration import Frozen, validate
+from shared_schema.errors import InputError
+from shared_schema.layout import SCHEMA_VERSION, Kind
+
+MANIFEST = "manifest.json"
+UNITS = {"length": "m", "force": "N", "stress": "Pa", "time": "s"}
+
+
+class ShardEntry(Frozen):
+    """One shard of the dataset: its file, what it holds, and its checksum.
+
+    Attributes
+    ----------
+    file : str
+        File name inside the dataset's folder.
+    samples : int
+        Solved samples in it.
+    failed : int
+        Load cases in it that could not be solved.
+    sha256 : str
+    """
+
+    file: str = Field(pattern=r"^shard-\d{5}\.h5$")
+    samples: int = Field(ge=0)
+    failed: int = Field(ge=0)
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+
+
+class ComponentStatistics(Frozen):
+    """Statistics of one field over the grid points that are nodes, component by component.
+
+    Attributes
+    ----------
+    mean, std, max_abs : tuple of d floats
+        In the units of the field.
+    """
+
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+    max_abs: tuple[float, ...]
+
+
+class StructuredInfo(Frozen):
+    """What a structured dataset says beyond a nodal one.
+
+    Attributes
+    ----------
+    grid_shape : tuple of int
+        (nx, ny[, nz]).
+    train, test : int
+        Number of samples of each split.
+    split_seed : int
+    force, displacement : ComponentStatistics
+        Over the training split.
+    source_digest : str
+        Digest of the nodal dataset that it was made from.
+    """
+
+    grid_shape: tuple[int, ...]
+    train: int
+    test: int
+    split_seed: int
+    force: ComponentStatistics
+    displacement: ComponentStatistics
+    source_digest: str
+
+
+class Manifest(Frozen):
+    """A dataset's manifest.
+
+    Attributes
+    ----------
+    schema_version : int
+    kind : {"nodal", "structured"}
+    name : str
+        Name of the case.
+    case : dict
+        The whole case configuration.
+    case_digest : str
+        SHA-256 of the case configuration.
+    seed : int
+    units : dict
+    software : dict
+        Versions of what made the dataset.
+    dimension : int
+        Number of space dimensions d.
+    samples, failed : int
+        Over all shards.
+    shards : tuple of ShardEntry
+    structured : StructuredInfo or None
+    digest : str
+        SHA-256 of everything above.
+    """
+
+    schema_version: int = Field(SCHEMA_VERSION, ge=SCHEMA_VERSION, le=SCHEMA_VERSION)
+    kind: Kind
+    name: str
+    case: dict[str, Any]
+    case_digest: str
+    seed: int
+    units: dict[str, str] = UNITS
+    software: dict[str, str]
+    dimension: int = Field(ge=2, le=3)
+    samples: int = Field(ge=0)
+    failed: int = Field(ge=0)
+    shards: tuple[ShardEntry, ...]
+    structured: StructuredInfo | None = None
+    digest: str = ""
+
+    def sealed(self) -> Manifest:
+        """Return the manifest with its own digest filled in."""
+        return self.model_copy(update={"digest": digest_of(self._content())})
+
+    def is_intact(self) -> bool:
+        """Tell whether the digest is that of the content."""
+        return self.digest == digest_of(self._content())
+
+    def spelled(self) -> str:
+        """The one spelling of the manifest as a file."""
+        return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=True) + "\n"
+
+    def _content(self) -> dict[str, Any]:
+        return self.model_dump(mode="json", exclude={"digest"})
+
+
+def digest_of(content: Any) -> str:
+    """SHA-256 of plain data in canonical JSON (sorted keys, no white space)."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> Manifest:
+    """Seal a manifest and write it atomically into the dataset's folder; return it sealed."""
+    sealed = manifest.sealed()
+    write_atomically(folder / MANIFEST, sealed.spelled())
+    return sealed
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file that appears complete, or not at all."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with partial.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
+    """Read the manifest of a dataset and hold it against its own digest.
+
+    Parameters
+    ----------
+    folder : Path
+        The dataset.
+    kind : {"nodal", "structured"}, optional
+        The kind that is needed.
+
+    Raises
+    ------
+    InputError
+        If the folder or its manifest is missing, damaged, or of another kind.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        what = "no such dataset" if not folder.is_dir() else f"no {MANIFEST} in it"
+        raise InputError(f"{folder}: {what}; expected a dataset made by datagen")
+    try:
+        text = path.read_text(encoding="ascii")
+        content = json.loads(text)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not valid JSON ({error})") from None
+    manifest = validate(Manifest, content, str(path))
+    if not manifest.is_intact() or manifest.spelled() != text:
+        raise InputError(f"{path}: damaged, its content does not match its digest")
+    if kind is not None and manifest.kind != kind:
+        raise InputError(f"{folder}: a {manifest.kind} dataset, expected a {kind} one")
+    return manifest

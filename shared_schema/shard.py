@@ -1,0 +1,246 @@
+"""Reading and writing one shard: an HDF5 file that holds some samples and the mesh they live on.
+
+Writing is atomic: the file appears under its name complete, or not at all. Reading refuses
+external links and anything that is not laid out as `shared_schema.layout` says.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.errors import InputError
+from shared_schema.layout import (
+    LAYOUTS,
+    SCHEMA_VERSION,
+    SHARD_ATTRIBUTES,
+    ArrayLayout,
+    Kind,
+    shape_problem,
+)
+
+Arrays = dict[str, NDArray[Any]]
+Attributes = dict[str, int | str]
+
+
+def write_shard(
+    path: Path, kind: Kind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+) -> str:
+    """Write a shard atomically.
+
+    Parameters
+    ----------
+    path : Path
+        Where the shard shall appear.
+    kind : {"nodal", "structured"}
+    arrays : mapping of str to array
+        Every dataset of the kind's layout, by path, of the layout's shape and type.
+    case_digest : str
+        SHA-256 of the case configuration that the samples were made from.
+    cell_type : str
+        meshio's name of the cells.
+
+    Returns
+    -------
+    str
+        SHA-256 of the file.
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not those of the layout, or one holds a NaN or an infinity.
+    """
+    problems = array_problems(kind, {name: np.asarray(a) for name, a in arrays.items()}, {})
+    if problems:
+        raise ValueError(f"{path.name}: {problems[0]}")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with h5py.File(partial, "w") as file:
+            attributes: Attributes = {
+                "schema_version": SCHEMA_VERSION,
+                "kind": kind,
+                "case_digest": case_digest,
+                "cell_type": cell_type,
+            }
+            file.attrs.update(attributes)
+            for layout in LAYOUTS[kind]:
+                _create(file, layout, arrays[layout.path])
+        digest = sha256(partial)
+        with partial.open("rb+") as written:
+            os.fsync(written.fileno())
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return digest
+
+
+def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
+    if layout.dtype == "str":
+        data, dtype = np.asarray(values, dtype=object), h5py.string_dtype()
+    else:
+        data, dtype = np.asarray(values), np.dtype(layout.dtype)
+    compressed = layout.sparse and data.size > 0
+    options: dict[str, Any] = {"compression": "gzip", "compression_opts": 1} if compressed else {}
+    dataset = file.create_dataset(layout.path, data=data, dtype=dtype, **options)
+    dataset.attrs["units"] = layout.units
+    dataset.attrs["description"] = layout.description
+
+
+def array_problems(
+    kind: Kind, arrays: Mapping[str, NDArray[Any]], lengths: dict[str, tuple[int, ...]]
+) -> list[str]:
+    """List what is wrong with the arrays of a shard: missing, unknown, shape, type, NaN.
+
+    Parameters
+    ----------
+    kind : {"nodal", "structured"}
+    arrays : mapping of str to array
+    lengths : dict
+        Axis lengths known so far (see `shared_schema.layout.shape_problem`); extended.
+    """
+    layouts = LAYOUTS[kind]
+    known = {layout.path for layout in layouts}
+    problems = [f"unknown dataset '{name}'" for name in sorted(set(arrays) - known)]
+    for layout in layouts:
+        if layout.path not in arrays:
+            problems.append(f"dataset '{layout.path}' is missing")
+            continue
+        array = arrays[layout.path]
+        if layout.dtype != "str" and array.dtype != np.dtype(layout.dtype):
+            problems.append(
+                f"dataset '{layout.path}' has type {array.dtype}, expected {layout.dtype}"
+            )
+            continue
+        problem = shape_problem(layout, array.shape, lengths)
+        if problem:
+            problems.append(f"dataset '{layout.path}' {problem}")
+        elif array.dtype.kind == "f" and not np.isfinite(array).all():
+            problems.append(f"dataset '{layout.path}' holds a NaN or an infinity")
+    return problems
+
+
+def read_shard(path: Path, kind: Kind) -> Arrays:
+    """Read every dataset of a shard into memory.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, truncated, of another kind or schema version, or not laid
+        out as the schema says.
+    """
+    with open_shard(path, kind) as file:
+        arrays = {layout.path: _read(file[layout.path]) for layout in LAYOUTS[kind]}
+    problems = array_problems(kind, arrays, {})
+    if problems:
+        raise InputError(f"{path}: {problems[0]}")
+    return arrays
+
+
+def read_attributes(path: Path, kind: Kind) -> Attributes:
+    """Read the attributes of the file itself: schema version, kind, case digest, cell type."""
+    with open_shard(path, kind) as file:
+        return {name: plain(file.attrs[name]) for name in SHARD_ATTRIBUTES}
+
+
+def open_shard(path: Path, kind: Kind) -> h5py.File:
+    """Open a shard for reading, having seen that its datasets are there and stored inside it.
+
+    Raises
+    ------
+    InputError
+        As `read_shard`.
+    """
+    try:
+        file = h5py.File(path, "r")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such shard") from None
+    except OSError as error:
+        reason = "empty" if path.exists() and path.stat().st_size == 0 else first_line(error)
+        raise InputError(f"{path}: not a readable HDF5 file ({reason})") from None
+    problems = structure_problems(file, kind)
+    if problems:
+        file.close()
+        raise InputError(f"{path}: {problems[0]}")
+    return file
+
+
+def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
+    """List what is wrong with attributes, links and datasets of an open file, data unread."""
+    problems = []
+    for name in SHARD_ATTRIBUTES:
+        if name not in file.attrs:
+            problems.append(f"attribute '{name}' is missing")
+    if not problems:
+        if plain(file.attrs["schema_version"]) != SCHEMA_VERSION:
+            problems.append(
+                f"attribute 'schema_version' is {file.attrs['schema_version']}, "
+                f"expected {SCHEMA_VERSION}"
+            )
+        if plain(file.attrs["kind"]) != kind:
+            problems.append(f"attribute 'kind' is {file.attrs['kind']!r}, expected '{kind}'")
+    for name in _all_links(file):
+        link = file.get(name, getlink=True)
+        if isinstance(link, (h5py.ExternalLink, h5py.SoftLink)):
+            problems.append(f"'{name}' is a link to elsewhere, which is not allowed")
+    if problems:
+        return problems
+    for layout in LAYOUTS[kind]:
+        dataset = file.get(layout.path)
+        if not isinstance(dataset, h5py.Dataset):
+            problems.append(f"dataset '{layout.path}' is missing")
+        elif dataset.external or dataset.is_virtual:
+            problems.append(f"dataset '{layout.path}' is stored outside the file")
+        else:
+            for attribute, expected in (("units", layout.units), ("description", None)):
+                if attribute not in dataset.attrs:
+                    problems.append(f"dataset '{layout.path}': attribute '{attribute}' is missing")
+                elif expected is not None and dataset.attrs[attribute] != expected:
+                    problems.append(
+                        f"dataset '{layout.path}': attribute 'units' is "
+                        f"{dataset.attrs[attribute]!r}, expected '{expected}'"
+                    )
+    return problems
+
+
+def _all_links(group: h5py.Group, prefix: str = "") -> list[str]:
+    """Every link of a file by its full path, without following soft or external ones."""
+    names = []
+    for name in group:
+        names.append(prefix + name)
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            member = group[name]
+            if isinstance(member, h5py.Group):
+                names += _all_links(member, f"{prefix}{name}/")
+    return names
+
+
+def _read(dataset: h5py.Dataset) -> NDArray[Any]:
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    return np.asarray(dataset[()])
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Turn a NumPy scalar into Python's own."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def first_line(error: BaseException) -> str:
+    """First line of an error's text."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
