@@ -1,0 +1,11 @@
+"""Learner: U-Net surrogates of large-deformation solids, trained on datasets made by `datagen`.
+
+>>> import surrogate
+>>> model = surrogate.load("runs/beam2d-det-fast")      # doctest: +SKIP
+>>> displacement = model.predict(forces)                # doctest: +SKIP
+"""
+
+from surrogate.prediction import Surrogate, load
+
+__version__ = "0.1.0"
+__all__ = ["Surrogate", "load"]

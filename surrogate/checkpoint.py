@@ -1,0 +1,86 @@
+"""Checkpoints: everything that the next epoch depends on, in one safetensors file.
+
+The order of the samples is a pure function of seed and epoch, and the learning rate one of the
+step, so weights and optimiser states are all there is to keep.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from torch import Tensor, nn
+
+from shared_schema.errors import InputError
+from surrogate.run_folder import save_atomically
+
+
+def save_checkpoint(
+    path: Path, epoch: int, seconds: float, network: nn.Module, optimisers: list[Any]
+) -> None:
+    """Write a checkpoint atomically.
+
+    Parameters
+    ----------
+    path : Path
+    epoch : int
+        Number of finished epochs.
+    seconds : float
+        Training time so far.
+    network : nn.Module
+    optimisers : list of torch.optim.Optimizer
+    """
+    tensors: dict[str, Tensor] = {
+        f"network.{name}": value for name, value in network.state_dict().items()
+    }
+    for number, optimiser in enumerate(optimisers):
+        for index, state in optimiser.state_dict()["state"].items():
+            for name, value in state.items():
+                tensors[f"optimiser.{number}.{index}.{name}"] = torch.as_tensor(value)
+    status = json.dumps({"epoch": epoch, "seconds": seconds})
+    save_atomically(tensors, path, {"status": status})
+
+
+def load_checkpoint(
+    path: Path, network: nn.Module, optimisers: list[Any]
+) -> tuple[int, float]:
+    """Take up a checkpoint in place.
+
+    Returns
+    -------
+    epoch : int
+        Number of finished epochs.
+    seconds : float
+        Training time up to there.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            status = json.loads(file.metadata()["status"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged checkpoint ({error})") from None
+    network.load_state_dict(_below("network.", tensors))
+    for number, optimiser in enumerate(optimisers):
+        state: dict[int, dict[str, Tensor]] = {}
+        for name, value in _below(f"optimiser.{number}.", tensors).items():
+            index, _, key = name.partition(".")
+            state.setdefault(int(index), {})[key] = value
+        groups = optimiser.state_dict()["param_groups"]
+        optimiser.load_state_dict({"state": state, "param_groups": groups})
+    return int(status["epoch"]), float(status["seconds"])
+
+
+def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {
+        name.removeprefix(prefix): value
+        for name, value in tensors.items()
+        if name.startswith(prefix)
+    }

@@ -1,0 +1,130 @@
+"""Evaluation of a run on the test split: measures into ``evaluation.json``, figures."""
+
+from __future__ import annotations
+
+import json
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.errors import InputError
+from shared_schema.manifest import write_atomically
+from surrogate import figures
+from surrogate.dataset import read_dataset
+from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
+from surrogate.prediction import Surrogate, load
+from surrogate.published import PUBLISHED
+from surrogate.run_folder import RunFolder
+from surrogate.unet import parameter_count
+
+EXAMPLE = 0.75  # of the largest tip displacement, where the paper shows no example of the case
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Predictions of a run on the test split beside the reference solutions.
+
+    Attributes
+    ----------
+    surrogate : Surrogate
+    force, predicted, reference : array, (M, n_nodes, d)
+        Forces in N, displacements in m.
+    measures : ErrorMeasures
+    """
+
+    surrogate: Surrogate
+    force: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    measures: ErrorMeasures
+
+    @property
+    def example(self) -> int:
+        """The test sample to show: loaded at the tip, and moved there as far as the paper's."""
+        tip = self.surrogate.geometry.tip
+        moved = np.linalg.norm(self.reference[:, tip], axis=1)
+        candidates = np.flatnonzero(self.force[:, tip].any(axis=1))
+        if candidates.size == 0:
+            candidates = np.arange(len(moved))
+        run = self.surrogate.description.run
+        published = PUBLISHED.get((run.case, run.likelihood))
+        aim = published.tip_displacement if published else EXAMPLE * moved[candidates].max()
+        return int(candidates[np.abs(moved[candidates] - aim).argmin()])
+
+    def example_measures(self) -> dict[str, float]:
+        """Tip displacement of the example in m, and the relative error of its prediction."""
+        tip, example = self.surrogate.geometry.tip, self.example
+        moved = float(np.linalg.norm(self.reference[example, tip]))
+        error = float(np.linalg.norm((self.predicted - self.reference)[example, tip]))
+        return {"tip_displacement": moved, "relative_tip_error": error / moved if moved else 0.0}
+
+
+def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
+    """Evaluate a run on the test split of a dataset and write measures and figures into it.
+
+    Raises
+    ------
+    InputError
+        If the run or the dataset is missing or damaged, or they are of different cases.
+    """
+    run = RunFolder(run_folder)
+    description = run.description()
+    surrogate = load(run_folder, device)
+    dataset = read_dataset(data)
+    run.require_case_of(dataset.manifest, description)
+    if surrogate.geometry.differs_from(dataset.geometry):
+        raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
+    grid = dataset.geometry.grid
+    force = grid.to_nodes(dataset.test.force.numpy()).astype(np.float64)
+    reference = grid.to_nodes(dataset.test.displacement.numpy()).astype(np.float64)
+    predicted = surrogate.predict(force)
+    measures = measure(force, predicted, reference, surrogate.geometry.tip)
+    evaluation = Evaluation(surrogate, force, predicted, reference, measures)
+    lines = run.metric_lines()
+    content: dict[str, Any] = {
+        "run": description.run.name,
+        "case": description.run.case,
+        "recipe": description.run.recipe,
+        "likelihood": description.run.likelihood,
+        "seed": description.run.seed,
+        "data_digest": dataset.manifest.digest,
+        "trained_on_this_data": dataset.manifest.digest == description.data.digest,
+        "trainable_parameters": parameter_count(surrogate.network),
+        "training_seconds": lines[-1]["seconds"] if lines else None,
+        "epochs": lines[-1]["epoch"] if lines else None,
+        "test": measures.plain(),
+        "example": evaluation.example_measures(),
+        "torch": torch.__version__,
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
+    }
+    write_atomically(run.evaluation, json.dumps(content, indent=1) + "\n")
+    write_figures(evaluation, run)
+    return evaluation
+
+
+def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
+    """Draw the paper's figures of one run into its ``figures/`` folder."""
+    run.figures.mkdir(exist_ok=True)
+    geometry = evaluation.surrogate.geometry
+    example = evaluation.example
+    predicted, reference = evaluation.predicted[example], evaluation.reference[example]
+    force = evaluation.force[example]
+    figures.save(
+        figures.deformed_meshes(geometry, predicted, reference, force), run.figures / "deformed.png"
+    )
+    figures.save(
+        figures.error_field(geometry, predicted, reference), run.figures / "error_field.png"
+    )
+    errors = sample_errors(evaluation.predicted, evaluation.reference)
+    moved = displacement_at_load(evaluation.force, evaluation.reference)
+    figures.save(
+        figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png"
+    )
+    lines = run.metric_lines()
+    if lines:
+        figures.save(figures.loss_curves(lines), run.figures / "loss.png")

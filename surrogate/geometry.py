@@ -1,0 +1,101 @@
+"""The mesh and grid that a surrogate predicts on, carried in the run so that it needs no dataset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from shared_schema.grid_map import GridMap
+from shared_schema.shard import Arrays
+
+PREFIX = "geometry."
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Mesh, supports and grid map of a case.
+
+    Attributes
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+    cell_type : str
+        meshio's name.
+    clamped, loadable : array of bool, (n_nodes,)
+    grid : GridMap
+    """
+
+    coordinates: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    cell_type: str
+    clamped: NDArray[np.bool_]
+    loadable: NDArray[np.bool_]
+    grid: GridMap
+
+    @classmethod
+    def from_shard(cls, arrays: Arrays, cell_type: str) -> Geometry:
+        """Take the geometry from the arrays of a structured shard."""
+        return cls(
+            arrays["mesh/coordinates"],
+            arrays["mesh/cells"],
+            cell_type,
+            arrays["mesh/clamped"],
+            arrays["mesh/loadable"],
+            GridMap(arrays["grid/node_at"]),
+        )
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, Tensor], cell_type: str) -> Geometry:
+        """Take the geometry from what `tensors` made."""
+        arrays = {name: tensors[PREFIX + name].numpy() for name in _ARRAYS}
+        node_at = arrays.pop("node_at")
+        return cls(**arrays, cell_type=cell_type, grid=GridMap(node_at))
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The geometry as named tensors, for the weights file."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS if name != "node_at"}
+        arrays["node_at"] = self.grid.node_at
+        return {
+            PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
+            for name, array in arrays.items()
+        }
+
+    @property
+    def dimension(self) -> int:
+        """Number of space dimensions d."""
+        return int(self.coordinates.shape[1])
+
+    @property
+    def free_mask(self) -> NDArray[np.bool_]:
+        """Grid points that are nodes free to move, (nx, ny[, nz])."""
+        free = self.grid.mask.copy()
+        free[free] = ~self.clamped[self.grid.node_at[free]]
+        return free
+
+    @property
+    def tip(self) -> int:
+        """The loadable node farthest from the supports."""
+        support = self.coordinates[self.clamped]
+        candidates = np.flatnonzero(self.loadable)
+        distance = np.linalg.norm(
+            self.coordinates[candidates][:, None, :] - support[None, :, :], axis=2
+        ).min(axis=1)
+        return int(candidates[distance.argmax()])
+
+    def differs_from(self, other: Geometry) -> bool:
+        """Tell whether the two are not the same mesh, supports and grid."""
+        return not (
+            self.grid.shape == other.grid.shape
+            and np.array_equal(self.grid.node_at, other.grid.node_at)
+            and np.array_equal(self.coordinates, other.coordinates)
+            and np.array_equal(self.cells, other.cells)
+            and np.array_equal(self.clamped, other.clamped)
+        )
+
+
+_ARRAYS = ("coordinates", "cells", "clamped", "loadable", "node_at")

@@ -1,0 +1,94 @@
+r"""Muon: momentum whose update of every weight matrix is made orthogonal (Jordan et al. 2024).
+
+For a kernel of shape (outputs, inputs, 3, 3[, 3]) taken as a matrix with a row an output, with
+gradient G and Nesterov momentum M,
+
+.. math:: W ← W - η · 0.2 \sqrt{\max(m, n)} · \operatorname{NS}(M),
+   \qquad \operatorname{NS}(U Σ V^T) ≈ U V^T,
+
+NS being five Newton–Schulz iterations :math:`X ← aX + (bA + cA^2)X,\ A = XX^T`. The factor gives
+the update the root mean square of Adam's (Liu et al. 2025, arXiv 2502.16982). `torch.optim.Muon`
+takes matrices only and iterates in bfloat16, which CPUs are slow at; hence this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+from torch import Tensor
+
+COEFFICIENTS = (3.4445, -4.7750, 2.0315)
+ITERATIONS = 5
+
+
+class Muon(torch.optim.Optimizer):
+    """Muon for convolution kernels and matrices.
+
+    Parameters
+    ----------
+    parameters : iterable of Tensor
+        Each of two dimensions at least, the outputs first.
+    lr : float
+        η.
+    momentum : float
+    weight_decay : float
+        Decoupled, as in AdamW.
+    """
+
+    def __init__(
+        self,
+        parameters: Iterable[Tensor],
+        lr: float,
+        momentum: float = 0.95,
+        weight_decay: float = 0.0,
+    ) -> None:
+        defaults = {"lr": lr, "momentum": momentum, "weight_decay": weight_decay}
+        super().__init__(parameters, defaults)
+
+    @torch.no_grad()
+    def step(self, closure: Callable[[], Any] | None = None) -> Any:  # type: ignore[override]
+        """Update every parameter that has a gradient."""
+        loss = None
+        if closure is not None:
+            with torch.enable_grad():
+                loss = closure()
+        for group in self.param_groups:
+            for parameter in group["params"]:
+                if parameter.grad is not None:
+                    self._update(parameter, group)
+        return loss
+
+    def _update(self, parameter: Tensor, group: dict[str, Any]) -> None:
+        state = self.state[parameter]
+        if not state:
+            state["momentum"] = torch.zeros_like(parameter)
+        momentum: Tensor = state["momentum"]
+        momentum.lerp_(parameter.grad, 1 - group["momentum"])
+        nesterov = parameter.grad.lerp(momentum, group["momentum"])
+        matrix = nesterov.flatten(1)
+        direction = orthogonalise(matrix).view_as(nesterov)
+        parameter.mul_(1 - group["lr"] * group["weight_decay"])
+        parameter.add_(direction, alpha=-group["lr"] * 0.2 * max(matrix.shape) ** 0.5)
+
+
+def orthogonalise(matrix: Tensor) -> Tensor:
+    """Bring all singular values of a matrix near 1 by Newton–Schulz iterations.
+
+    The iterations are done on the small square A = XXᵀ, and X is multiplied once, at the end.
+    """
+    a, b, c = COEFFICIENTS
+    if matrix.shape[0] > matrix.shape[1]:
+        return orthogonalise(matrix.mT).mT
+    x = matrix / (matrix.norm() + 1e-12)
+    gram = x @ x.mT
+    total: Tensor | None = None
+    for iteration in range(ITERATIONS):
+        factor = torch.addmm(gram, gram, gram, beta=b, alpha=c)
+        factor.diagonal().add_(a)
+        total = factor if total is None else factor @ total
+        if iteration < ITERATIONS - 1:
+            gram = factor @ gram @ factor
+    assert total is not None
+    return total @ x

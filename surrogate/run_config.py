@@ -1,0 +1,88 @@
+"""The configuration of a training run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from shared_schema.configuration import Frozen, read_yaml, validate
+from shared_schema.errors import InputError
+from surrogate.likelihoods import Likelihood
+from surrogate.optimisation import OptimiserConfig, ScheduleConfig
+from surrogate.unet import UNetConfig
+
+SHIPPED = Path(__file__).parent / "configs"
+
+
+class TrainingConfig(Frozen):
+    """How a network is trained (defaults: the paper's recipe in two dimensions).
+
+    Attributes
+    ----------
+    epochs : int
+    batch_size : int
+    optimiser : OptimiserConfig
+    schedule : ScheduleConfig
+    validation_fraction : float
+        Part of the training split that is kept out of training, for the loss curve.
+    checkpoint_seconds : float
+        Time between two checkpoints; one is written at the end in any case.
+    """
+
+    epochs: int = Field(600, gt=0)
+    batch_size: int = Field(4, gt=0)
+    optimiser: OptimiserConfig = OptimiserConfig()
+    schedule: ScheduleConfig = ScheduleConfig()
+    validation_fraction: float = Field(0.0, ge=0, lt=1)
+    checkpoint_seconds: float = Field(60.0, ge=0)
+
+
+class RunConfig(Frozen):
+    """Everything that determines a training run, the data apart.
+
+    Attributes
+    ----------
+    name : str
+    case : str
+        Name of the case whose dataset it is for.
+    recipe : {"paper", "fast", "custom"}
+        Whose recipe it is.
+    likelihood : {"deterministic"}
+    network : UNetConfig
+    training : TrainingConfig
+    seed : int
+        Of the initial weights, the validation part and the order of the samples.
+    """
+
+    name: str
+    case: str
+    recipe: Literal["paper", "fast", "custom"] = "custom"
+    likelihood: Likelihood = "deterministic"
+    network: UNetConfig = UNetConfig()
+    training: TrainingConfig = TrainingConfig()
+    seed: int = Field(0, ge=0)
+
+    def plain(self) -> dict[str, Any]:
+        """The whole configuration as plain data."""
+        return self.model_dump(mode="json")
+
+
+def read_config(name: str) -> RunConfig:
+    """Read a configuration from a YAML file, or by the name of a shipped one.
+
+    Raises
+    ------
+    InputError
+        If there is none, or a key or value in it is wrong.
+    """
+    path = Path(name)
+    if not path.is_file():
+        path = SHIPPED / f"{name}.yaml"
+        if not path.is_file():
+            shipped = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.yaml")))
+            raise InputError(
+                f"config '{name}': no such file, and not one of those shipped ({shipped})"
+            )
+    return validate(RunConfig, read_yaml(path), str(path))

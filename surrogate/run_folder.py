@@ -1,0 +1,161 @@
+"""The folder of a run: what it was made from, its weights, its measures. Nothing in it is pickled.
+
+::
+
+    config.yaml         resolved configuration, and the dataset it was trained on
+    model.safetensors   weights, scales, mesh and grid map
+    metrics.jsonl       one line an epoch
+    evaluation.json     errors on the test split
+    figures/            pictures
+    checkpoint/         last.safetensors, to resume from
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from shared_schema.configuration import Frozen, read_yaml, validate
+from shared_schema.errors import InputError
+from shared_schema.manifest import Manifest, StructuredInfo, write_atomically
+from surrogate.run_config import RunConfig
+
+
+class DataFingerprint(Frozen):
+    """Which dataset a run belongs to.
+
+    Attributes
+    ----------
+    case : dict
+        The whole case configuration.
+    digest : str
+        Digest of the structured dataset.
+    dimension : int
+    cell_type : str
+    info : StructuredInfo
+        Grid, split and statistics.
+    """
+
+    case: dict[str, Any]
+    digest: str
+    dimension: int
+    cell_type: str
+    info: StructuredInfo
+
+
+class RunDescription(Frozen):
+    """Content of ``config.yaml``.
+
+    Attributes
+    ----------
+    run : RunConfig
+    data : DataFingerprint
+    """
+
+    run: RunConfig
+    data: DataFingerprint
+
+
+class RunFolder:
+    """Paths and files of one run.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config = folder / "config.yaml"
+        self.model = folder / "model.safetensors"
+        self.metrics = folder / "metrics.jsonl"
+        self.evaluation = folder / "evaluation.json"
+        self.figures = folder / "figures"
+        self.checkpoint = folder / "checkpoint" / "last.safetensors"
+
+    def start(self, description: RunDescription) -> None:
+        """Make the folder, or see that it belongs to the same configuration and dataset.
+
+        Raises
+        ------
+        InputError
+            If it belongs to another, naming the first difference, or holds something else.
+        """
+        if self.config.is_file():
+            existing = self.description()
+            if existing != description:
+                raise InputError(
+                    f"--out '{self.folder}': a run with another "
+                    f"{first_difference(existing.model_dump(), description.model_dump())}"
+                )
+            return
+        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
+            raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        content = description.model_dump(mode="json")
+        write_atomically(self.config, yaml.safe_dump(content, sort_keys=False))
+
+    def description(self) -> RunDescription:
+        """Read ``config.yaml``; InputError if there is none or it is damaged."""
+        if not self.config.is_file():
+            raise InputError(f"{self.folder}: no run there, expected a folder with config.yaml")
+        return validate(RunDescription, read_yaml(self.config), str(self.config))
+
+    def read_tensors(self) -> dict[str, Tensor]:
+        """Read ``model.safetensors``; InputError if the run is not finished or damaged."""
+        if not self.model.is_file():
+            raise InputError(f"{self.folder}: the run is not finished, no {self.model.name} in it")
+        try:
+            return load_file(self.model)
+        except (SafetensorError, OSError) as error:
+            raise InputError(f"{self.model}: damaged ({error})") from None
+
+    def write_tensors(self, tensors: dict[str, Tensor]) -> None:
+        """Write ``model.safetensors`` atomically."""
+        save_atomically(tensors, self.model)
+
+    def metric_lines(self) -> list[dict[str, Any]]:
+        """Every line of ``metrics.jsonl``."""
+        if not self.metrics.is_file():
+            return []
+        return [json.loads(line) for line in self.metrics.read_text().splitlines() if line]
+
+    def require_case_of(self, manifest: Manifest, description: RunDescription) -> None:
+        """Raise InputError unless a dataset is of the case that the run was trained on."""
+        theirs, ours = manifest.case, description.data.case
+        for key in ("name", "mesh", "supports", "material"):
+            if theirs.get(key) != ours.get(key):
+                raise InputError(
+                    f"{self.folder}: trained on case '{ours.get('name')}', the dataset is of case "
+                    f"'{theirs.get('name')}': {key} = {theirs.get(key)!r}, "
+                    f"expected {ours.get(key)!r}"
+                )
+
+
+def save_atomically(
+    tensors: dict[str, Tensor], path: Path, metadata: dict[str, str] | None = None
+) -> None:
+    """Write a safetensors file that appears complete, or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def first_difference(old: Any, new: Any, key: str = "") -> str:
+    """Say where two nested mappings differ first: ``key = new, the folder has old``."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in [*old, *(k for k in new if k not in old)]:
+            if old.get(name) != new.get(name):
+                return first_difference(old.get(name), new.get(name), f"{key}.{name}".strip("."))
+    return f"{key} = {new!r}, the folder has {old!r}"

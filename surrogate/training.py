@@ -1,0 +1,231 @@
+"""Training: one loop for every network.
+
+The dataset lives on the device as a whole. Every epoch's order is a pure function of the seed and
+the epoch, and every step's learning rate one of the step, so that k + k epochs are 2k, bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shared_schema.command_line import Progress
+from shared_schema.errors import InputError, WorkError
+from surrogate.checkpoint import load_checkpoint, save_checkpoint
+from surrogate.dataset import Dataset, Samples
+from surrogate.field_network import FieldNetwork
+from surrogate.likelihoods import mean_squared_error, output_channels
+from surrogate.optimisation import make_optimisers, set_learning_rate
+from surrogate.run_config import RunConfig
+from surrogate.run_folder import DataFingerprint, RunDescription, RunFolder
+from surrogate.unet import UNet, parameter_count
+
+INITIAL_WEIGHTS, VALIDATION, ORDER = range(3)  # streams of random numbers of one seed
+
+
+def describe(config: RunConfig, dataset: Dataset) -> RunDescription:
+    """Say what a run is made from.
+
+    Raises
+    ------
+    InputError
+        If the configuration is for another case than the dataset's.
+    """
+    manifest = dataset.manifest
+    if config.case != manifest.name:
+        raise InputError(
+            f"config '{config.name}': key 'case' = '{config.case}', the dataset is of case "
+            f"'{manifest.name}'"
+        )
+    data = DataFingerprint(
+        case=manifest.case,
+        digest=manifest.digest,
+        dimension=manifest.dimension,
+        cell_type=dataset.geometry.cell_type,
+        info=dataset.info,
+    )
+    return RunDescription(run=config, data=data)
+
+
+def make_network(description: RunDescription, geometry: Any) -> FieldNetwork:
+    """Build the network of a run with the initial weights that its seed gives."""
+    config, data = description.run, description.data
+    torch.manual_seed(stream(config.seed, INITIAL_WEIGHTS))
+    unet = UNet(data.dimension, output_channels(config.likelihood, data.dimension), config.network)
+    return FieldNetwork(unet, geometry, data.info)
+
+
+def stream(*numbers: int) -> int:
+    """A seed of 64 bits from some numbers, different for different numbers."""
+    return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0])
+
+
+def split_validation(samples: Samples, fraction: float, seed: int) -> tuple[Samples, Samples]:
+    """Set a random part of the training split aside for validation."""
+    generator = torch.Generator().manual_seed(stream(seed, VALIDATION))
+    order = torch.randperm(len(samples), generator=generator)
+    count = round(fraction * len(samples))
+    return samples[order[count:].sort().values], samples[order[:count].sort().values]
+
+
+@dataclass
+class Trainer:
+    """A network in training.
+
+    Attributes
+    ----------
+    config : RunConfig
+    network : FieldNetwork
+        On the device of the samples.
+    train, validation : Samples
+    node_fraction : float
+        Part of the grid points that are nodes.
+    """
+
+    config: RunConfig
+    network: FieldNetwork
+    train: Samples
+    validation: Samples
+    node_fraction: float
+
+    def __post_init__(self) -> None:
+        training = self.config.training
+        self.optimisers = make_optimisers(self.network, training.optimiser)
+        self.steps_per_epoch = math.ceil(len(self.train) / training.batch_size)
+        self.steps = self.steps_per_epoch * training.epochs
+
+    def loss(self, samples: Samples) -> Tensor:
+        """Loss of the current network on some samples, in scaled units."""
+        predicted = self.network(samples.force)
+        return mean_squared_error(
+            predicted, samples.displacement, self.network.displacement_scale
+        )
+
+    def order(self, epoch: int) -> Tensor:
+        """Order in which an epoch takes the training samples."""
+        generator = torch.Generator().manual_seed(stream(self.config.seed, ORDER, epoch))
+        return torch.randperm(len(self.train), generator=generator).to(self.train.force.device)
+
+    def train_epoch(self, epoch: int, progress: Progress) -> float:
+        """Train one epoch (counted from 0); return its mean loss."""
+        training = self.config.training
+        self.network.train()
+        total = torch.zeros((), device=self.train.force.device)
+        for number, batch in enumerate(self.order(epoch).split(training.batch_size)):
+            step = epoch * self.steps_per_epoch + number
+            factor = training.schedule.factor(step, self.steps)
+            set_learning_rate(self.optimisers, training.optimiser.learning_rate * factor)
+            loss = self.loss(self.train[batch])
+            self.network.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            if training.optimiser.gradient_clip is not None:
+                torch.nn.utils.clip_grad_norm_(
+                    self.network.parameters(), training.optimiser.gradient_clip
+                )
+            for optimiser in self.optimisers:
+                optimiser.step()
+            total += loss.detach() * len(batch)
+            progress.update(step + 1)
+        return float(total) / len(self.train)
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """Loss and mean absolute error (in m, over the nodes) on the validation part."""
+        if len(self.validation) == 0:
+            return {}
+        self.network.eval()
+        predicted = self.network(self.validation.force)
+        reference = self.validation.displacement
+        loss = mean_squared_error(predicted, reference, self.network.displacement_scale)
+        error = (predicted - reference).abs().mean() / self.node_fraction
+        return {"validation_loss": float(loss), "validation_error": float(error)}
+
+
+def train(
+    config: RunConfig,
+    dataset: Dataset,
+    run: RunFolder,
+    device: torch.device,
+    stop_after: int | None = None,
+) -> None:
+    """Train a network, or go on from the run's checkpoint, to its last epoch.
+
+    Parameters
+    ----------
+    config : RunConfig
+    dataset : Dataset
+    run : RunFolder
+        Made if it is not there.
+    device : torch.device
+    stop_after : int, optional
+        Stop after this epoch, with a checkpoint to go on from.
+
+    Raises
+    ------
+    InputError
+        If the dataset is of another case, or the folder of another run.
+    WorkError
+        If the loss is no longer finite; the last good checkpoint is kept.
+    """
+    description = describe(config, dataset)
+    run.start(description)
+    if run.model.is_file():
+        return
+    epochs = config.training.epochs
+    network = make_network(description, dataset.geometry).to(device)
+    if dataset.geometry.dimension == 2:
+        network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    train_part, validation_part = split_validation(
+        dataset.train, config.training.validation_fraction, config.seed
+    )
+    node_fraction = float(dataset.geometry.grid.mask.mean())
+    trainer = Trainer(
+        config, network, train_part.to(device), validation_part.to(device), node_fraction
+    )
+    start, seconds = 0, 0.0
+    if run.checkpoint.is_file():
+        start, seconds = load_checkpoint(run.checkpoint, network, trainer.optimisers)
+    lines = [line for line in run.metric_lines() if line["epoch"] <= start]
+    run.metrics.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+    progress = Progress(
+        trainer.steps,
+        start * trainer.steps_per_epoch,
+        "steps",
+        f"surrogate train {config.name} ({parameter_count(network) / 1e6:.2f} M parameters)",
+    )
+    saved = time.perf_counter()
+    last = epochs if stop_after is None else min(stop_after, epochs)
+    for epoch in range(start, last):
+        began = time.perf_counter()
+        loss = trainer.train_epoch(epoch, progress)
+        if not math.isfinite(loss):
+            kept = f"the checkpoint of epoch {start}" if run.checkpoint.is_file() else "no checkpoint"
+            raise WorkError(f"the loss is {loss} in epoch {epoch + 1}; {kept} is kept")
+        measures = trainer.validate()
+        seconds += time.perf_counter() - began
+        line = {"epoch": epoch + 1, "train_loss": loss, **measures, "seconds": seconds}
+        with run.metrics.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        if epoch + 1 == last or time.perf_counter() - saved > config.training.checkpoint_seconds:
+            save_checkpoint(run.checkpoint, epoch + 1, seconds, network, trainer.optimisers)
+            start, saved = epoch + 1, time.perf_counter()
+    progress.close(f"{seconds:.0f} s")
+    if last == epochs:
+        run.write_tensors({**network.cpu().state_dict(), **dataset.geometry.tensors()})
+
+
+def choose_device(name: str) -> torch.device:
+    """The device of a name: ``auto`` is cuda where there is one, else cpu."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise InputError("--device 'cuda': none here, expected 'cpu' or 'auto'")
+    return torch.device(name)
