@@ -77,9 +77,7 @@ class Case(Frozen):
         return digest_of(self.plain())
 
 
-def read_case(
-    name: str, volumetric: Volumetric | None = None, samples: int | None = None
-) -> Case:
+def read_case(name: str, volumetric: Volumetric | None = None, samples: int | None = None) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
 
     Parameters
@@ -101,7 +99,9 @@ def read_case(
         path = SHIPPED / f"{name}.yaml"
         if not path.is_file():
             shipped = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.yaml")))
-            raise InputError(f"case '{name}': no such file, and not one of those shipped ({shipped})")
+            raise InputError(
+                f"case '{name}': no such file, and not one of those shipped ({shipped})"
+            )
     content = read_yaml(path)
     for section, key, value in (
         ("material", "volumetric", volumetric),

@@ -231,9 +231,7 @@ class EquilibriumProblem:
         self._assemble_out_of_balance(b)
         fem_petsc.set_bc(b, self.supports, x, -1.0)
 
-    def _compute_tangent(
-        self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat
-    ) -> None:
+    def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         self.tangent()
 
 

@@ -51,8 +51,7 @@ def run(case: Case, folder: Path, comm: MPI.Comm) -> Manifest:
     todo = [k for k in range(shard_count(case)) if shard_name(k) not in done]
     if todo:
         _make_shards(case, journal, todo, comm)
-    manifest = on_rank_zero(comm, lambda: _finish(case, journal))
-    return manifest
+    return on_rank_zero(comm, lambda: _finish(case, journal))
 
 
 def _make_shards(case: Case, journal: Journal, todo: list[int], comm: MPI.Comm) -> None:

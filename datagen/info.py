@@ -39,7 +39,10 @@ def _common(manifest: Manifest, shard: Arrays) -> list[Row]:
         ("shards", str(len(manifest.shards))),
         ("seed", str(manifest.seed)),
         ("mesh", f"{nodes} nodes, {len(shard['mesh/cells'])} cells, {nodes * dimension} DOFs"),
-        ("clamped / loadable nodes", f"{shard['mesh/clamped'].sum()} / {shard['mesh/loadable'].sum()}"),
+        (
+            "clamped / loadable nodes",
+            f"{shard['mesh/clamped'].sum()} / {shard['mesh/loadable'].sum()}",
+        ),
         ("made by", ", ".join(f"{k} {v}" for k, v in manifest.software.items())),
         ("digest", manifest.digest),
     ]
@@ -62,12 +65,18 @@ def _nodal(shards: list[Arrays]) -> list[Row]:
         *rows,
         ("samples per loaded node", f"{per_node.min()} to {per_node.max()}"),
         ("force components", f"{force.min():.4g} to {force.max():.4g} N"),
-        ("largest |u| of a sample", f"median {np.median(magnitude):.4g}, max {magnitude.max():.4g} m"),
+        (
+            "largest |u| of a sample",
+            f"median {np.median(magnitude):.4g}, max {magnitude.max():.4g} m",
+        ),
         ("load steps", _mean_and_max(joined("samples/load_steps"))),
         ("cutbacks", _mean_and_max(joined("samples/cutbacks"))),
         ("Newton iterations", _mean_and_max(joined("samples/newton_iterations"))),
         ("largest residual", f"{residual:.3g} N"),
-        ("solve time", f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample"),
+        (
+            "solve time",
+            f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample",
+        ),
     ]
 
 

@@ -15,10 +15,7 @@ from pydantic import Field, model_validator
 
 from shared_schema.configuration import Frozen
 
-Point = tuple[float, float] | tuple[float, float, float]
-Counts = tuple[
-    Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]
-] | tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]]
+PositiveInt = Annotated[int, Field(gt=0)]
 
 
 class BoxMesh(Frozen):
@@ -34,9 +31,9 @@ class BoxMesh(Frozen):
     """
 
     kind: Literal["box"] = "box"
-    lower: Point
-    upper: Point
-    elements: Counts
+    lower: tuple[float, ...] = Field(min_length=2, max_length=3)
+    upper: tuple[float, ...] = Field(min_length=2, max_length=3)
+    elements: tuple[PositiveInt, ...] = Field(min_length=2, max_length=3)
 
     @property
     def dimension(self) -> int:

@@ -25,7 +25,7 @@ def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
     result, error = comm.bcast((result, error), root=0)
     if error is not None:
         raise error
-    return result  # type: ignore[return-value]
+    return result
 
 
 class SharedCounters:

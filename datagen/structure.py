@@ -78,9 +78,7 @@ def structure(source: Path, folder: Path) -> Manifest:
             manifest.case_digest,
             str(attributes["cell_type"]),
         )
-        entries.append(
-            ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest)
-        )
+        entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
     assert grid is not None

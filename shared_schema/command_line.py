@@ -82,6 +82,8 @@ class Progress:
         self._last_line = now
         elapsed = now - self._began
         rate = (self._done - self._start) / elapsed if elapsed > 0 else 0.0
-        left = f"{(self._total - self._done) / rate:.0f} s left" if rate > 0 else "time left unknown"
+        left = (
+            f"{(self._total - self._done) / rate:.0f} s left" if rate > 0 else "time left unknown"
+        )
         text = f"{self._title}: {self._done}/{self._total} {self._unit}, {rate:.1f}/s, {left}"
         print(text + (f", {note}" if note else ""), file=sys.stderr, flush=True)

@@ -71,7 +71,7 @@ class GridMap:
     @property
     def mask(self) -> NDArray[np.bool_]:
         """Grid points that are nodes, (nx, ny[, nz])."""
-        return self.node_at != NO_NODE
+        return np.not_equal(self.node_at, NO_NODE)
 
     @property
     def nodes(self) -> int:

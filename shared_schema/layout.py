@@ -53,9 +53,7 @@ MESH = (
     ArrayLayout(
         "mesh/clamped", "bool", ("node",), "1", "nodes whose displacement is prescribed as zero"
     ),
-    ArrayLayout(
-        "mesh/loadable", "bool", ("node",), "1", "nodes that the load family may load"
-    ),
+    ArrayLayout("mesh/loadable", "bool", ("node",), "1", "nodes that the load family may load"),
 )
 
 NODAL = (
@@ -90,9 +88,15 @@ NODAL = (
     ArrayLayout("samples/load_steps", "int64", ("sample",), "1", "converged load steps"),
     ArrayLayout("samples/cutbacks", "int64", ("sample",), "1", "failed load steps, cut back"),
     ArrayLayout(
-        "samples/newton_iterations", "int64", ("sample",), "1", "Newton iterations of all load steps"
+        "samples/newton_iterations",
+        "int64",
+        ("sample",),
+        "1",
+        "Newton iterations of all load steps",
     ),
-    ArrayLayout("samples/residual_norm", "float64", ("sample",), "N", "2-norm of the last residual"),
+    ArrayLayout(
+        "samples/residual_norm", "float64", ("sample",), "N", "2-norm of the last residual"
+    ),
     ArrayLayout("samples/wall_time", "float64", ("sample",), "s", "time that the solve took"),
     ArrayLayout("failed/number", "int64", ("failed",), "1", "sample number of unsolved load cases"),
     ArrayLayout(

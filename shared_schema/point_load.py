@@ -1,4 +1,4 @@
-"""Loads as a user writes them: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at the node that stands at a point."""
+"""Loads as a user writes them: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at the node at a point."""
 
 from __future__ import annotations
 

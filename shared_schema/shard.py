@@ -75,7 +75,7 @@ def write_shard(
         digest = sha256(partial)
         with partial.open("rb+") as written:
             os.fsync(written.fileno())
-        os.replace(partial, path)
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
     return digest

@@ -55,7 +55,7 @@ def write_solution(
                 np.savez(file, coordinates=coordinates, **fields)  # type: ignore[arg-type]
         else:
             _write_mesh(partial, coordinates, cells, cell_type, fields)
-        os.replace(partial, path)
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 

@@ -44,9 +44,7 @@ def save_checkpoint(
     save_atomically(tensors, path, {"status": status})
 
 
-def load_checkpoint(
-    path: Path, network: nn.Module, optimisers: list[Any]
-) -> tuple[int, float]:
+def load_checkpoint(path: Path, network: nn.Module, optimisers: list[Any]) -> tuple[int, float]:
     """Take up a checkpoint in place.
 
     Returns

@@ -34,7 +34,10 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
     train.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     train.add_argument(
-        "--stop-after", type=int, metavar="EPOCH", help="stop there, with a checkpoint to go on from"
+        "--stop-after",
+        type=int,
+        metavar="EPOCH",
+        help="stop there, with a checkpoint to go on from",
     )
     train.set_defaults(command=_train)
 
@@ -54,7 +57,9 @@ def _parser() -> argparse.ArgumentParser:
 
     report = commands.add_parser("report", help="write a run's results as one HTML page")
     report.add_argument("run", type=Path, metavar="RUN", help="an evaluated run")
-    report.add_argument("--nodal", type=Path, metavar="DIR", help="the nodal dataset, for its times")
+    report.add_argument(
+        "--nodal", type=Path, metavar="DIR", help="the nodal dataset, for its times"
+    )
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
     return parser

@@ -22,7 +22,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 UNDEFORMED, NETWORK, REFERENCE = "0.65", "#1f4fbf", "#c8202f"
-STYLE = {
+STYLE: Any = {
     "font.family": "serif",
     "font.serif": ["STIXGeneral", "DejaVu Serif"],
     "mathtext.fontset": "stix",
@@ -60,9 +60,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 @styled
-def deformed_meshes(
-    geometry: Geometry, predicted: Array, reference: Array, force: Array
-) -> Figure:
+def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, force: Array) -> Figure:
     """Undeformed mesh, network's and finite elements' deformed meshes over each other.
 
     Parameters
@@ -91,7 +89,7 @@ def _draw_forces(axes: Axes, x: Array, force: Array) -> None:
     for node in np.flatnonzero(force.any(axis=1)):
         magnitude = float(np.linalg.norm(force[node]))
         head, tail = x[node], x[node] - length * force[node] / magnitude
-        axes.update_datalim([tail, tail + [0.6 * length, 0.0]])
+        axes.update_datalim([tail, (tail[0] + 0.6 * length, tail[1])])
         axes.annotate(
             "",
             xy=tuple(head),

@@ -1,4 +1,4 @@
-"""The mesh and grid that a surrogate predicts on, carried in the run so that it needs no dataset."""
+"""The mesh and grid that a surrogate predicts on, carried in its run folder."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Muon(torch.optim.Optimizer):
         super().__init__(parameters, defaults)
 
     @torch.no_grad()
-    def step(self, closure: Callable[[], Any] | None = None) -> Any:  # type: ignore[override]
+    def step(self, closure: Callable[[], Any] | None = None) -> Any:
         """Update every parameter that has a gradient."""
         loss = None
         if closure is not None:
@@ -60,13 +60,13 @@ class Muon(torch.optim.Optimizer):
                     self._update(parameter, group)
         return loss
 
-    def _update(self, parameter: Tensor, group: dict[str, Any]) -> None:
-        state = self.state[parameter]
+    def _update(self, parameter: Any, group: dict[str, Any]) -> None:
+        gradient, state = parameter.grad, self.state[parameter]
         if not state:
             state["momentum"] = torch.zeros_like(parameter)
         momentum: Tensor = state["momentum"]
-        momentum.lerp_(parameter.grad, 1 - group["momentum"])
-        nesterov = parameter.grad.lerp(momentum, group["momentum"])
+        momentum.lerp_(gradient, 1 - group["momentum"])
+        nesterov = gradient.lerp(momentum, group["momentum"])
         matrix = nesterov.flatten(1)
         direction = orthogonalise(matrix).view_as(nesterov)
         parameter.mul_(1 - group["lr"] * group["weight_decay"])
@@ -91,4 +91,4 @@ def orthogonalise(matrix: Tensor) -> Tensor:
         if iteration < ITERATIONS - 1:
             gram = factor @ gram @ factor
     assert total is not None
-    return total @ x
+    return torch.mm(total, x)

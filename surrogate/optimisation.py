@@ -78,9 +78,7 @@ def make_optimisers(network: nn.Module, config: OptimiserConfig) -> list[torch.o
     rest = [p for p in parameters if id(p) not in of_muon]
     optimisers: list[torch.optim.Optimizer] = []
     if kernels:
-        optimisers.append(
-            Muon(kernels, config.learning_rate, config.momentum, config.weight_decay)
-        )
+        optimisers.append(Muon(kernels, config.learning_rate, config.momentum, config.weight_decay))
     if rest:
         optimisers.append(
             torch.optim.AdamW(

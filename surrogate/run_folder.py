@@ -147,7 +147,7 @@ def save_atomically(
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
-        os.replace(partial, path)
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 

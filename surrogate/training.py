@@ -104,9 +104,7 @@ class Trainer:
     def loss(self, samples: Samples) -> Tensor:
         """Loss of the current network on some samples, in scaled units."""
         predicted = self.network(samples.force)
-        return mean_squared_error(
-            predicted, samples.displacement, self.network.displacement_scale
-        )
+        return mean_squared_error(predicted, samples.displacement, self.network.displacement_scale)
 
     def order(self, epoch: int) -> Tensor:
         """Order in which an epoch takes the training samples."""
@@ -118,7 +116,7 @@ class Trainer:
         training = self.config.training
         self.network.train()
         total = torch.zeros((), device=self.train.force.device)
-        for number, batch in enumerate(self.order(epoch).split(training.batch_size)):
+        for number, batch in enumerate(torch.split(self.order(epoch), training.batch_size)):
             step = epoch * self.steps_per_epoch + number
             factor = training.schedule.factor(step, self.steps)
             set_learning_rate(self.optimisers, training.optimiser.learning_rate * factor)
@@ -207,7 +205,9 @@ def train(
         began = time.perf_counter()
         loss = trainer.train_epoch(epoch, progress)
         if not math.isfinite(loss):
-            kept = f"the checkpoint of epoch {start}" if run.checkpoint.is_file() else "no checkpoint"
+            kept = (
+                f"the checkpoint of epoch {start}" if run.checkpoint.is_file() else "no checkpoint"
+            )
             raise WorkError(f"the loss is {loss} in epoch {epoch + 1}; {kept} is kept")
         measures = trainer.validate()
         seconds += time.perf_counter() - began

@@ -109,11 +109,11 @@ class UNet(nn.Module):
         x = self.head(x)
         for axis, length in enumerate(size, start=2):
             x = x.narrow(axis, self.padding, length)
-        return x
+        cropped: Tensor = x
+        return cropped
 
     def _pads(self, size: torch.Size) -> list[int]:
-        """Padding of each axis, last axis first: `padding` on both sides, and on the upper side
-        what is missing to a length that the levels divide."""
+        """Padding of each axis, last axis first, so that the levels divide the padded length."""
         pads: list[int] = []
         for length in reversed(size):
             padded = length + 2 * self.padding

@@ -106,7 +106,8 @@ def _import_family(name: str) -> type[LoadFamily]:
     try:
         if place.endswith(".py"):
             spec = importlib.util.spec_from_file_location(Path(place).stem, place)
-            assert spec is not None and spec.loader is not None
+            if spec is None or spec.loader is None:
+                raise ImportError(place)
             module = importlib.util.module_from_spec(spec)
             spec.loader.exec_module(module)
         else:

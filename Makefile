@@ -1,0 +1,94 @@
+# Targets of the whole project; `make` alone lists them.
+
+CASE ?= beam2d
+MODEL ?= det
+RECIPE ?= fast
+NP ?= 2
+SAMPLES ?=
+TORCH ?= torch==2.13.0
+
+DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
+RUN ?= runs/$(CASE)-$(MODEL)-$(RECIPE)$(if $(SAMPLES),-$(SAMPLES))
+
+DEBIAN_PYTHON := /usr/bin/python3
+DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-meshio \
+	python3-venv
+DATAGEN := .venv-datagen/bin/datagen
+SURROGATE := .venv-surrogate/bin/surrogate
+
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo data train evaluate report test lint clean debian-packages
+
+help: ## list the targets
+	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all):"
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+
+setup: .venv-datagen/.installed .venv-surrogate/.installed ## install what is missing
+
+demo: report ## empty machine to trained, evaluated surrogate; prints the report's path
+
+data: .venv-datagen/.installed ## solve a case's samples on NP ranks and lay them on the grid
+	@mkdir -p $(DATA)
+	OMP_NUM_THREADS=1 $(MPIRUN) $(DATAGEN) run $(CASE) --out $(DATA)/nodal \
+		$(if $(SAMPLES),--samples $(SAMPLES))
+	$(DATAGEN) structure $(DATA)/nodal --out $(DATA)/structured
+
+train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the case's data
+	@mkdir -p $(dir $(RUN))
+	$(SURROGATE) train $(CASE)-$(MODEL)-$(RECIPE) --data $(DATA)/structured --out $(RUN)
+
+evaluate: train ## measure the run on the test split, draw its figures
+	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured
+
+report: evaluate
+	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
+
+test: setup ## run every test (add T="-m 'not slow'" to choose)
+	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
+	.venv-surrogate/bin/python -m pytest tests/shared_schema tests/surrogate $(T)
+	.venv-surrogate/bin/python -m pytest tests/end_to_end $(T)
+
+lint: .venv-surrogate/.installed ## check style and types
+	.venv-surrogate/bin/ruff format --check .
+	.venv-surrogate/bin/ruff check .
+	.venv-surrogate/bin/mypy
+
+clean: ## remove environments, datasets and runs
+	rm -rf .venv-datagen .venv-surrogate data runs build
+	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
+
+# --- environments -----------------------------------------------------------------------------
+
+debian-packages:
+	@missing=""; \
+	for package in $(DEBIAN_PACKAGES); do \
+		dpkg-query -W -f='$${Status}' $$package 2>/dev/null | grep -q 'ok installed' \
+			|| missing="$$missing $$package"; \
+	done; \
+	if [ -z "$$missing" ]; then exit 0; fi; \
+	if ! command -v apt-get >/dev/null; then \
+		echo "make: this needs Debian 12, for its package python3-dolfinx" >&2; exit 2; fi; \
+	if [ "$$(id -u)" != 0 ]; then \
+		echo "make: packages are missing; install them by: sudo apt-get install$$missing" >&2; \
+		exit 2; fi; \
+	apt-get update -q && \
+		DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $$missing
+
+# Debian's own interpreter, which its dolfinx and NumPy are built for; NumPy is not to be replaced.
+.venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml | debian-packages
+	rm -rf .venv-datagen
+	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
+	.venv-datagen/bin/pip install -q -e shared_schema -e 'datagen[test]'
+	.venv-datagen/bin/python -c 'import dolfinx, numpy; assert numpy.__version__ < "2"'
+	touch $@
+
+.venv-surrogate/.installed: shared_schema/pyproject.toml surrogate/pyproject.toml | debian-packages
+	rm -rf .venv-surrogate
+	$(DEBIAN_PYTHON) -m venv .venv-surrogate
+	.venv-surrogate/bin/pip install -q '$(TORCH)'
+	.venv-surrogate/bin/pip install -q -e shared_schema -e 'surrogate[test]'
+	touch $@
