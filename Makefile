@@ -12,7 +12,7 @@ RUN ?= runs/$(CASE)-$(MODEL)-$(RECIPE)$(if $(SAMPLES),-$(SAMPLES))
 
 DEBIAN_PYTHON := /usr/bin/python3
 DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-meshio \
-	python3-venv
+	python3-venv python3-yaml
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 
@@ -78,12 +78,13 @@ debian-packages:
 	apt-get update -q && \
 		DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $$missing
 
-# Debian's own interpreter, which its dolfinx and NumPy are built for; NumPy is not to be replaced.
-.venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml | debian-packages
+# Debian's own interpreter, which its dolfinx, NumPy and h5py are built for; pip must replace none.
+.venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml \
+		datagen/requirements.txt | debian-packages
 	rm -rf .venv-datagen
 	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
-	.venv-datagen/bin/pip install -q -e shared_schema -e 'datagen[test]'
-	.venv-datagen/bin/python -c 'import dolfinx, numpy; assert numpy.__version__ < "2"'
+	.venv-datagen/bin/pip install -q -r datagen/requirements.txt
+	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
 	touch $@
 
 .venv-surrogate/.installed: shared_schema/pyproject.toml surrogate/pyproject.toml | debian-packages

@@ -63,6 +63,15 @@ class EquilibriumProblem:
     clamped : array of bool, (n_nodes,)
         Nodes whose displacement is zero, by node number.
     settings : SolverSettings
+
+    Attributes
+    ----------
+    u : dolfinx.fem.Function
+        The displacement, current state of the body.
+    snes : petsc4py.PETSc.SNES
+        The Newton solver.
+    load_factor : float
+        Part of the nodal load that acts.
     """
 
     def __init__(
@@ -102,9 +111,9 @@ class EquilibriumProblem:
 
         self._residual = fem_petsc.create_vector(self.residual_form)
         self._matrix = fem_petsc.create_matrix(self.tangent_form)
-        self._x = self._residual.duplicate()
-        self._snes = self._make_snes(settings)
+        self._x = self._residual.duplicate()  # SNES must not be handed the function's own vector
         self._inverted = False
+        self.snes = self._make_snes(settings)
 
     def _make_snes(self, settings: SolverSettings) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.comm)
@@ -149,20 +158,24 @@ class EquilibriumProblem:
         self.load_factor = load_factor
         self._inverted = False
         self.u.vector.copy(self._x)
-        self._snes.solve(None, self._x)
+        self.snes.solve(None, self._x)
         self._take(self._x)
-        reason = self._snes.getConvergedReason()
+        reason = self.snes.getConvergedReason()
         return NewtonResult(
             converged=reason > 0,
             reason=reason,
             explanation=INVERTED if self._inverted else reason_name(reason),
-            iterations=self._snes.getIterationNumber(),
-            residual_norm=self._snes.getFunctionNorm(),
+            iterations=self.snes.getIterationNumber(),
+            residual_norm=self.snes.getFunctionNorm(),
         )
 
     def reset(self) -> None:
         """Go back to the undeformed body."""
         self.u.x.array[:] = 0.0
+
+    def set_displacement(self, displacement: NDArray[np.float64]) -> None:
+        """Put the body into a given state: (n_nodes, d) in m by node number, on every rank."""
+        self.u.x.array[:] = displacement[self.numbering.node_of_block].ravel()
 
     def state(self) -> NDArray[np.float64]:
         """Copy this rank's part of the displacement (with ghosts), to go back to by `restore`."""

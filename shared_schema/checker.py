@@ -12,14 +12,14 @@ import numpy as np
 
 from shared_schema.errors import InputError
 from shared_schema.grid_map import NO_NODE, GridMap
-from shared_schema.layout import CELL_TYPES, LAYOUTS
+from shared_schema.layout import CELL_TYPES
 from shared_schema.manifest import Manifest, digest_of, read_manifest
 from shared_schema.shard import (
     Arrays,
+    Attributes,
     array_problems,
-    first_line,
-    open_shard,
-    plain,
+    read_arrays,
+    read_attributes,
     read_shard,
     sha256,
 )
@@ -45,6 +45,7 @@ def check_dataset(folder: Path) -> list[str]:
     problems = _manifest_problems(folder, manifest)
     lengths: dict[str, tuple[int, ...]] = {"dim": (manifest.dimension,)}
     numbers: list[int] = []
+    test = 0
     for entry in manifest.shards:
         path = folder / entry.file
         if not path.is_file():
@@ -53,19 +54,12 @@ def check_dataset(folder: Path) -> list[str]:
         if sha256(path) != entry.sha256:
             problems.append(f"{entry.file}: checksum does not match the manifest")
         try:
-            with open_shard(path, manifest.kind) as file:
-                if plain(file.attrs["case_digest"]) != manifest.case_digest:
-                    problems.append(f"{entry.file}: made from another case configuration")
-                if plain(file.attrs["cell_type"]) not in CELL_TYPES:
-                    problems.append(
-                        f"{entry.file}: attribute 'cell_type' is {file.attrs['cell_type']!r}, "
-                        f"expected one of {', '.join(CELL_TYPES)}"
-                    )
-                names = [layout.path for layout in LAYOUTS[manifest.kind]]
-                arrays = {name: file[name][()] for name in names}
-        except (InputError, OSError) as error:
-            problems.append(f"{entry.file}: {first_line(error).removeprefix(f'{path}: ')}")
+            attributes = read_attributes(path, manifest.kind)
+            arrays = read_arrays(path, manifest.kind)
+        except InputError as error:
+            problems.append(f"{entry.file}: {str(error).removeprefix(f'{path}: ')}")
             continue
+        problems += [f"{entry.file}: {text}" for text in _attribute_problems(manifest, attributes)]
         lengths = {k: v for k, v in lengths.items() if k not in ("sample", "failed")}
         lengths["sample"] = (entry.samples,)
         if manifest.kind == "nodal":
@@ -76,9 +70,26 @@ def check_dataset(folder: Path) -> list[str]:
             numbers += arrays["samples/number"].tolist()
             if manifest.kind == "nodal":
                 numbers += arrays["failed/number"].tolist()
+            else:
+                test += int(arrays["samples/is_test"].sum())
         problems += [f"{entry.file}: {problem}" for problem in found]
     if len(set(numbers)) != len(numbers):
         problems.append("a sample number appears more than once")
+    info = manifest.structured
+    if info is not None and not problems and test != info.test:
+        problems.append(f"manifest: 'test' is {info.test}, the shards hold {test}")
+    return problems
+
+
+def _attribute_problems(manifest: Manifest, attributes: Attributes) -> list[str]:
+    problems = []
+    if attributes["case_digest"] != manifest.case_digest:
+        problems.append("attribute 'case_digest' is not the manifest's: made from another case")
+    if attributes["cell_type"] not in CELL_TYPES:
+        problems.append(
+            f"attribute 'cell_type' is {attributes['cell_type']!r}, "
+            f"expected one of {', '.join(CELL_TYPES)}"
+        )
     return problems
 
 

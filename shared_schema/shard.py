@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -135,40 +136,59 @@ def read_shard(path: Path, kind: Kind) -> Arrays:
         If the file is missing, empty, truncated, of another kind or schema version, or not laid
         out as the schema says.
     """
-    with open_shard(path, kind) as file:
-        arrays = {layout.path: _read(file[layout.path]) for layout in LAYOUTS[kind]}
+    arrays = read_arrays(path, kind)
     problems = array_problems(kind, arrays, {})
     if problems:
         raise InputError(f"{path}: {problems[0]}")
     return arrays
 
 
-def read_attributes(path: Path, kind: Kind) -> Attributes:
-    """Read the attributes of the file itself: schema version, kind, case digest, cell type."""
-    with open_shard(path, kind) as file:
-        return {name: plain(file.attrs[name]) for name in SHARD_ATTRIBUTES}
-
-
-def open_shard(path: Path, kind: Kind) -> h5py.File:
-    """Open a shard for reading, having seen that its datasets are there and stored inside it.
+def read_arrays(path: Path, kind: Kind) -> Arrays:
+    """Read a shard's datasets as they are, having seen that they are there and inside the file.
 
     Raises
     ------
     InputError
-        As `read_shard`.
+        As `read_shard`, but for shapes, types and values, which are not looked at.
     """
-    try:
+    with _open(path, kind) as file, _damage_named(path):
+        return {layout.path: _read(file[layout.path]) for layout in LAYOUTS[kind]}
+
+
+def read_attributes(path: Path, kind: Kind) -> Attributes:
+    """Read the attributes of the file itself: schema version, kind, case digest, cell type."""
+    with _open(path, kind) as file, _damage_named(path):
+        return {name: plain(file.attrs[name]) for name in SHARD_ATTRIBUTES}
+
+
+def _open(path: Path, kind: Kind) -> h5py.File:
+    if not path.is_file():
+        raise InputError(f"{path}: no such shard")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: not a readable HDF5 file (it is empty)")
+    with _damage_named(path):
         file = h5py.File(path, "r")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such shard") from None
-    except OSError as error:
-        reason = "empty" if path.exists() and path.stat().st_size == 0 else first_line(error)
-        raise InputError(f"{path}: not a readable HDF5 file ({reason})") from None
-    problems = structure_problems(file, kind)
-    if problems:
+    try:
+        with _damage_named(path):
+            problems = structure_problems(file, kind)
+        if problems:
+            raise InputError(f"{path}: {problems[0]}")
+    except InputError:
         file.close()
-        raise InputError(f"{path}: {problems[0]}")
+        raise
     return file
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """Turn whatever h5py raises on a damaged file into one InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, KeyError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: not a readable HDF5 file ({reason})") from None
 
 
 def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
@@ -239,8 +259,3 @@ def sha256(path: Path) -> str:
 def plain(value: Any) -> Any:
     """Turn a NumPy scalar into Python's own."""
     return value.item() if isinstance(value, np.generic) else value
-
-
-def first_line(error: BaseException) -> str:
-    """First line of an error's text."""
-    return (str(error).splitlines() or [type(error).__name__])[0]

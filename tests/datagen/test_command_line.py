@@ -1,0 +1,160 @@
+"""The command `datagen` as its users call it: files, exit codes, one line an error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from datagen.command_line import main
+
+CORNER = "4,1:0,-2.5"
+
+
+def test_solve_writes_npz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.npz"
+    assert main(["solve", "beam2d", "--load", CORNER, "--out", str(out)]) == 0
+    assert "largest displacement" in capsys.readouterr().out
+    with np.load(out) as file:
+        assert sorted(file) == ["coordinates", "displacement", "force"]
+        assert all(file[name].shape == (64, 2) for name in file)
+        tip = int(np.linalg.norm(file["coordinates"] - [4, 1], axis=1).argmin())
+        assert file["force"].sum(axis=0).tolist() == [0.0, -2.5]
+        assert file["force"][tip].tolist() == [0.0, -2.5]
+        assert file["displacement"][tip, 1] < -1.0
+
+
+def test_loads_at_several_nodes_act_together(tmp_path: Path) -> None:
+    """Two halves of a load at one node are the load."""
+    whole, halves = tmp_path / "whole.npz", tmp_path / "halves.npz"
+    main(["solve", "beam2d", "--load", CORNER, "--out", str(whole)])
+    half = ["--load", "4,1:0,-1.25"]
+    main(["solve", "beam2d", *half, *half, "--out", str(halves)])
+    with np.load(whole) as a, np.load(halves) as b:
+        assert np.array_equal(a["displacement"], b["displacement"])
+    both = tmp_path / "both.npz"
+    assert main(["solve", "beam2d", "--load", CORNER, "--load", "4,0:1,0", "--out", str(both)]) == 0
+
+
+@pytest.mark.parametrize("suffix", ["vtu", "xdmf"])
+def test_solve_writes_what_meshio_reads(tmp_path: Path, suffix: str) -> None:
+    out, npz = tmp_path / f"a.{suffix}", tmp_path / "a.npz"
+    for path in (out, npz):
+        assert main(["solve", "beam2d", "--load", CORNER, "--out", str(path)]) == 0
+    mesh = meshio.read(out)
+    assert [(block.type, block.data.shape) for block in mesh.cells] == [("quad", (45, 4))]
+    with np.load(npz) as file:
+        for name in ("force", "displacement"):
+            assert mesh.point_data[name][:, :2] == pytest.approx(file[name], abs=1e-12)
+            assert not mesh.point_data[name][:, 2:].any()
+        assert mesh.points[:, :2] == pytest.approx(file["coordinates"])
+
+
+def test_volumetric_term_changes_the_result(tmp_path: Path) -> None:
+    """At these loads the two terms differ by 1e-4 to 1e-2 of the displacement."""
+    found = []
+    for name in ("paper", "quadratic"):
+        out = tmp_path / f"{name}.npz"
+        arguments = ["solve", "beam2d", "--load", CORNER, "--volumetric", name, "--out", str(out)]
+        assert main(arguments) == 0
+        with np.load(out) as file:
+            found.append(file["displacement"])
+    relative = np.linalg.norm(found[0] - found[1]) / np.linalg.norm(found[0])
+    assert 1e-4 < relative < 1e-2
+
+
+def test_no_equilibrium_is_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.npz"
+    assert main(["solve", "beam2d", "--load", "4,1:0,-1e6", "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("datagen: failed: no equilibrium found")
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        ("4,0.9:0,-1", "no node stands there, the nearest is at 4,1"),
+        ("0,1:0,-1", "the node is clamped"),
+        ("4,1:0,nan", "finite"),
+        ("4,1:0,inf", "finite"),
+        ("4,1,0:0,-1,0", "expected X,Y:FX,FY"),
+        ("4,1", "expected X,Y:FX,FY"),
+        ("a,b:c,d", "expected X,Y:FX,FY"),
+    ],
+)
+def test_wrong_loads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], load: str, said: str
+) -> None:
+    out = tmp_path / "a.npz"
+    assert main(["solve", "beam2d", "--load", load, "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert load in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("out", ["a.txt", "a", "missing/a.npz"])
+def test_wrong_file_names(tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str) -> None:
+    assert main(["solve", "beam2d", "--load", CORNER, "--out", str(tmp_path / out)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_run_structure_check_info(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nodal, grid = str(tmp_path / "nodal"), str(tmp_path / "grid")
+    assert main(["run", "beam2d", "--samples", "40", "--out", nodal]) == 0
+    assert main(["structure", nodal, "--out", grid]) == 0
+    assert main(["check", nodal]) == 0
+    assert main(["check", grid]) == 0
+    capsys.readouterr()
+    assert main(["info", nodal]) == 0
+    table = capsys.readouterr().out
+    assert "40 solved, 0 failed" in table
+    assert "64 nodes, 45 cells, 128 DOFs" in table
+    assert main(["info", grid]) == 0
+    assert "38 train, 2 test" in capsys.readouterr().out
+
+
+def test_one_flipped_bit_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nodal = tmp_path / "nodal"
+    main(["run", "beam2d", "--samples", "20", "--out", str(nodal)])
+    for name in ("shard-00000.h5", "manifest.json"):
+        path = nodal / name
+        intact = path.read_bytes()
+        for position in np.random.default_rng(0).integers(len(intact) * 8, size=25):
+            damaged = bytearray(intact)
+            damaged[position // 8] ^= 1 << (position % 8)
+            path.write_bytes(damaged)
+            assert main(["check", str(nodal)]) != 0, (name, position)
+        path.write_bytes(intact)
+    assert main(["check", str(nodal)]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "beam9d", "--out", "new"],
+        ["run", "beam2d", "--samples", "0", "--out", "new"],
+        ["structure", "nowhere", "--out", "new"],
+        ["check", "nowhere"],
+        ["info", "nowhere"],
+    ],
+)
+def test_wrong_input_is_exit_2_and_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("datagen: error: ") or arguments[0] == "check"
+    assert "Traceback" not in captured.err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,209 @@
+"""The farm: the same dataset by one process or many, killed or not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mpi4py import MPI
+
+from datagen.case import SHIPPED, Case, read_case
+from datagen.farm import run, shard_count, shard_samples
+from datagen.journal import Journal
+from shared_schema.checker import check_dataset
+from shared_schema.errors import InputError
+from shared_schema.layout import NODAL
+from shared_schema.manifest import read_manifest
+from shared_schema.shard import read_shard
+
+TIMES = {"samples/wall_time"}  # the one thing that may differ
+ENVIRONMENT = os.environ | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMP_NUM_THREADS": "1",
+}
+
+
+def write_case(folder: Path, samples: int = 120, shard_size: int = 25, **load: Any) -> Path:
+    content = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
+    content["dataset"] |= {"samples": samples, "shard_size": shard_size}
+    content["load"] |= load
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def command(ranks: int, case: Path, out: Path) -> list[str]:
+    run_it = [sys.executable, "-m", "datagen.command_line", "run", str(case), "--out", str(out)]
+    return ["mpirun", "--quiet", "--oversubscribe", "-n", str(ranks), *run_it] if ranks else run_it
+
+
+def execute(ranks: int, case: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(ranks, case, out), env=ENVIRONMENT, capture_output=True, text=True, check=False
+    )
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """Every array of every shard equal to the last bit, times apart."""
+    shards = [entry.file for entry in read_manifest(one).shards]
+    assert shards == [entry.file for entry in read_manifest(other).shards]
+    for name in shards:
+        a, b = read_shard(one / name, "nodal"), read_shard(other / name, "nodal")
+        for layout in NODAL:
+            if layout.path not in TIMES:
+                assert np.array_equal(a[layout.path], b[layout.path]), (name, layout.path)
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_case(tmp_path_factory.mktemp("case"))
+
+
+@pytest.fixture(scope="module")
+def case(case_file: Path) -> Case:
+    return read_case(str(case_file))
+
+
+@pytest.fixture(scope="module")
+def serial(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("serial") / "nodal"
+    run(case, folder, MPI.COMM_SELF)
+    return folder
+
+
+def test_every_sample_is_in_one_shard(case: Case, serial: Path) -> None:
+    """120 samples in shards of 25: 4 full ones and one of 20."""
+    assert shard_count(case) == 5
+    numbers = [n for k in range(5) for n in shard_samples(case, k)]
+    assert numbers == list(range(120))
+    found = [
+        read_shard(serial / entry.file, "nodal")["samples/number"]
+        for entry in read_manifest(serial).shards
+    ]
+    assert np.concatenate(found).tolist() == numbers
+    assert check_dataset(serial) == []
+    assert not (serial / ".journal").exists()
+
+
+def test_every_loaded_node_is_loaded_equally_often(serial: Path) -> None:
+    """120 samples over 15 nodes: 8 each."""
+    nodes = np.concatenate(
+        [read_shard(p, "nodal")["samples/loaded_nodes"] for p in sorted(serial.glob("shard-*"))]
+    )
+    assert np.unique(nodes, return_counts=True)[1].tolist() == [8] * 15
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+def test_many_processes_make_what_one_makes(
+    case_file: Path, serial: Path, tmp_path: Path, ranks: int
+) -> None:
+    result = execute(ranks, case_file, tmp_path / "nodal")
+    assert result.returncode == 0, result.stderr
+    assert "120 samples solved, 0 failed" in result.stdout
+    assert check_dataset(tmp_path / "nodal") == []
+    assert_same(serial, tmp_path / "nodal")
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None:
+    """SIGKILL of everything half-way; the second start makes what is missing, and no more."""
+    case_file = write_case(tmp_path, samples=1500, shard_size=30)
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    with subprocess.Popen(
+        command(ranks, case_file, killed),
+        env=ENVIRONMENT,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        journal = killed / ".journal"
+        limit = time.monotonic() + 120
+        while len(list(journal.glob("shard-*.json"))) < 5:
+            assert process.poll() is None, "ended before it could be killed"
+            assert time.monotonic() < limit
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGKILL)
+    subprocess.run(["pkill", "-9", "-f", str(killed)], check=False)  # ranks in groups of their own
+    time.sleep(0.2)
+    done = {p.name: p.stat().st_mtime_ns for p in killed.glob("shard-*.h5")}
+    assert 5 <= len(done) < 50
+    assert not (killed / "manifest.json").exists()
+
+    result = execute(ranks, case_file, killed)
+    assert result.returncode == 0, result.stderr
+    kept = [name for name, time_ in done.items() if (killed / name).stat().st_mtime_ns == time_]
+    assert len(kept) >= len(done) - 2  # a shard without its entry yet is made again
+    assert check_dataset(killed) == []
+    assert execute(2, case_file, whole).returncode == 0
+    assert_same(whole, killed)
+
+
+def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
+    before = {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")}
+    digest = read_manifest(serial).digest
+    run(case, serial, MPI.COMM_SELF)
+    assert {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")} == before
+    assert read_manifest(serial).digest == digest
+
+
+def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "nodal"
+    run(case, folder, MPI.COMM_SELF)
+    shard = folder / "shard-00002.h5"
+    shard.write_bytes(shard.read_bytes()[:1000])
+    (folder / "shard-00003.h5").unlink()
+    assert check_dataset(folder) != []
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert_same(serial, folder)
+
+
+def test_another_case_is_refused(case: Case, serial: Path) -> None:
+    stiffer = case.material.model_copy(update={"young_modulus": 600.0})
+    with pytest.raises(InputError, match=r"material.young_modulus = 600.0, the folder has 500.0"):
+        run(case.model_copy(update={"material": stiffer}), serial, MPI.COMM_SELF)
+    assert check_dataset(serial) == []
+
+
+def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
+    folder = tmp_path / "nodal"
+    first = Journal(folder)
+    first.open(case)
+    with pytest.raises(InputError, match="another run is working"):
+        run(case, folder, MPI.COMM_SELF)
+    first.close(complete=False)
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+
+
+def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(InputError, match="holds something else"):
+        run(case, tmp_path, MPI.COMM_SELF)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
+    """Loads of up to 1 MN have no equilibrium that can be found: none is dropped in silence."""
+    path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
+    manifest = run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    assert (manifest.samples, manifest.failed) == (0, 6)
+    assert check_dataset(tmp_path / "nodal") == []
+    shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
+    assert shard["failed/number"].tolist() == [0, 1, 2, 3]
+    assert all(shard["failed/reason"])
+    assert np.all(shard["failed/load_factor"] < 1)
+    assert np.abs(shard["failed/force"]).max() > 1e5
+    assert len(shard["samples/number"]) == 0

@@ -1,0 +1,135 @@
+"""From nodes to grid and back, exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from datagen.case import read_case
+from datagen.farm import run
+from datagen.structure import nodal_forces_of, split, structure
+from shared_schema.checker import check_dataset
+from shared_schema.errors import InputError
+from shared_schema.grid_map import GridMap
+from shared_schema.shard import Arrays, read_shard
+
+SAMPLES = 45
+
+
+@pytest.fixture(scope="module")
+def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "nodal"
+    case = read_case("beam2d", samples=SAMPLES)
+    small = case.dataset.model_copy(update={"shard_size": 20})
+    run(case.model_copy(update={"dataset": small}), folder, MPI.COMM_SELF)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def structured(nodal: Path) -> Path:
+    folder = nodal.parent / "structured"
+    structure(nodal, folder)
+    return folder
+
+
+def joined(folder: Path, kind: str, name: str) -> np.ndarray:
+    shards: list[Arrays] = [
+        read_shard(path, kind)  # type: ignore[arg-type]
+        for path in sorted(folder.glob("shard-*.h5"))
+    ]
+    return np.concatenate([shard[name] for shard in shards])
+
+
+def test_both_datasets_are_intact(nodal: Path, structured: Path) -> None:
+    assert check_dataset(nodal) == []
+    assert check_dataset(structured) == []
+
+
+def test_nodal_structured_nodal_is_exact(nodal: Path, structured: Path) -> None:
+    """Equal to the last bit after the one rounding to float32."""
+    shard = read_shard(structured / "shard-00000.h5", "structured")
+    grid = GridMap(shard["grid/node_at"])
+    back = grid.to_nodes(joined(structured, "structured", "samples/displacement"))
+    there = joined(nodal, "nodal", "samples/displacement")
+    assert np.array_equal(back, there.astype(np.float32))
+    force = np.concatenate(
+        [nodal_forces_of(read_shard(p, "nodal")) for p in sorted(nodal.glob("shard-*.h5"))]
+    )
+    found = grid.to_nodes(joined(structured, "structured", "samples/force"))
+    assert np.array_equal(found, force.astype(np.float32))
+    assert np.all((force != 0).any(axis=2).sum(axis=1) == 1)
+
+
+def test_grid_order(structured: Path) -> None:
+    """x slowest, then y, lower corner first: 16 x 4 grid points 4/15 and 1/3 m apart."""
+    shard = read_shard(structured / "shard-00000.h5", "structured")
+    at = shard["mesh/coordinates"][shard["grid/node_at"]]
+    assert at.shape == (16, 4, 2)
+    assert at[:, 0, 0] == pytest.approx(np.linspace(0, 4, 16), abs=1e-9)
+    assert at[3, :, 1] == pytest.approx(np.linspace(0, 1, 4), abs=1e-9)
+    assert shard["samples/force"][:, :, :, :3].any() == np.False_  # loads on the upper edge only
+
+
+def test_split_and_statistics(structured: Path) -> None:
+    """5 % of 45 rounds to 2; statistics are those of the training split, in float64."""
+    from shared_schema.manifest import read_manifest
+
+    info = read_manifest(structured).structured
+    assert info is not None
+    is_test = joined(structured, "structured", "samples/is_test")
+    assert (info.train, info.test) == (43, 2)
+    assert int(is_test.sum()) == 2
+    displacement = joined(structured, "structured", "samples/displacement")[~is_test]
+    values = displacement.astype(np.float64).transpose(1, 0, 2, 3).reshape(2, -1)
+    assert info.displacement.mean == pytest.approx(values.mean(axis=1), rel=1e-12)
+    assert info.displacement.std == pytest.approx(values.std(axis=1), rel=1e-10)
+    assert info.displacement.max_abs == pytest.approx(np.abs(values).max(axis=1), rel=0)
+
+
+def test_split_is_random_and_reproducible() -> None:
+    case = read_case("beam2d")
+    one, other = split(case, 6000), split(case, 6000)
+    assert np.array_equal(one, other)
+    assert one.sum() == 300
+    assert 0.3 < np.flatnonzero(one).mean() / 6000 < 0.7
+
+
+def test_again_is_the_same(nodal: Path, structured: Path, tmp_path: Path) -> None:
+    first = structure(nodal, tmp_path / "again")
+    second = structure(nodal, tmp_path / "again")
+    assert first.structured == second.structured
+    assert check_dataset(tmp_path / "again") == []
+
+
+def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a structured dataset, expected a nodal one"):
+        structure(structured, tmp_path / "new")
+    with pytest.raises(InputError, match="no such dataset"):
+        structure(tmp_path / "nothing", tmp_path / "new")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("")
+    with pytest.raises(InputError, match="holds something else"):
+        structure(nodal, tmp_path / "full")
+    with pytest.raises(InputError, match="holds another dataset"):
+        structure(nodal, nodal)
+    assert not (tmp_path / "new").exists()
+
+
+def test_damaged_source_is_refused(nodal: Path, tmp_path: Path) -> None:
+    import shutil
+
+    damaged = tmp_path / "nodal"
+    shutil.copytree(nodal, damaged)
+    shard = damaged / "shard-00001.h5"
+    content = bytearray(shard.read_bytes())
+    content[len(content) // 2] ^= 4
+    shard.write_bytes(content)
+    with pytest.raises(InputError, match=r"shard-00001\.h5"):
+        structure(damaged, tmp_path / "new")
+    shard.write_bytes(b"")
+    with pytest.raises(InputError, match="empty"):
+        structure(damaged, tmp_path / "new")
+    assert not (tmp_path / "new").exists()

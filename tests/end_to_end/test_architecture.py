@@ -1,0 +1,71 @@
+"""The arrows of the design: two programs that share nothing but files and `shared_schema`."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
+LEARNER = {"torch", "safetensors", "matplotlib"}
+FORBIDDEN = {
+    "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate"},
+    "datagen": LEARNER | {"surrogate"},
+    "surrogate": FACTORY | {"datagen"},
+}
+
+
+def imported(path: Path) -> set[str]:
+    """Top-level names that a file imports anywhere, in functions as well."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.add(str(node.module).partition(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("package", sorted(FORBIDDEN))
+def test_no_import_against_the_arrows(package: str) -> None:
+    files = list((ROOT / package).rglob("*.py"))
+    assert files
+    for path in files:
+        against = imported(path) & FORBIDDEN[package]
+        assert not against, f"{path.relative_to(ROOT)} imports {sorted(against)}"
+
+
+def test_the_check_sees_imports_inside_functions(tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text("def f():\n    from dolfinx.fem import form\n    import torch.nn as nn\n")
+    assert imported(path) == {"dolfinx", "torch"}
+
+
+def test_the_learner_loads_nothing_of_the_factory() -> None:
+    """What is loaded in fact, by importing every module of the learner."""
+    modules = [f"surrogate.{p.stem}" for p in (ROOT / "surrogate").glob("[a-z]*.py")]
+    code = (
+        "import importlib, sys\n"
+        f"for name in {modules!r}: importlib.import_module(name)\n"
+        f"print(sorted({FACTORY!r} & set(sys.modules)))\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_nothing_unpickles() -> None:
+    """No module calls a loader that can run code from a file."""
+    for package in FORBIDDEN:
+        for path in (ROOT / package).rglob("*.py"):
+            text = path.read_text()
+            assert "pickle" not in imported(path)
+            assert "torch.load" not in text, path
+            assert "yaml.load(" not in text, path
+            assert "allow_pickle=True" not in text, path
