@@ -126,5 +126,6 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
         figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png"
     )
     lines = run.metric_lines()
+    loss = run.description().run.training.loss
     if lines:
-        figures.save(figures.loss_curves(lines), run.figures / "loss.png")
+        figures.save(figures.loss_curves(lines, loss), run.figures / "loss.png")

@@ -14,8 +14,6 @@ from surrogate.geometry import Geometry
 class FieldNetwork(nn.Module):
     """Nodal forces in N to nodal displacements in m, on the grid.
 
-    One scale serves all components of a field, so that the loss weighs them as ē does.
-
     Parameters
     ----------
     network : nn.Module
@@ -24,27 +22,55 @@ class FieldNetwork(nn.Module):
         Grid points that are clamped, or no nodes, are given zero displacement.
     info : StructuredInfo
         Statistics of the training split, for the scales.
+
+    Attributes
+    ----------
+    force_scale : Tensor, ()
+        Standard deviation of a force component that is U(−a, a), a the largest found, in N.
+    unit : Tensor, ()
+        Root mean square of the displacement over nodes and components, in m.
+    displacement_scale : Tensor, (d, nx, ny[, nz])
+        What the network's output is multiplied by, in m: `unit`, unless `scale_by_node` is called.
+    free : Tensor, (nx, ny[, nz])
+        1 at grid points that are nodes free to move, else 0.
     """
 
     force_scale: Tensor
+    unit: Tensor
     displacement_scale: Tensor
     free: Tensor
 
     def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
         super().__init__()
         self.network = network
+        free = torch.from_numpy(geometry.free_mask).float()
+        unit = root_mean_square(info)
         self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
-        self.register_buffer("displacement_scale", torch.tensor(_rms(info)))
-        self.register_buffer("free", torch.from_numpy(geometry.free_mask).float())
+        self.register_buffer("unit", torch.tensor(unit))
+        self.register_buffer(
+            "displacement_scale", torch.full((geometry.dimension, *free.shape), unit)
+        )
+        self.register_buffer("free", free)
+
+    def scale_by_node(self, displacement: Tensor) -> None:
+        """Scale every component of every node by its own root mean square over some samples.
+
+        Parameters
+        ----------
+        displacement : Tensor, (N, d, nx, ny[, nz])
+            In m.
+        """
+        scale = displacement.square().mean(dim=0).sqrt()
+        self.displacement_scale.copy_(torch.where(scale > 0, scale, self.unit))
 
     def forward(self, force: Tensor) -> Tensor:
         """Predict displacements in m from forces in N."""
         scaled: Tensor = self.network(force / self.force_scale)
-        return scaled * self.free * self.displacement_scale
+        return scaled * self.displacement_scale * self.free
 
 
-def _rms(info: StructuredInfo) -> float:
-    """Root mean square of the displacement over nodes and components, in m."""
+def root_mean_square(info: StructuredInfo) -> float:
+    """Root mean square of the displacement over nodes and components, in m; 1 if it is zero."""
     squares = [
         m**2 + s**2 for m, s in zip(info.displacement.mean, info.displacement.std, strict=True)
     ]

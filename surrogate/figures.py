@@ -16,6 +16,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from surrogate.geometry import Geometry
+from surrogate.likelihoods import Loss
 from surrogate.metrics import ErrorMeasures, node_errors
 
 Arguments = ParamSpec("Arguments")
@@ -34,6 +35,7 @@ STYLE: Any = {
     "lines.linewidth": 1.2,
 }
 DPI = 200
+LOSS_NAMES: dict[Loss, str] = {"mse": "mean squared error", "mae": "mean absolute error"}
 Array = NDArray[np.float64]
 
 EDGES = {  # corners of each edge of a cell, VTK order
@@ -159,7 +161,7 @@ def sorted_errors(moved: Array, errors: Array, measures: ErrorMeasures) -> Figur
 
 
 @styled
-def loss_curves(lines: list[dict[str, Any]]) -> Figure:
+def loss_curves(lines: list[dict[str, Any]], loss: Loss) -> Figure:
     """Training and validation loss over the epochs, logarithmic."""
     figure, axes = _figure(5.6, 3.2)
     epochs = [line["epoch"] for line in lines]
@@ -168,7 +170,7 @@ def loss_curves(lines: list[dict[str, Any]]) -> Figure:
         values = [line["validation_loss"] for line in lines]
         axes.semilogy(epochs, values, color=REFERENCE, label="validation")
     axes.set_xlabel("epoch")
-    axes.set_ylabel("mean squared error, scaled")
+    axes.set_ylabel(f"{LOSS_NAMES[loss]}, scaled")
     axes.set_xlim(0, epochs[-1])
     axes.grid(axis="y", which="major", color="0.9", lw=0.6)
     axes.legend()

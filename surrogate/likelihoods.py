@@ -1,11 +1,14 @@
 r"""What a network's output means, and the loss that follows from it.
 
-Deterministic (Deshpande et al. 2022, Eq. lossDeterm): the mean squared error
+Deterministic, by name:
 
-.. math:: L = \frac{1}{N} \sum_i \| U(f_i) - u_i \|_2^2,
+====  ==========================================================================================
+mse   :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_2^2` (Deshpande et al. 2022, Eq. lossDeterm)
+mae   :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_1`, the measure ē itself
+====  ==========================================================================================
 
-which is divided here by the number of components and the square of the displacement scale, so
-that losses of different cases compare; the minimiser is the same.
+Both are divided by the number of components, and the error by the displacement's root mean square,
+so that losses of different cases compare; the minimiser is the same.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from typing import Literal
 from torch import Tensor
 
 Likelihood = Literal["deterministic"]
+Loss = Literal["mse", "mae"]
 
 
 def output_channels(likelihood: Likelihood, dimension: int) -> int:
@@ -22,6 +26,16 @@ def output_channels(likelihood: Likelihood, dimension: int) -> int:
     return dimension
 
 
-def mean_squared_error(predicted: Tensor, reference: Tensor, scale: Tensor) -> Tensor:
-    """Mean over samples and components of ((U − u) / scale)²."""
-    return ((predicted - reference) / scale).square().mean()
+def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: Tensor) -> Tensor:
+    """Mean over samples and components of ((U − u) / unit)² or |U − u| / unit.
+
+    Parameters
+    ----------
+    loss : {"mse", "mae"}
+    predicted, reference : Tensor, (N, d, nx, ny[, nz])
+        Displacements U and u in m.
+    unit : Tensor, ()
+        In m.
+    """
+    error = (predicted - reference) / unit
+    return error.square().mean() if loss == "mse" else error.abs().mean()

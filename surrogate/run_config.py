@@ -9,7 +9,7 @@ from pydantic import Field
 
 from shared_schema.configuration import Frozen, read_yaml, validate
 from shared_schema.errors import InputError
-from surrogate.likelihoods import Likelihood
+from surrogate.likelihoods import Likelihood, Loss
 from surrogate.optimisation import OptimiserConfig, ScheduleConfig
 from surrogate.unet import UNetConfig
 
@@ -25,6 +25,8 @@ class TrainingConfig(Frozen):
     batch_size : int
     optimiser : OptimiserConfig
     schedule : ScheduleConfig
+    loss : {"mse", "mae"}
+        Mean squared error, or mean absolute error.
     validation_fraction : float
         Part of the training split that is kept out of training, for the loss curve.
     checkpoint_seconds : float
@@ -35,6 +37,7 @@ class TrainingConfig(Frozen):
     batch_size: int = Field(4, gt=0)
     optimiser: OptimiserConfig = OptimiserConfig()
     schedule: ScheduleConfig = ScheduleConfig()
+    loss: Loss = "mse"
     validation_fraction: float = Field(0.0, ge=0, lt=1)
     checkpoint_seconds: float = Field(60.0, ge=0)
 
@@ -51,6 +54,8 @@ class RunConfig(Frozen):
         Whose recipe it is.
     likelihood : {"deterministic"}
     network : UNetConfig
+    displacement_scale : {"global", "node"}
+        Scale of the network's output: one for all, or one for each component of each node.
     training : TrainingConfig
     seed : int
         Of the initial weights, the validation part and the order of the samples.
@@ -61,6 +66,7 @@ class RunConfig(Frozen):
     recipe: Literal["paper", "fast", "custom"] = "custom"
     likelihood: Likelihood = "deterministic"
     network: UNetConfig = UNetConfig()
+    displacement_scale: Literal["global", "node"] = "global"
     training: TrainingConfig = TrainingConfig()
     seed: int = Field(0, ge=0)
 

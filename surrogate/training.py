@@ -21,7 +21,7 @@ from shared_schema.errors import InputError, WorkError
 from surrogate.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.dataset import Dataset, Samples
 from surrogate.field_network import FieldNetwork
-from surrogate.likelihoods import mean_squared_error, output_channels
+from surrogate.likelihoods import deterministic_loss, output_channels
 from surrogate.optimisation import make_optimisers, set_learning_rate
 from surrogate.run_config import RunConfig
 from surrogate.run_folder import DataFingerprint, RunDescription, RunFolder
@@ -104,7 +104,8 @@ class Trainer:
     def loss(self, samples: Samples) -> Tensor:
         """Loss of the current network on some samples, in scaled units."""
         predicted = self.network(samples.force)
-        return mean_squared_error(predicted, samples.displacement, self.network.displacement_scale)
+        name = self.config.training.loss
+        return deterministic_loss(name, predicted, samples.displacement, self.network.unit)
 
     def order(self, epoch: int) -> Tensor:
         """Order in which an epoch takes the training samples."""
@@ -139,9 +140,10 @@ class Trainer:
         if len(self.validation) == 0:
             return {}
         self.network.eval()
-        predicted = self.network(self.validation.force)
-        reference = self.validation.displacement
-        loss = mean_squared_error(predicted, reference, self.network.displacement_scale)
+        predicted, reference = self.network(self.validation.force), self.validation.displacement
+        loss = deterministic_loss(
+            self.config.training.loss, predicted, reference, self.network.unit
+        )
         error = (predicted - reference).abs().mean() / self.node_fraction
         return {"validation_loss": float(loss), "validation_error": float(error)}
 
@@ -187,6 +189,8 @@ def train(
     trainer = Trainer(
         config, network, train_part.to(device), validation_part.to(device), node_fraction
     )
+    if config.displacement_scale == "node":
+        network.scale_by_node(trainer.train.displacement)
     start, seconds = 0, 0.0
     if run.checkpoint.is_file():
         start, seconds = load_checkpoint(run.checkpoint, network, trainer.optimisers)
