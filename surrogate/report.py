@@ -99,8 +99,8 @@ def _page(
         if (run.figures / name).is_file()
     )
     made = [
-        f"Grid {grid}, d = {description.data.dimension}; {info.train} training and {info.test} test "
-        f"samples (split seed {info.split_seed}).",
+        f"Grid {grid}, d = {description.data.dimension}; {info.train} training and {info.test} "
+        f"test samples (split seed {info.split_seed}).",
         f"Training: {evaluation['epochs']} epochs, {evaluation['training_seconds']:.0f} s on "
         f"{evaluation['machine']}, torch {evaluation['torch']}, seed {evaluation['seed']}, recipe "
         f"“{description.run.recipe}”.",

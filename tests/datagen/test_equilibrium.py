@@ -138,7 +138,7 @@ def test_no_iteration_is_skipped_on_reuse(beam: Body, node_at: NodeFinder) -> No
 
 @pytest.mark.slow
 def test_mesh_refinement_converges(make_problem: ProblemMaker, node_at: NodeFinder) -> None:
-    """Differences between successive meshes shrink, as those of Q1 do (order 2, or less at corners).
+    """Differences between successive meshes shrink, at order 2 or less for the clamped corners.
 
     The load is spread over the end, since the displacement under a point force has no limit.
     """

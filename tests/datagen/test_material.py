@@ -31,7 +31,8 @@ def first_piola_kirchhoff(f: Matrix, lam: float, mu: float, volumetric: Volumetr
     j = np.linalg.det(f)
     inverse = np.linalg.inv(f).T
     pressure = lam / 2 * (j**2 - 1) if volumetric == "paper" else lam * (j - 1) * j
-    return mu * (f - inverse) + pressure * inverse
+    stress: Matrix = mu * (f - inverse) + pressure * inverse
+    return stress
 
 
 def energy_density(f: Matrix, lam: float, mu: float, volumetric: Volumetric) -> float:

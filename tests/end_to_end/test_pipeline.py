@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -20,7 +21,7 @@ ENVIRONMENT = os.environ | {
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMP_NUM_THREADS": "1",
 }
-CONFIG = {
+CONFIG: dict[str, Any] = {
     "name": "small",
     "case": "beam2d",
     "network": {
@@ -84,7 +85,7 @@ def test_the_surrogate_learns(work: Path) -> None:
 @pytest.mark.mpi
 def test_prediction_is_near_the_solution(work: Path) -> None:
     """`predict` and `solve` write the same keys, on the same nodes, for the same load."""
-    load = ["--load", "4,1:0,-1.5"]
+    load = ("--load", "4,1:0,-1.5")
     execute(DATAGEN, "solve", "beam2d", *load, "--out", work / "fem.npz")
     execute(SURROGATE, "predict", work / "run", *load, "--out", work / "net.npz")
     execute(SURROGATE, "predict", work / "run", *load, "--out", work / "net.vtu")
@@ -101,7 +102,7 @@ def test_prediction_is_near_the_solution(work: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_loads_outside_the_training_are_warned_of(work: Path) -> None:
-    out = ["--out", work / "far.npz"]
+    out = ("--out", work / "far.npz")
     far = execute(SURROGATE, "predict", work / "run", "--load", "4,1:0,-5", *out)
     assert "beyond those of the training data" in far.stderr
     below = execute(SURROGATE, "predict", work / "run", "--load", "4,0:0,-1", *out)
