@@ -7,9 +7,9 @@ from typing import Any
 
 from pydantic import Field, SerializeAsAny, field_validator
 
+from datagen.geometries import Geometry
 from datagen.loads import LoadFamily, load_family
 from datagen.material import NeoHookean, Volumetric
-from datagen.meshing import BoxMesh
 from datagen.regions import Region
 from datagen.solver_settings import SolverSettings
 from shared_schema.configuration import Frozen, read_yaml, validate
@@ -46,7 +46,7 @@ class Case(Frozen):
     Attributes
     ----------
     name : str
-    mesh : BoxMesh
+    mesh : Box or LShape
     material : NeoHookean
     supports : tuple of Region
         Nodes in any of them are clamped.
@@ -56,7 +56,7 @@ class Case(Frozen):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
-    mesh: BoxMesh
+    mesh: Geometry
     material: NeoHookean
     supports: tuple[Region, ...] = Field(min_length=1)
     load: SerializeAsAny[LoadFamily]

@@ -18,7 +18,7 @@ import numpy as np
 from datagen import __version__
 from shared_schema.checker import check_dataset
 from shared_schema.command_line import run_command
-from shared_schema.errors import FAILED, WRONG_INPUT, InputError, WorkError
+from shared_schema.errors import FAILED, InputError, WorkError
 from shared_schema.point_load import nodal_forces
 from shared_schema.solution_file import require_suffix, write_solution
 
@@ -30,24 +30,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     logging.getLogger().setLevel(logging.WARNING)  # ffcx logs its compiler calls as info
     command: Callable[[argparse.Namespace], None] = options.command
-    if command is not _run:
-        return run_command("datagen", lambda: command(options))
+    if command is _run:
+        return _on_every_rank(lambda: _run(options))
+    return run_command("datagen", lambda: command(options))
+
+
+def _on_every_rank(command: Callable[[], None]) -> int:
+    """Run a collective command; a rank that fails takes down the others, which wait for it."""
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
     try:
-        if comm.rank == 0:
-            return run_command("datagen", lambda: _run(options))
-        try:
-            _run(options)
-            return 0
-        except InputError:  # the same on every rank; rank 0 says it
-            return WRONG_INPUT
+        code = run_command("datagen", command, says_input=comm.rank == 0)
     except BaseException:
         traceback.print_exc()
-        if comm.size > 1:
-            comm.Abort(FAILED)
-        raise
+        code = FAILED
+    if code == FAILED and comm.size > 1:
+        comm.Abort(FAILED)
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -146,9 +146,10 @@ def _solve(options: argparse.Namespace) -> None:
 
 def _check(options: argparse.Namespace) -> None:
     problems = check_dataset(options.dataset)
-    for problem in problems:
-        print(problem, file=sys.stderr)
+    if len(problems) == 1:
+        raise InputError(problems[0])
     if problems:
+        print("\n".join(problems), file=sys.stderr)
         raise InputError(f"{options.dataset}: {len(problems)} violations of the schema")
     print(f"{options.dataset}: intact")
 

@@ -23,6 +23,7 @@ from datagen.loads import LoadCase
 from datagen.ranks import SharedCounters, on_rank_zero
 from datagen.software import software_versions
 from shared_schema.command_line import Progress
+from shared_schema.errors import InputError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
 from shared_schema.shard import write_shard
 
@@ -74,7 +75,10 @@ def _make_shards(case: Case, journal: Journal, todo: list[int], comm: MPI.Comm) 
 
     while (position := counters.add("taken", 1)) < len(todo):
         shard = todo[position]
-        arrays = solve_shard(case, body, shard, after_sample)
+        try:
+            arrays = solve_shard(case, body, shard, after_sample)
+        except InputError as error:  # on this rank alone, so that it cannot be the run's
+            raise WorkError(f"{shard_name(shard)}: {error}") from error
         digest = write_shard(
             journal.folder / shard_name(shard), "nodal", arrays, case.digest(), body.mesh.cell_type
         )

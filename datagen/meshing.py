@@ -7,69 +7,12 @@ dolfinx chooses inside; `NodeNumbering` is the way between the two.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
-from shared_schema.configuration import Frozen
-
-PositiveInt = Annotated[int, Field(gt=0)]
-
-
-class BoxMesh(Frozen):
-    """A rectangle of quadrilaterals or a cuboid of hexahedra, meshed by transfinite curves.
-
-    Attributes
-    ----------
-    kind : "box"
-    lower, upper : tuple of d floats
-        Opposite corners in m.
-    elements : tuple of d ints
-        Number of elements along each axis.
-    """
-
-    kind: Literal["box"] = "box"
-    lower: tuple[float, ...] = Field(min_length=2, max_length=3)
-    upper: tuple[float, ...] = Field(min_length=2, max_length=3)
-    elements: tuple[PositiveInt, ...] = Field(min_length=2, max_length=3)
-
-    @property
-    def dimension(self) -> int:
-        """Number of space dimensions d."""
-        return len(self.elements)
-
-    @model_validator(mode="after")
-    def _is_box(self) -> BoxMesh:
-        if not len(self.lower) == len(self.upper) == len(self.elements):
-            raise ValueError("expected lower, upper and elements of the same length")
-        if any(a >= b for a, b in zip(self.lower, self.upper, strict=True)):
-            raise ValueError("expected every coordinate of lower below that of upper")
-        return self
-
-    def build(self, model: Any) -> None:
-        """Draw and mesh the box in the current gmsh model, with one physical group of cells."""
-        nx, ny = self.elements[:2]
-        geo = model.geo
-        (x0, y0), (x1, y1) = self.lower[:2], self.upper[:2]
-        z0 = self.lower[2] if self.dimension == 3 else 0.0
-        corners = [geo.addPoint(x, y, z0) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
-        sides = [geo.addLine(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-        base = geo.addPlaneSurface([geo.addCurveLoop(sides)])
-        for side, elements in zip(sides, (nx, ny, nx, ny), strict=True):
-            geo.mesh.setTransfiniteCurve(side, elements + 1)
-        geo.mesh.setTransfiniteSurface(base)
-        geo.mesh.setRecombine(2, base)
-        entity = (2, base)
-        if self.dimension == 3:
-            height = self.upper[2] - z0
-            layers = [self.elements[2]]
-            extruded = geo.extrude([entity], 0, 0, height, numElements=layers, recombine=True)
-            entity = next(e for e in extruded if e[0] == 3)
-        geo.synchronize()
-        model.addPhysicalGroup(entity[0], [entity[1]], 1)
-        model.mesh.generate(self.dimension)
+from datagen.geometries import Geometry
 
 
 @dataclass(frozen=True)
@@ -137,13 +80,13 @@ MESHIO_NAMES = {
 }
 
 
-def make_mesh(settings: BoxMesh, comm: Any) -> Mesh:
+def make_mesh(geometry: Geometry, comm: Any) -> Mesh:
     """Mesh a geometry with gmsh on rank 0 of `comm` and distribute it over the ranks.
 
     Parameters
     ----------
-    settings : BoxMesh
-        The geometry.
+    geometry : Geometry
+        What to mesh.
     comm : mpi4py communicator
         The ranks that share the mesh. Collective.
     """
@@ -155,25 +98,24 @@ def make_mesh(settings: BoxMesh, comm: Any) -> Mesh:
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("mesh")
-        settings.build(gmsh.model)
+        geometry.build(gmsh.model)
     try:
-        domain, _, _ = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=settings.dimension)
+        domain, _, _ = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=geometry.dimension)
     finally:
         if comm.rank == 0:
             gmsh.finalize()
 
     name = domain.topology.cell_type.name
-    geometry = domain.geometry
-    number = np.asarray(geometry.input_global_indices, dtype=np.int64)
-    owned = geometry.index_map().size_local
-    coordinates = np.empty((geometry.index_map().size_global, settings.dimension))
-    for numbers, points in comm.allgather(
-        (number[:owned], geometry.x[:owned, : settings.dimension])
-    ):
+    placed = domain.geometry
+    number = np.asarray(placed.input_global_indices, dtype=np.int64)
+    owned = placed.index_map().size_local
+    coordinates = np.empty((placed.index_map().size_global, geometry.dimension))
+    here = number[:owned], placed.x[:owned, : geometry.dimension]
+    for numbers, points in comm.allgather(here):
         coordinates[numbers] = points
 
     owned_cells = domain.topology.index_map(domain.topology.dim).size_local
-    corners = geometry.dofmap.array.reshape(-1, geometry.dofmap.links(0).size)[:owned_cells]
+    corners = placed.dofmap.array.reshape(-1, placed.dofmap.links(0).size)[:owned_cells]
     to_vtk = dolfinx.cpp.io.perm_vtk(domain.topology.cell_type, corners.shape[1])
     cells = np.concatenate(comm.allgather(number[corners][:, np.argsort(to_vtk)]))
     return Mesh(domain, coordinates, cells[np.lexsort(cells.T[::-1])], MESHIO_NAMES[name])

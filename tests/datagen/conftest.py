@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from datagen.body import Body, make_body
 from datagen.case import Case, read_case
 from datagen.equilibrium import EquilibriumProblem
+from datagen.geometries import Box
 from datagen.material import NeoHookean, Volumetric
-from datagen.meshing import BoxMesh, Mesh, make_mesh
+from datagen.meshing import Mesh, make_mesh
 from datagen.solver_settings import SolverSettings
 
 ProblemMaker = Callable[..., EquilibriumProblem]
@@ -52,7 +53,7 @@ def make_problem() -> ProblemMaker:
         distortion: float = 0.0,
     ) -> EquilibriumProblem:
         lower = (0.0,) * len(upper)
-        mesh = make_mesh(BoxMesh(lower=lower, upper=upper, elements=elements), MPI.COMM_SELF)
+        mesh = make_mesh(Box(lower=lower, upper=upper, elements=elements), MPI.COMM_SELF)
         if distortion:
             mesh = distorted(mesh, np.asarray(upper), distortion)
         material = NeoHookean(young_modulus=500, poisson_ratio=poisson_ratio, volumetric=volumetric)

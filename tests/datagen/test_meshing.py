@@ -10,7 +10,8 @@ import pytest
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from datagen.meshing import BoxMesh, make_mesh, node_numbering
+from datagen.geometries import Box
+from datagen.meshing import make_mesh, node_numbering
 
 
 @pytest.mark.parametrize(
@@ -19,9 +20,7 @@ from datagen.meshing import BoxMesh, make_mesh, node_numbering
 )
 def test_box(elements: tuple[int, ...], upper: tuple[float, ...], cell_type: str) -> None:
     """∏(n + 1) nodes, ∏ n cells, evenly spaced, each cell of the same positive volume."""
-    mesh = make_mesh(
-        BoxMesh(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF
-    )
+    mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     assert mesh.cell_type == cell_type
     assert len(mesh.coordinates) == np.prod(np.add(elements, 1))
     assert len(mesh.cells) == np.prod(elements)
@@ -36,9 +35,7 @@ def test_box(elements: tuple[int, ...], upper: tuple[float, ...], cell_type: str
 @pytest.mark.parametrize(("elements", "upper"), [((3, 2), (3.0, 2.0)), ((2, 2, 2), (1.0,) * 3)])
 def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, ...]) -> None:
     """VTK goes round the bottom face, then round the top: neighbours differ along one axis."""
-    mesh = make_mesh(
-        BoxMesh(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF
-    )
+    mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     corners = mesh.coordinates[mesh.cells]
     for face in (corners[:, :4], corners[:, 4:]):
         steps = np.roll(face, -1, axis=1) - face
@@ -54,9 +51,7 @@ def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, .
 def test_numbering_leads_from_degrees_of_freedom_to_nodes(
     elements: tuple[int, ...], upper: tuple[float, ...]
 ) -> None:
-    mesh = make_mesh(
-        BoxMesh(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF
-    )
+    mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     space = dolfinx.fem.VectorFunctionSpace(mesh.domain, ("Lagrange", 1))
     numbering = node_numbering(mesh, space)
     at = space.tabulate_dof_coordinates()[:, : len(upper)]
@@ -78,6 +73,6 @@ def test_numbering_leads_from_degrees_of_freedom_to_nodes(
 )
 def test_what_is_no_box(wrong: dict[str, Any]) -> None:
     right: dict[str, Any] = {"lower": (0, 0), "upper": (4, 1), "elements": (15, 3)}
-    BoxMesh.model_validate(right)
+    Box.model_validate(right)
     with pytest.raises(ValidationError):
-        BoxMesh.model_validate(right | wrong)
+        Box.model_validate(right | wrong)
