@@ -20,6 +20,7 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from datagen.linear_solver import set_up_direct, set_up_multigrid, set_up_newton
 from datagen.material import NeoHookean, deformation_gradient, strain_energy
 from datagen.meshing import Mesh, node_numbering
 from datagen.solver_settings import SolverSettings
@@ -123,16 +124,12 @@ class EquilibriumProblem:
             rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
         )
         snes.setType("newtonls")
-        ksp = snes.getKSP()
-        ksp.setType("preonly")
-        ksp.getPC().setType("lu")
-        ksp.getPC().setFactorSolverType("petsc" if self.comm.size == 1 else "mumps")
-        options = PETSc.Options()
-        snes.setOptionsPrefix(f"equilibrium_{id(self)}_")
-        name = snes.getOptionsPrefix() + "snes_linesearch_type"
-        options[name] = "basic"
-        snes.setFromOptions()
-        options.delValue(name)
+        set_up_newton(snes)
+        if settings.linear_solver == "lu":
+            set_up_direct(snes.getKSP())
+        else:
+            owned = self.numbering.node_of_block[: self.numbering.owned]
+            set_up_multigrid(snes.getKSP(), self.tangent(), self.mesh.coordinates[owned])
         return snes
 
     def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:

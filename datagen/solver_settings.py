@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from shared_schema.configuration import Frozen
@@ -20,6 +22,9 @@ class SolverSettings(Frozen):
         A load step that needs no more than these lets the next one grow.
     first_step : float
         First load step, as a fraction of the load.
+    linear_solver : {"lu", "multigrid"}
+        Of the Newton steps: direct, or conjugate gradients with algebraic multigrid, which pays
+        from some ten thousand degrees of freedom on.
     smallest_step : float
         Load step, as a fraction of the load, below which the load case counts as failed.
     """
@@ -28,4 +33,5 @@ class SolverSettings(Frozen):
     max_iterations: int = Field(15, gt=0)
     wanted_iterations: int = Field(8, gt=0)
     first_step: float = Field(1.0, gt=0, le=1)
+    linear_solver: Literal["lu", "multigrid"] = "lu"
     smallest_step: float = Field(1e-3, gt=0, le=1)

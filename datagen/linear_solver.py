@@ -1,0 +1,100 @@
+"""The linear solves of Newton's method: direct, or conjugate gradients with algebraic multigrid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+GAMG_OPTIONS = {
+    "pc_gamg_agg_nsmooths": 1,
+    "pc_gamg_threshold": 0.02,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 1,
+    "mg_levels_esteig_ksp_type": "cg",
+    "mg_levels_pc_type": "jacobi",
+    "mg_coarse_ksp_type": "preonly",
+    "mg_coarse_pc_type": "lu",
+}
+FORCING = 1e-3  # relative tolerance of an inner solve: inexact Newton, one iteration more at most
+MAX_ITERATIONS = 200
+
+
+def set_up_newton(snes: PETSc.SNES) -> None:
+    """Take full Newton steps (PETSc can be told so by its options only)."""
+    _from_options(snes, {"snes_linesearch_type": "basic"})
+
+
+def set_up_direct(ksp: PETSc.KSP) -> None:
+    """LU of every tangent: PETSc's own on one rank, MUMPS on several."""
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 else "mumps")
+
+
+def set_up_multigrid(ksp: PETSc.KSP, tangent: PETSc.Mat, points: NDArray[np.float64]) -> None:
+    """Conjugate gradients, preconditioned by a hierarchy that is built once.
+
+    The hierarchy is that of the undeformed body, so that no solve depends on those before it.
+
+    Parameters
+    ----------
+    ksp : PETSc.KSP
+    tangent : PETSc.Mat
+        At the undeformed state; the matrix that later tangents are assembled into.
+    points : array, (n_owned_nodes, d)
+        Positions of this rank's nodes in the order of their degrees of freedom, in m.
+    """
+    tangent.setNearNullSpace(rigid_body_modes(tangent, points))
+    tangent.setOption(PETSc.Mat.Option.SPD, True)
+    ksp.setType("cg")
+    ksp.setTolerances(rtol=FORCING, atol=0.0, max_it=MAX_ITERATIONS)
+    ksp.getPC().setType("gamg")
+    _from_options(ksp, GAMG_OPTIONS)
+    ksp.setOperators(tangent)
+    ksp.setUp()
+    ksp.getPC().setReusePreconditioner(True)
+
+
+def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.NullSpace:
+    """Translations and infinitesimal rotations of a body, orthonormal over all ranks.
+
+    Parameters
+    ----------
+    matrix : PETSc.Mat
+        Its layout is that of the vectors.
+    points : array, (n_owned_nodes, d)
+        In m.
+    """
+    dimension = points.shape[1]
+    modes = []
+    for axis in range(dimension):
+        modes.append(np.zeros_like(points))
+        modes[-1][:, axis] = 1.0
+    for a in range(dimension):
+        for b in range(a + 1, dimension):
+            modes.append(np.zeros_like(points))
+            modes[-1][:, a], modes[-1][:, b] = -points[:, b], points[:, a]
+    basis: list[PETSc.Vec] = []
+    for mode in modes:
+        vector = matrix.createVecLeft()
+        vector.array_w[:] = mode.ravel()
+        for other in basis:
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+        basis.append(vector)
+    return PETSc.NullSpace().create(vectors=basis, comm=matrix.comm)
+
+
+def _from_options(solver: Any, options: dict[str, Any]) -> None:
+    """Configure one solver by options that no other sees and that do not stay behind."""
+    prefix = f"solver_{solver.handle}_"
+    solver.setOptionsPrefix(prefix)
+    database = PETSc.Options()
+    for name, value in options.items():
+        database[prefix + name] = value
+    solver.setFromOptions()
+    for name in options:
+        database.delValue(prefix + name)
