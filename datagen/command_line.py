@@ -28,7 +28,7 @@ VOLUMETRIC = ("paper", "quadratic")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
     options = _parser().parse_args(arguments)
-    logging.getLogger().setLevel(logging.WARNING)  # ffcx logs its compiler calls as info
+    logging.disable(logging.INFO)  # ffcx and setuptools log every compiler call
     command: Callable[[argparse.Namespace], None] = options.command
     if command is _run:
         return _on_every_rank(lambda: _run(options))

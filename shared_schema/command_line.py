@@ -13,18 +13,28 @@ from shared_schema.errors import DONE, FAILED, WRONG_INPUT, InputError, WorkErro
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
 
 
-def run_command(program: str, command: Callable[[], None]) -> int:
-    """Run a command and turn what it raises into an exit code and one line on stderr."""
+def run_command(program: str, command: Callable[[], None], says_input: bool = True) -> int:
+    """Run a command and turn what it raises into an exit code and one line on stderr.
+
+    Parameters
+    ----------
+    program : str
+        Its name, which the line begins with.
+    command : callable
+    says_input : bool
+        Print the line of an InputError; of many ranks that find the same, one should.
+    """
     try:
         command()
     except InputError as error:
-        print(f"{program}: error: {error}", file=sys.stderr)
+        if says_input:
+            print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
-    except WorkError as error:
+    except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
         return FAILED
-    except OSError as error:
-        print(f"{program}: failed: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print(f"{program}: interrupted; the same command goes on from here", file=sys.stderr)
         return FAILED
     return DONE
 
