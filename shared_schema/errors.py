@@ -14,6 +14,11 @@ from __future__ import annotations
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 
 
+def first_line(error: BaseException) -> str:
+    """First line of an error's text, or its name if it has none."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
 class InputError(Exception):
     """The user's input is wrong; the message is the one line that the user sees (exit code 2)."""
 

@@ -176,7 +176,8 @@ def shape_problem(
         What is wrong, if anything.
     """
     grid_rank = len(shape) - (len(layout.axes) - 1) if "*grid" in layout.axes else 0
-    if len(shape) != len(layout.axes) and not ("*grid" in layout.axes and grid_rank in (2, 3)):
+    fits = grid_rank in (2, 3) if "*grid" in layout.axes else len(shape) == len(layout.axes)
+    if not fits:
         return f"has shape {shape}, expected axes ({', '.join(layout.axes)})"
     start = 0
     for axis in layout.axes:

@@ -187,7 +187,7 @@ def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
     try:
         text = path.read_text(encoding="ascii")
         content = json.loads(text)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON ({error})") from None
     manifest = validate(Manifest, content, str(path))
     if not manifest.is_intact() or manifest.spelled() != text:

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.errors import InputError
+from shared_schema.errors import InputError, first_line
 from shared_schema.layout import (
     LAYOUTS,
     SCHEMA_VERSION,
@@ -114,7 +114,7 @@ def array_problems(
             problems.append(f"dataset '{layout.path}' is missing")
             continue
         array = arrays[layout.path]
-        if layout.dtype != "str" and array.dtype != np.dtype(layout.dtype):
+        if array.dtype != np.dtype(object if layout.dtype == "str" else layout.dtype):
             problems.append(
                 f"dataset '{layout.path}' has type {array.dtype}, expected {layout.dtype}"
             )
@@ -172,7 +172,7 @@ def _open(path: Path, kind: Kind) -> h5py.File:
         with _damage_named(path):
             problems = structure_problems(file, kind)
         if problems:
-            raise InputError(f"{path}: {problems[0]}")
+            raise InputError(f"{path}: {'; '.join(problems)}")
     except InputError:
         file.close()
         raise
@@ -186,9 +186,8 @@ def _damage_named(path: Path) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (OSError, KeyError, LookupError, RuntimeError, TypeError, ValueError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: not a readable HDF5 file ({reason})") from None
+    except (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a readable HDF5 file ({first_line(error)})") from None
 
 
 def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
@@ -205,10 +204,15 @@ def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
             )
         if plain(file.attrs["kind"]) != kind:
             problems.append(f"attribute 'kind' is {file.attrs['kind']!r}, expected '{kind}'")
-    for name in _all_links(file):
-        link = file.get(name, getlink=True)
-        if isinstance(link, (h5py.ExternalLink, h5py.SoftLink)):
-            problems.append(f"'{name}' is a link to elsewhere, which is not allowed")
+    known = {layout.path for layout in LAYOUTS[kind]}
+    groups = {path.partition("/")[0] for path in known}
+    problems += _link_problems(file, "", groups)
+    for name in sorted(groups):
+        if isinstance(file.get(name, getlink=True), h5py.HardLink):
+            if not isinstance(file[name], h5py.Group):
+                problems.append(f"'{name}' is no group")
+            else:
+                problems += _link_problems(file[name], f"{name}/", known)
     if problems:
         return problems
     for layout in LAYOUTS[kind]:
@@ -229,16 +233,16 @@ def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
     return problems
 
 
-def _all_links(group: h5py.Group, prefix: str = "") -> list[str]:
-    """Every link of a file by its full path, without following soft or external ones."""
-    names = []
+def _link_problems(group: h5py.Group, prefix: str, known: set[str]) -> list[str]:
+    """What is wrong with the members of a group: links to elsewhere, and unknown ones."""
+    problems = []
     for name in group:
-        names.append(prefix + name)
-        if isinstance(group.get(name, getlink=True), h5py.HardLink):
-            member = group[name]
-            if isinstance(member, h5py.Group):
-                names += _all_links(member, f"{prefix}{name}/")
-    return names
+        path = prefix + name
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            problems.append(f"'{path}' is a link to elsewhere, which is not allowed")
+        elif path not in known:
+            problems.append(f"'{path}' is unknown")
+    return problems
 
 
 def _read(dataset: h5py.Dataset) -> NDArray[Any]:

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
-from shared_schema.errors import InputError
-from surrogate.run_folder import save_atomically
+from shared_schema.errors import InputError, first_line
+from surrogate.tensor_file import load_tensors, save_atomically
 
 
 def save_checkpoint(
@@ -59,21 +58,28 @@ def load_checkpoint(path: Path, network: nn.Module, optimisers: list[Any]) -> tu
     InputError
         If the file is damaged.
     """
+    tensors, metadata = load_tensors(path)
     try:
-        with safe_open(path, framework="pt") as file:
-            status = json.loads(file.metadata()["status"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: damaged checkpoint ({error})") from None
-    network.load_state_dict(_below("network.", tensors))
-    for number, optimiser in enumerate(optimisers):
-        state: dict[int, dict[str, Tensor]] = {}
-        for name, value in _below(f"optimiser.{number}.", tensors).items():
-            index, _, key = name.partition(".")
-            state.setdefault(int(index), {})[key] = value
-        groups = optimiser.state_dict()["param_groups"]
-        optimiser.load_state_dict({"state": state, "param_groups": groups})
-    return int(status["epoch"]), float(status["seconds"])
+        status = json.loads(metadata["status"])
+        network.load_state_dict(_below("network.", tensors))
+        for number, optimiser in enumerate(optimisers):
+            _restore(optimiser, _below(f"optimiser.{number}.", tensors))
+        return int(status["epoch"]), float(status["seconds"])
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path}: not a checkpoint of this run ({first_line(error)})") from None
+
+
+def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        index, _, key = name.partition(".")
+        state.setdefault(int(index), {})[key] = value
+    groups = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": state, "param_groups": groups})
+    for parameter, values in optimiser.state.items():
+        for key, value in values.items():
+            if value.shape == parameter.shape:  # fused Adam needs the parameter's memory layout
+                values[key] = torch.empty_like(parameter).copy_(value)
 
 
 def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -67,9 +67,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _train(options: argparse.Namespace) -> None:
     from surrogate.dataset import read_dataset
+    from surrogate.device import choose_device
     from surrogate.run_config import read_config
     from surrogate.run_folder import RunFolder
-    from surrogate.training import choose_device, train
+    from surrogate.training import train
 
     config = read_config(options.config)
     device = choose_device(options.device)
@@ -85,8 +86,8 @@ def _train(options: argparse.Namespace) -> None:
 
 
 def _evaluate(options: argparse.Namespace) -> None:
+    from surrogate.device import choose_device
     from surrogate.evaluation import evaluate
-    from surrogate.training import choose_device
 
     measures = evaluate(options.run, options.data, choose_device(options.device).type).measures
     print(

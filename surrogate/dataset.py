@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.checker import require_intact
+from shared_schema.errors import InputError
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
 from shared_schema.shard import read_attributes, read_shard
 from surrogate.geometry import Geometry
@@ -75,6 +76,8 @@ def read_dataset(folder: Path) -> Dataset:
     """
     manifest = read_manifest(folder, "structured")
     require_intact(folder, manifest)
+    if manifest.samples == 0:
+        raise InputError(f"{folder}: no samples in it")
     shards = [read_shard(folder / entry.file, "structured") for entry in manifest.shards]
     cell_type = str(read_attributes(folder / manifest.shards[0].file, "structured")["cell_type"])
 

@@ -79,6 +79,8 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
     run.require_case_of(dataset.manifest, description)
     if surrogate.geometry.differs_from(dataset.geometry):
         raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
+    if len(dataset.test) == 0:
+        raise InputError(f"{data}: no test samples in it")
     grid = dataset.geometry.grid
     force = grid.to_nodes(dataset.test.force.numpy()).astype(np.float64)
     reference = grid.to_nodes(dataset.test.displacement.numpy()).astype(np.float64)
@@ -95,8 +97,8 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
         "data_digest": dataset.manifest.digest,
         "trained_on_this_data": dataset.manifest.digest == description.data.digest,
         "trainable_parameters": parameter_count(surrogate.network),
-        "training_seconds": lines[-1]["seconds"] if lines else None,
-        "epochs": lines[-1]["epoch"] if lines else None,
+        "training_seconds": lines[-1]["seconds"] if lines else 0.0,
+        "epochs": lines[-1]["epoch"] if lines else 0,
         "test": measures.plain(),
         "example": evaluation.example_measures(),
         "torch": torch.__version__,

@@ -8,11 +8,12 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from shared_schema.errors import InputError
+from shared_schema.errors import InputError, first_line
 from surrogate.field_network import FieldNetwork
 from surrogate.geometry import PREFIX, Geometry
-from surrogate.run_folder import RunDescription, RunFolder
-from surrogate.training import make_network
+from surrogate.network import make_network
+from surrogate.run_description import RunDescription
+from surrogate.run_folder import RunFolder
 
 BATCH = 4096
 
@@ -53,11 +54,14 @@ class Surrogate:
         InputError
             If the shape is wrong or a force is not finite.
         """
-        nodal = np.asarray(forces, dtype=np.float64)
+        try:
+            nodal = np.asarray(forces, dtype=np.float64)
+        except ValueError as error:
+            raise InputError(f"forces are no array of numbers ({first_line(error)})") from None
         expected = self.geometry.coordinates.shape
         if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
-        if not np.isfinite(nodal).all():
+        if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
         grid = self.geometry.grid.to_grid(nodal.reshape(-1, *expected)).astype(np.float32)
         device = self.network.free.device
@@ -104,7 +108,8 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         network = make_network(description, geometry)
         weights = {k: v for k, v in tensors.items() if not k.startswith(PREFIX)}
         network.load_state_dict(weights)
-    except (KeyError, RuntimeError, ValueError) as error:
-        first = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{folder.model}: does not fit {folder.config.name} ({first})") from None
+    except (KeyError, IndexError, RuntimeError, ValueError) as error:
+        raise InputError(
+            f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
+        ) from None
     return Surrogate(network.to(device), geometry, description)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,8 @@ from shared_schema.errors import InputError
 from shared_schema.manifest import read_manifest, write_atomically
 from shared_schema.shard import read_shard
 from surrogate.published import PUBLISHED
-from surrogate.run_folder import RunDescription, RunFolder
+from surrogate.run_description import RunDescription
+from surrogate.run_folder import RunFolder
 
 Row = tuple[str, str, str]
 
@@ -70,11 +70,9 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     """
     run = RunFolder(run_folder)
     description = run.description()
-    if not run.evaluation.is_file():
-        raise InputError(f"{run_folder}: not evaluated yet, no {run.evaluation.name} in it")
+    evaluation = run.read_evaluation()
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
-    evaluation = json.loads(run.evaluation.read_text())
     solving = _solving(nodal, description) if nodal is not None else None
     write_atomically(path, _page(run, description, evaluation, solving))
 

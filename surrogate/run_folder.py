@@ -13,54 +13,17 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import yaml
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from shared_schema.configuration import Frozen, read_yaml, validate
+from shared_schema.configuration import read_yaml, validate
 from shared_schema.errors import InputError
-from shared_schema.manifest import Manifest, StructuredInfo, write_atomically
-from surrogate.run_config import RunConfig
-
-
-class DataFingerprint(Frozen):
-    """Which dataset a run belongs to.
-
-    Attributes
-    ----------
-    case : dict
-        The whole case configuration.
-    digest : str
-        Digest of the structured dataset.
-    dimension : int
-    cell_type : str
-    info : StructuredInfo
-        Grid, split and statistics.
-    """
-
-    case: dict[str, Any]
-    digest: str
-    dimension: int
-    cell_type: str
-    info: StructuredInfo
-
-
-class RunDescription(Frozen):
-    """Content of ``config.yaml``.
-
-    Attributes
-    ----------
-    run : RunConfig
-    data : DataFingerprint
-    """
-
-    run: RunConfig
-    data: DataFingerprint
+from shared_schema.manifest import Manifest, write_atomically
+from surrogate.run_description import RunDescription
+from surrogate.tensor_file import load_tensors, save_atomically
 
 
 class RunFolder:
@@ -112,20 +75,38 @@ class RunFolder:
         """Read ``model.safetensors``; InputError if the run is not finished or damaged."""
         if not self.model.is_file():
             raise InputError(f"{self.folder}: the run is not finished, no {self.model.name} in it")
-        try:
-            return load_file(self.model)
-        except (SafetensorError, OSError) as error:
-            raise InputError(f"{self.model}: damaged ({error})") from None
+        return load_tensors(self.model)[0]
 
     def write_tensors(self, tensors: dict[str, Tensor]) -> None:
         """Write ``model.safetensors`` atomically."""
         save_atomically(tensors, self.model)
 
     def metric_lines(self) -> list[dict[str, Any]]:
-        """Every line of ``metrics.jsonl``."""
+        """Every whole line of ``metrics.jsonl``; a last one that was cut short is left out."""
         if not self.metrics.is_file():
             return []
-        return [json.loads(line) for line in self.metrics.read_text().splitlines() if line]
+        lines = []
+        for text in filter(None, self.metrics.read_text().splitlines()):
+            try:
+                lines.append(json.loads(text))
+            except ValueError:
+                break
+        return lines
+
+    def keep_metric_lines(self, epoch: int) -> None:
+        """Drop what was measured after an epoch."""
+        lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
+        write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
+
+    def read_evaluation(self) -> dict[str, Any]:
+        """Read ``evaluation.json``; InputError if the run is not evaluated, or it is damaged."""
+        if not self.evaluation.is_file():
+            raise InputError(f"{self.folder}: not evaluated yet, no {self.evaluation.name} in it")
+        try:
+            content: dict[str, Any] = json.loads(self.evaluation.read_text())
+        except ValueError as error:
+            raise InputError(f"{self.evaluation}: damaged ({error})") from None
+        return content
 
     def require_case_of(self, manifest: Manifest, description: RunDescription) -> None:
         """Raise InputError unless a dataset is of the case that the run was trained on."""
@@ -137,19 +118,6 @@ class RunFolder:
                     f"'{theirs.get('name')}': {key} = {theirs.get(key)!r}, "
                     f"expected {ours.get(key)!r}"
                 )
-
-
-def save_atomically(
-    tensors: dict[str, Tensor], path: Path, metadata: dict[str, str] | None = None
-) -> None:
-    """Write a safetensors file that appears complete, or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:

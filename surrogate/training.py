@@ -10,9 +10,7 @@ import json
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -21,50 +19,19 @@ from shared_schema.errors import InputError, WorkError
 from surrogate.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.dataset import Dataset, Samples
 from surrogate.field_network import FieldNetwork
-from surrogate.likelihoods import deterministic_loss, output_channels
+from surrogate.likelihoods import deterministic_loss
+from surrogate.network import make_network
 from surrogate.optimisation import make_optimisers, set_learning_rate
 from surrogate.run_config import RunConfig
-from surrogate.run_folder import DataFingerprint, RunDescription, RunFolder
-from surrogate.unet import UNet, parameter_count
-
-INITIAL_WEIGHTS, VALIDATION, ORDER = range(3)  # streams of random numbers of one seed
-
-
-def describe(config: RunConfig, dataset: Dataset) -> RunDescription:
-    """Say what a run is made from.
-
-    Raises
-    ------
-    InputError
-        If the configuration is for another case than the dataset's.
-    """
-    manifest = dataset.manifest
-    if config.case != manifest.name:
-        raise InputError(
-            f"config '{config.name}': key 'case' = '{config.case}', the dataset is of case "
-            f"'{manifest.name}'"
-        )
-    data = DataFingerprint(
-        case=manifest.case,
-        digest=manifest.digest,
-        dimension=manifest.dimension,
-        cell_type=dataset.geometry.cell_type,
-        info=dataset.info,
-    )
-    return RunDescription(run=config, data=data)
+from surrogate.run_description import describe
+from surrogate.run_folder import RunFolder
+from surrogate.seeds import ORDER, VALIDATION, stream
+from surrogate.unet import parameter_count
 
 
-def make_network(description: RunDescription, geometry: Any) -> FieldNetwork:
-    """Build the network of a run with the initial weights that its seed gives."""
-    config, data = description.run, description.data
-    torch.manual_seed(stream(config.seed, INITIAL_WEIGHTS))
-    unet = UNet(data.dimension, output_channels(config.likelihood, data.dimension), config.network)
-    return FieldNetwork(unet, geometry, data.info)
-
-
-def stream(*numbers: int) -> int:
-    """A seed of 64 bits from some numbers, different for different numbers."""
-    return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0])
+def all_finite(network: torch.nn.Module) -> bool:
+    """Tell whether no weight is NaN or infinite."""
+    return all(bool(torch.isfinite(p).all()) for p in network.parameters())
 
 
 def split_validation(samples: Samples, fraction: float, seed: int) -> tuple[Samples, Samples]:
@@ -185,6 +152,11 @@ def train(
     train_part, validation_part = split_validation(
         dataset.train, config.training.validation_fraction, config.seed
     )
+    if len(train_part) == 0:
+        raise InputError(
+            f"config '{config.name}': key 'training.validation_fraction' = "
+            f"{config.training.validation_fraction} leaves none of {len(dataset.train)} samples"
+        )
     node_fraction = float(dataset.geometry.grid.mask.mean())
     trainer = Trainer(
         config, network, train_part.to(device), validation_part.to(device), node_fraction
@@ -194,8 +166,7 @@ def train(
     start, seconds = 0, 0.0
     if run.checkpoint.is_file():
         start, seconds = load_checkpoint(run.checkpoint, network, trainer.optimisers)
-    lines = [line for line in run.metric_lines() if line["epoch"] <= start]
-    run.metrics.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    run.keep_metric_lines(start)
 
     progress = Progress(
         trainer.steps,
@@ -208,11 +179,11 @@ def train(
     for epoch in range(start, last):
         began = time.perf_counter()
         loss = trainer.train_epoch(epoch, progress)
-        if not math.isfinite(loss):
+        if not (math.isfinite(loss) and all_finite(network)):
             kept = (
                 f"the checkpoint of epoch {start}" if run.checkpoint.is_file() else "no checkpoint"
             )
-            raise WorkError(f"the loss is {loss} in epoch {epoch + 1}; {kept} is kept")
+            raise WorkError(f"diverged in epoch {epoch + 1}, with a loss of {loss}; {kept} is kept")
         measures = trainer.validate()
         seconds += time.perf_counter() - began
         line = {"epoch": epoch + 1, "train_loss": loss, **measures, "seconds": seconds}
@@ -224,12 +195,3 @@ def train(
     progress.close(f"{seconds:.0f} s")
     if last == epochs:
         run.write_tensors({**network.cpu().state_dict(), **dataset.geometry.tensors()})
-
-
-def choose_device(name: str) -> torch.device:
-    """The device of a name: ``auto`` is cuda where there is one, else cpu."""
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise InputError("--device 'cuda': none here, expected 'cpu' or 'auto'")
-    return torch.device(name)

@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from shared_schema.configuration import Frozen
 
-CONVOLUTIONS = {2: nn.Conv2d, 3: nn.Conv3d}
+CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
@@ -57,7 +57,7 @@ class DoubleConvolution(nn.Sequential):
     def __init__(self, dimension: int, inputs: int, outputs: int, config: UNetConfig) -> None:
         layers: list[nn.Module] = []
         for channels in (inputs, outputs):
-            layers.append(CONVOLUTIONS[dimension](channels, outputs, kernel_size=3, padding=1))
+            layers.append(start_as_he(CONVOLUTIONS[dimension](channels, outputs, 3, padding=1)))
             if config.batch_norm:
                 layers.append(BATCH_NORMS[dimension](outputs))
             layers.append(ACTIVATIONS[config.activation]())
@@ -119,6 +119,14 @@ class UNet(nn.Module):
             padded = length + 2 * self.padding
             pads += [self.padding, self.padding + -padded % self.coarsening]
         return pads
+
+
+def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Module:
+    """Start a kernel as He et al. (2015) propose for rectifiers, and the bias at zero."""
+    nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
+    assert convolution.bias is not None
+    nn.init.zeros_(convolution.bias)
+    return convolution
 
 
 def parameter_count(module: nn.Module) -> int:

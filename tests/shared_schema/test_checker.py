@@ -436,7 +436,7 @@ def test_hdf5_never_sees_a_shard_of_wrong_checksum(
 
     monkeypatch.setattr(h5py, "File", record)
     assert_only_problem(nodal, SHARD, "checksum")
-    with pytest.raises(InputError, match=f"{SHARD}: checksum"):
+    with pytest.raises(InputError, match=f"{SHARD}: damaged, its checksum"):
         require_intact(nodal, manifest)
     assert SHARD not in opened
 

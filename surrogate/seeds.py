@@ -1,0 +1,13 @@
+"""Independent streams of random numbers from one seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+INITIAL_WEIGHTS, VALIDATION, ORDER = range(3)
+
+
+def stream(*numbers: int) -> int:
+    """A seed of 64 bits from some numbers, different for different numbers."""
+    entropy = (len(numbers), *numbers)
+    return int(np.random.SeedSequence(entropy).generate_state(1, np.uint64)[0])

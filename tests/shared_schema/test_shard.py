@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from shared_schema.errors import InputError
+from shared_schema.layout import LAYOUTS, SCHEMA_VERSION, Kind
+from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
+
+CASE_DIGEST = "ab" * 32
+
+
+def written(path: Path, kind: Kind, arrays: Arrays) -> Path:
+    write_shard(path, kind, arrays, CASE_DIGEST, "quad")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "fixture"),
+    [
+        ("nodal", "nodal_arrays"),
+        ("nodal", "empty_nodal_arrays"),
+        ("structured", "structured_arrays"),
+        ("structured", "empty_structured_arrays"),
+    ],
+)
+def test_round_trip(
+    tmp_path: Path, kind: Kind, fixture: str, request: pytest.FixtureRequest
+) -> None:
+    arrays: Arrays = request.getfixturevalue(fixture)
+    found = read_shard(written(tmp_path / "shard-00000.h5", kind, arrays), kind)
+    assert list(found) == [layout.path for layout in LAYOUTS[kind]]
+    for name, values in arrays.items():
+        assert found[name].dtype == values.dtype, name
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+
+
+def test_digest_and_attributes(tmp_path: Path, nodal_arrays: Arrays) -> None:
+    path = tmp_path / "shard-00000.h5"
+    digest = write_shard(path, "nodal", nodal_arrays, CASE_DIGEST, "quad")
+    assert digest == sha256(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert read_attributes(path, "nodal") == {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "nodal",
+        "case_digest": CASE_DIGEST,
+        "cell_type": "quad",
+    }
+    with h5py.File(path) as file:
+        assert file["samples/force"].attrs["units"] == "N"
+        assert file["samples/force"].attrs["description"]
+
+
+def test_same_content_gives_same_file(tmp_path: Path, nodal_arrays: Arrays) -> None:
+    first = written(tmp_path / "a.h5", "nodal", nodal_arrays)
+    second = written(tmp_path / "b.h5", "nodal", nodal_arrays)
+    assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "part"),
+    [
+        ("samples/displacement", np.full((2, 8, 2), np.nan), "NaN"),
+        ("samples/wall_time", np.array([np.inf, 0.0]), "infinity"),
+        ("samples/number", np.array([0, 1], dtype=np.int32), "int32"),
+        ("samples/number", np.array([0, 1, 2]), "sample"),
+        ("samples/colour", np.zeros(2), "unknown dataset 'samples/colour'"),
+        ("failed/number", None, "failed/number' is missing"),
+    ],
+)
+def test_wrong_arrays_are_not_written(
+    tmp_path: Path, nodal_arrays: Arrays, name: str, value: Any, part: str
+) -> None:
+    arrays = {k: v for k, v in nodal_arrays.items() if k != name}
+    if value is not None:
+        arrays[name] = value
+    with pytest.raises(ValueError, match=r"shard-00000\.h5") as error:
+        write_shard(tmp_path / "shard-00000.h5", "nodal", arrays, CASE_DIGEST, "quad")
+    assert part in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_exception_in_writing_leaves_nothing(
+    tmp_path: Path, nodal_arrays: Arrays, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def fail_late(*args: Any) -> None:
+        calls.append(list(tmp_path.iterdir()))
+        if len(calls) == 5:
+            raise OSError("no space left")
+
+    monkeypatch.setattr("shared_schema.shard._create", fail_late)
+    with pytest.raises(OSError, match="no space left"):
+        write_shard(tmp_path / "shard-00000.h5", "nodal", nodal_arrays, CASE_DIGEST, "quad")
+    assert len(calls[-1]) == 1  # the partial file was there while it was written
+    assert calls[-1][0].name != "shard-00000.h5"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_exception_in_writing_keeps_the_old_file(
+    tmp_path: Path, nodal_arrays: Arrays, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
+    before = path.read_bytes()
+
+    def fail(_: Path) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shared_schema.shard.sha256", fail)
+    with pytest.raises(KeyboardInterrupt):
+        write_shard(path, "nodal", nodal_arrays, CASE_DIGEST, "quad")
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == before
+
+
+def test_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"shard-00000\.h5: no such shard"):
+        read_shard(tmp_path / "shard-00000.h5", "nodal")
+
+
+def test_empty_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "shard-00000.h5"
+    path.touch()
+    with pytest.raises(InputError, match="empty"):
+        read_shard(path, "nodal")
+
+
+@pytest.mark.parametrize("part", [0.01, 0.3, 0.7, 0.999])
+def test_truncated_file_is_refused(tmp_path: Path, nodal_arrays: Arrays, part: float) -> None:
+    path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(part * len(content))])
+    with pytest.raises(InputError, match="not a readable HDF5 file") as error:
+        read_shard(path, "nodal")
+    assert "\n" not in str(error.value)
+
+
+def test_other_content_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "shard-00000.h5"
+    path.write_text("coordinates, forces\n")
+    with pytest.raises(InputError, match="not a readable HDF5 file"):
+        read_shard(path, "nodal")
+
+
+def test_other_kind_is_refused(tmp_path: Path, structured_arrays: Arrays) -> None:
+    path = written(tmp_path / "shard-00000.h5", "structured", structured_arrays)
+    with pytest.raises(InputError, match="'kind' is 'structured', expected 'nodal'"):
+        read_shard(path, "nodal")
+
+
+def test_other_schema_version_is_refused(tmp_path: Path, nodal_arrays: Arrays) -> None:
+    path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = 2
+    with pytest.raises(InputError, match="'schema_version' is 2, expected 1"):
+        read_shard(path, "nodal")
+
+
+def test_damaged_compressed_data_is_refused(tmp_path: Path, nodal_arrays: Arrays) -> None:
+    """The forces are stored compressed; a broken stream cannot be read."""
+    path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
+    with h5py.File(path) as file:
+        chunk = file["samples/force"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset : chunk.byte_offset + chunk.size] = bytes(chunk.size)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"shard-00000\.h5"):
+        read_shard(path, "nodal")

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from surrogate import figures
+from surrogate.dataset import Dataset
+from surrogate.metrics import measure
+
+LINES = [
+    {"epoch": 1, "train_loss": 1.0, "validation_loss": 1.1},
+    {"epoch": 2, "train_loss": 0.1, "validation_loss": 0.2},
+]
+
+
+def nodal(dataset: Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Forces, reference displacements and made-up predictions of the test split."""
+    grid = dataset.geometry.grid
+    force = grid.to_nodes(dataset.test.force.double().numpy())
+    reference = grid.to_nodes(dataset.test.displacement.double().numpy())
+    return force, reference, 0.9 * reference
+
+
+def draw(name: str, dataset: Dataset) -> Figure:
+    force, reference, predicted = nodal(dataset)
+    measures = measure(force, predicted, reference, dataset.geometry.tip)
+    if name == "deformed":
+        return figures.deformed_meshes(dataset.geometry, predicted[0], reference[0], force[0])
+    if name == "error_field":
+        return figures.error_field(dataset.geometry, predicted[0], reference[0])
+    if name == "errors":
+        return figures.sorted_errors(np.arange(12.0), np.arange(12.0) / 1e3, measures)
+    return figures.loss_curves(LINES, "mae")
+
+
+@pytest.mark.parametrize("name", ["deformed", "error_field", "errors", "loss"])
+def test_figure_is_a_picture(tmp_path: Path, dataset: Dataset, name: str) -> None:
+    path = tmp_path / f"{name}.png"
+    figures.save(draw(name, dataset), path)
+    assert path.read_bytes().startswith(b"\x89PNG\r\n")
+    pixels = imread(path)
+    assert min(pixels.shape[:2]) > 300
+    assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 10
+
+
+def test_axes_are_labelled_with_units(dataset: Dataset) -> None:
+    assert draw("deformed", dataset).axes[0].get_xlabel() == "x [m]"
+    assert "[mm]" in draw("error_field", dataset).axes[1].get_ylabel()
+    assert "[mm]" in draw("errors", dataset).axes[0].get_ylabel()
+    assert draw("loss", dataset).axes[0].get_ylabel() == "mean absolute error, scaled"
+
+
+def test_loss_without_validation() -> None:
+    lines = [{"epoch": 1, "train_loss": 1.0}, {"epoch": 2, "train_loss": 0.5}]
+    assert len(figures.loss_curves(lines, "mse").axes[0].lines) == 1
+    assert len(figures.loss_curves(LINES, "mse").axes[0].lines) == 2
+
+
+def test_every_edge_is_drawn_once(dataset: Dataset) -> None:
+    """7 × 3 cells: 7 · 4 horizontal and 8 · 3 vertical edges."""
+    figure = Figure()
+    axes = figure.subplots()
+    figures.draw_mesh(axes, dataset.geometry, dataset.geometry.coordinates, "black", None)
+    (collection,) = axes.collections
+    assert len(collection.get_paths()) == 7 * 4 + 8 * 3

@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import pickletools
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+import surrogate
+from shared_schema.errors import InputError
+from surrogate.dataset import Dataset
+from surrogate.run_config import RunConfig
+from surrogate.run_folder import RunFolder
+from surrogate.tensor_file import save_atomically
+from surrogate.training import train
+
+
+@pytest.fixture(scope="module")
+def model(trained: Path) -> surrogate.Surrogate:
+    return surrogate.load(trained)
+
+
+@pytest.fixture
+def copy(trained: Path, tmp_path: Path) -> RunFolder:
+    shutil.copytree(trained, tmp_path / "run")
+    return RunFolder(tmp_path / "run")
+
+
+def test_shapes(model: surrogate.Surrogate) -> None:
+    assert model.predict(np.zeros((32, 2))).shape == (32, 2)
+    assert model.predict(np.zeros((5, 32, 2))).shape == (5, 32, 2)
+    assert model.predict(np.zeros((32, 2)).tolist()).dtype == np.float64
+
+
+def test_prediction_is_that_of_the_network_on_the_grid(
+    model: surrogate.Surrogate, dataset: Dataset
+) -> None:
+    """Node ix · 4 + iy stands at (ix, iy): the mesh is in grid order."""
+    force = dataset.test.force
+    with torch.no_grad():
+        expected = model.network(force).double().numpy()
+    nodal = force.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    found = model.predict(nodal)
+    np.testing.assert_array_equal(found, expected.reshape(12, 2, 32).swapaxes(1, 2))
+    assert np.abs(found).max() > 1e-2
+    # alone and among others: the same, up to the order of sums in the convolutions
+    np.testing.assert_allclose(model.predict(nodal[3]), found[3], rtol=1e-4, atol=1e-6)
+
+
+def test_clamped_nodes_do_not_move(model: surrogate.Surrogate) -> None:
+    predicted = model.predict(np.random.default_rng(0).normal(size=(3, 32, 2)))
+    assert not predicted[:, model.geometry.clamped].any()
+    assert bool((predicted[:, ~model.geometry.clamped] != 0).all())
+
+
+def test_prediction_in_3d(
+    tmp_path: Path, dataset_3d: Dataset, make_config: Callable[..., RunConfig]
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    train(make_config(dimension=3, epochs=1), dataset_3d, run, torch.device("cpu"))
+    model = surrogate.load(run.folder)
+    predicted = model.predict(np.ones((2, 128, 3)))
+    assert predicted.shape == (2, 128, 3)
+    assert not predicted[:, model.geometry.clamped].any()
+
+
+@pytest.mark.parametrize("shape", [(32,), (31, 2), (32, 3), (2, 32), (1, 1, 32, 2), (0,)], ids=str)
+def test_wrong_shape(model: surrogate.Surrogate, shape: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match=r"expected \(32, 2\)"):
+        model.predict(np.zeros(shape))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_force_that_is_not_finite(model: surrogate.Surrogate, value: float) -> None:
+    forces = np.zeros((2, 32, 2))
+    forces[1, 31, 0] = value
+    with pytest.raises(InputError, match="NaN or an infinity"):
+        model.predict(forces)
+
+
+def test_no_samples(model: surrogate.Surrogate) -> None:
+    assert model.predict(np.zeros((0, 32, 2))).shape == (0, 32, 2)
+
+
+def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:
+    """Node 31 at the upper right corner may be loaded, node 28 below it not."""
+    limit = np.array(dataset.info.force.max_abs)
+    forces = np.zeros((32, 2))
+    forces[31] = limit
+    assert model.outside_training(forces) is None
+    forces[31] = -1.01 * limit
+    warning = model.outside_training(forces)
+    assert warning is not None
+    assert "beyond" in warning
+    assert f"{limit[0]:.3g}" in warning
+    forces[31], forces[28] = 0.0, 0.5 * limit
+    assert model.outside_training(forces) == "a loaded node was never loaded in the training data"
+
+
+def test_no_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no run there"):
+        surrogate.load(tmp_path / "nowhere")
+
+
+def test_run_that_is_not_finished(copy: RunFolder) -> None:
+    copy.model.unlink()
+    with pytest.raises(InputError, match="not finished"):
+        surrogate.load(copy.folder)
+
+
+@pytest.mark.parametrize("kept", [0, 4, 100, -1])
+def test_truncated_model(copy: RunFolder, kept: int) -> None:
+    copy.model.write_bytes(copy.model.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"model\.safetensors"):
+        surrogate.load(copy.folder)
+
+
+@pytest.mark.parametrize(
+    "name", ["network.head.bias", "geometry.node_at", "geometry.clamped", "force_scale"]
+)
+def test_model_that_lacks_a_tensor(copy: RunFolder, name: str) -> None:
+    tensors = load_file(copy.model)
+    del tensors[name]
+    save_atomically(tensors, copy.model)
+    with pytest.raises(InputError, match=r"model\.safetensors: does not fit config\.yaml"):
+        surrogate.load(copy.folder)
+
+
+def test_model_of_another_network(copy: RunFolder) -> None:
+    copy.config.write_text(copy.config.read_text().replace("channels: 8", "channels: 9"))
+    with pytest.raises(InputError, match="does not fit") as error:
+        surrogate.load(copy.folder)
+    assert "\n" not in str(error.value)
+
+
+def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:
+    files = [path for path in evaluated.rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} == {".yaml", ".safetensors", ".jsonl", ".json", ".png"}
+    for path in files:
+        content = path.read_bytes()
+        assert not zipfile.is_zipfile(path), path
+        assert not content.startswith(b"\x80"), path
+        if path.suffix == ".safetensors":
+            # eight bytes of length, then a JSON header: no pickle machine gets beyond the first
+            assert content[8:9] == b"{", path
+            with pytest.raises(ValueError):  # noqa: PT011, which byte it stumbles at is chance
+                list(pickletools.genops(content))
