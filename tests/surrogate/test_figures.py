@@ -58,12 +58,3 @@ def test_loss_without_validation() -> None:
     lines = [{"epoch": 1, "train_loss": 1.0}, {"epoch": 2, "train_loss": 0.5}]
     assert len(figures.loss_curves(lines, "mse").axes[0].lines) == 1
     assert len(figures.loss_curves(LINES, "mse").axes[0].lines) == 2
-
-
-def test_every_edge_is_drawn_once(dataset: Dataset) -> None:
-    """7 × 3 cells: 7 · 4 horizontal and 8 · 3 vertical edges."""
-    figure = Figure()
-    axes = figure.subplots()
-    figures.draw_mesh(axes, dataset.geometry, dataset.geometry.coordinates, "black", None)
-    (collection,) = axes.collections
-    assert len(collection.get_paths()) == 7 * 4 + 8 * 3
