@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from datagen.case import Case
 from datagen.equilibrium import EquilibriumProblem
+from datagen.loads import LoadableNodes
 from datagen.meshing import Mesh, make_mesh
 from shared_schema.errors import InputError
 
@@ -33,9 +34,11 @@ class Body:
     problem: EquilibriumProblem
 
     @property
-    def loadable_nodes(self) -> NDArray[np.int64]:
-        """Numbers of the loadable nodes, ascending."""
-        return np.flatnonzero(self.loadable)
+    def loadable_nodes(self) -> LoadableNodes:
+        """The loadable nodes, for the load family."""
+        mesh = self.mesh
+        nodes = np.flatnonzero(self.loadable)
+        return LoadableNodes(nodes, mesh.coordinates, mesh.cells, mesh.cell_type)
 
     def shard_arrays(self) -> dict[str, Any]:
         """What every shard says of the mesh, by the schema's paths."""

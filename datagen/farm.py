@@ -168,11 +168,11 @@ def solve_shard(
     dict of str to array
         The shard's arrays, by the schema's paths.
     """
-    nodes = body.loadable_nodes
+    loadable = body.loadable_nodes
     solved: list[tuple[int, LoadCase, SolveReport, Any, float]] = []
     failed: list[tuple[int, LoadCase, SolveReport]] = []
     for number in shard_samples(case, shard):
-        load = case.load.draw(number, case.dataset.seed, nodes, body.mesh.coordinates)
+        load = case.load.draw(number, case.dataset.seed, loadable)
         began = time.perf_counter()
         report = solve_load_case(body.problem, load.nodes, load.forces, case.solver)
         elapsed = time.perf_counter() - began
@@ -182,7 +182,7 @@ def solve_shard(
             failed.append((number, load, report))
         after_sample(not report.solved)
 
-    width = case.load.loads_per_sample(len(nodes))
+    width = case.load.loads_per_sample(loadable)
     dimension = case.mesh.dimension
     reports = [sample[2] for sample in solved]
 

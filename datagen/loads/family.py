@@ -26,6 +26,36 @@ SHIPPED = {
 
 
 @dataclass(frozen=True)
+class LoadableNodes:
+    """The nodes that a family may load, and the mesh they belong to.
+
+    Attributes
+    ----------
+    nodes : array of int, (n_loadable,)
+        Their numbers, ascending.
+    coordinates : array, (n_nodes, d)
+        Of all nodes of the mesh, in m.
+    cells : array of int, (n_cells, n_corners)
+        Of the mesh, in VTK order.
+    cell_type : str
+        meshio's name.
+    """
+
+    nodes: NDArray[np.int64]
+    coordinates: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    cell_type: str
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def dimension(self) -> int:
+        """Number of space dimensions d."""
+        return int(self.coordinates.shape[1])
+
+
+@dataclass(frozen=True)
 class LoadCase:
     """The load of one sample.
 
@@ -56,9 +86,7 @@ class LoadFamily(Frozen, ABC):
     region: Region
 
     @abstractmethod
-    def draw(
-        self, number: int, seed: int, nodes: NDArray[np.int64], coordinates: NDArray[np.float64]
-    ) -> LoadCase:
+    def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Make the load of one sample, from nothing but these arguments.
 
         Parameters
@@ -67,15 +95,13 @@ class LoadFamily(Frozen, ABC):
             Sample number.
         seed : int
             Seed of the dataset.
-        nodes : array of int, (n_loadable,)
-            Nodes in the region, ascending.
-        coordinates : array, (n_nodes, d)
-            All nodes, in m.
+        loadable : LoadableNodes
+            The nodes of the region.
         """
 
     @abstractmethod
-    def loads_per_sample(self, loadable: int) -> int:
-        """Largest number of nodes that one sample loads, given the number in the region."""
+    def loads_per_sample(self, loadable: LoadableNodes) -> int:
+        """Largest number of nodes that one sample loads."""
 
 
 def generator(seed: int, number: int) -> np.random.Generator:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from datagen.loads.family import LoadCase, LoadFamily, generator
+from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator
 
 
 class RandomNode(LoadFamily):
@@ -30,15 +28,14 @@ class RandomNode(LoadFamily):
             raise ValueError("expected [low, high] with low < high")
         return value
 
-    def draw(
-        self, number: int, seed: int, nodes: NDArray[np.int64], coordinates: NDArray[np.float64]
-    ) -> LoadCase:
+    def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Choose the node, then draw its force."""
         random = generator(seed, number)
-        chosen = number % len(nodes) if self.balanced else int(random.integers(len(nodes)))
-        force = random.uniform(*self.range, size=(1, coordinates.shape[1]))
-        return LoadCase(nodes[[chosen]], force)
+        count = len(loadable)
+        chosen = number % count if self.balanced else int(random.integers(count))
+        force = random.uniform(*self.range, size=(1, loadable.dimension))
+        return LoadCase(loadable.nodes[[chosen]], force)
 
-    def loads_per_sample(self, loadable: int) -> int:
+    def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """One."""
         return 1

@@ -1,0 +1,52 @@
+"""What the README shows of the factory does what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from datagen.case import SHIPPED
+from datagen.command_line import main
+from shared_schema.shard import read_shard
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def block(first_line: str) -> str:
+    """The code block that begins with a line."""
+    found = re.search(rf"```\w+\n({re.escape(first_line)}.*?)```", README, re.DOTALL)
+    assert found is not None, first_line
+    return found[1]
+
+
+def test_load_family_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every node of the free end under the same push of at most 0.5 N a component."""
+    (tmp_path / "push.py").write_text(block("# push.py"))
+    case = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
+    case |= yaml.safe_load(block("# push.yaml")) | {"name": "push"}
+    (tmp_path / "push.yaml").write_text(yaml.safe_dump(case))
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "push.yaml", "--samples", "5", "--out", "nodal"]) == 0
+    shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
+    assert shard["samples/loaded_nodes"].shape == (5, 4)
+    assert np.ptp(shard["samples/force"], axis=1).max() == 0
+    assert 0 < np.abs(shard["samples/force"]).max() <= 0.5
+
+
+def test_every_shipped_case_is_read() -> None:
+    from datagen.case import read_case
+
+    for path in SHIPPED.glob("*.yaml"):
+        assert read_case(path.stem).name == path.stem
+
+
+def test_commands_are_those_that_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in set(re.findall(r"datagen (\w+) (?:CASE|NODAL_DIR|DIR)", README)):
+        with pytest.raises(SystemExit) as stop:
+            main([command, "--help"])
+        assert stop.value.code == 0
+    capsys.readouterr()
