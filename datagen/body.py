@@ -73,5 +73,10 @@ def make_body(case: Case, comm: Any) -> Body:
             f"case '{case.name}': key 'load.region' holds the clamped node at {at}, "
             "expected free nodes only"
         )
+    try:
+        nodes = np.flatnonzero(loadable)
+        case.load.check(LoadableNodes(nodes, mesh.coordinates, mesh.cells, mesh.cell_type))
+    except ValueError as error:
+        raise InputError(f"case '{case.name}': load family: {error}") from None
     problem = EquilibriumProblem(mesh, case.material, clamped, case.solver)
     return Body(mesh, clamped, loadable, problem)

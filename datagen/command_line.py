@@ -69,7 +69,22 @@ def _parser() -> argparse.ArgumentParser:
     structure = commands.add_parser("structure", help="lay a nodal dataset on its grid")
     structure.add_argument("nodal", type=Path, metavar="NODAL_DIR")
     structure.add_argument("--out", type=Path, required=True, metavar="DIR")
+    structure.add_argument(
+        "--order",
+        choices=("preferred", "gmsh", "random"),
+        default="preferred",
+        help="which node stands at which grid point (default: the one that is there in space)",
+    )
+    structure.add_argument("--order-seed", type=int, default=0, metavar="S")
     structure.set_defaults(command=_structure)
+
+    noise = commands.add_parser("noise", help="copy a nodal dataset with noise on small loads")
+    noise.add_argument("nodal", type=Path, metavar="NODAL_DIR")
+    noise.add_argument("--out", type=Path, required=True, metavar="DIR")
+    noise.add_argument("--seed", type=int, default=0, metavar="S")
+    noise.add_argument("--relative", type=float, default=0.2, help="largest relative change")
+    noise.add_argument("--threshold", type=float, default=0.7, help="largest |f| with noise, in N")
+    noise.set_defaults(command=_noise)
 
     solve = commands.add_parser("solve", help="solve one load case and write the fields")
     solve.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
@@ -105,10 +120,19 @@ def _run(options: argparse.Namespace) -> None:
 def _structure(options: argparse.Namespace) -> None:
     from datagen.structure import structure
 
-    info = structure(options.nodal, options.out).structured
+    info = structure(options.nodal, options.out, options.order, options.order_seed).structured
     assert info is not None
     shape = " x ".join(str(n) for n in info.grid_shape)
     print(f"{options.out}: {info.train} training and {info.test} test samples on a {shape} grid")
+
+
+def _noise(options: argparse.Namespace) -> None:
+    from datagen.noise import add_noise
+
+    manifest = add_noise(
+        options.nodal, options.out, options.seed, options.relative, options.threshold
+    )
+    print(f"{options.out}: {manifest.samples} samples with noise")
 
 
 def _solve(options: argparse.Namespace) -> None:

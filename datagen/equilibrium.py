@@ -20,10 +20,11 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.linear_solver import set_up_direct, set_up_multigrid, set_up_newton
+from datagen.linear_solver import set_up_direct, set_up_multigrid
 from datagen.material import NeoHookean, deformation_gradient, strain_energy
 from datagen.meshing import Mesh, node_numbering
 from datagen.solver_settings import SolverSettings
+from datagen.tangent_assembly import TangentAssembler
 
 COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
@@ -111,7 +112,12 @@ class EquilibriumProblem:
         self.load_factor = 0.0
 
         self._residual = fem_petsc.create_vector(self.residual_form)
-        self._matrix = fem_petsc.create_matrix(self.tangent_form)
+        self._assembler: TangentAssembler | None = None
+        if self.comm.size == 1:
+            self._assembler = TangentAssembler(self.tangent_form, self.u, blocks)
+            self._matrix = self._assembler.matrix
+        else:
+            self._matrix = fem_petsc.create_matrix(self.tangent_form)
         self._x = self._residual.duplicate()  # SNES must not be handed the function's own vector
         self._inverted = False
         self.snes = self._make_snes(settings)
@@ -124,12 +130,11 @@ class EquilibriumProblem:
             rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
         )
         snes.setType("newtonls")
-        set_up_newton(snes)
         if settings.linear_solver == "lu":
-            set_up_direct(snes.getKSP())
+            set_up_direct(snes)
         else:
             owned = self.numbering.node_of_block[: self.numbering.owned]
-            set_up_multigrid(snes.getKSP(), self.tangent(), self.mesh.coordinates[owned])
+            set_up_multigrid(snes, self.mesh.coordinates[owned])
         return snes
 
     def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:
@@ -203,6 +208,8 @@ class EquilibriumProblem:
 
     def tangent(self) -> PETSc.Mat:
         """Assemble ∂f_int/∂u at the current state, with the identity in the clamped rows."""
+        if self._assembler is not None:
+            return self._assembler.assemble()
         self._matrix.zeroEntries()
         fem_petsc.assemble_matrix(self._matrix, self.tangent_form, bcs=self.supports)
         self._matrix.assemble()

@@ -22,40 +22,45 @@ FORCING = 1e-3  # relative tolerance of an inner solve: inexact Newton, one iter
 MAX_ITERATIONS = 200
 
 
-def set_up_newton(snes: PETSc.SNES) -> None:
-    """Take full Newton steps (PETSc can be told so by its options only)."""
-    _from_options(snes, {"snes_linesearch_type": "basic"})
+FULL_STEPS = {"snes_linesearch_type": "basic"}
+BUILT_ONCE = {"snes_lag_preconditioner": -2}  # at the first tangent, then never again
 
 
-def set_up_direct(ksp: PETSc.KSP) -> None:
+def set_up_direct(snes: PETSc.SNES) -> None:
     """LU of every tangent: PETSc's own on one rank, MUMPS on several."""
+    _from_options(snes, FULL_STEPS)
+    ksp = snes.getKSP()
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
     ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 else "mumps")
 
 
-def set_up_multigrid(ksp: PETSc.KSP, tangent: PETSc.Mat, points: NDArray[np.float64]) -> None:
+def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     """Conjugate gradients, preconditioned by a hierarchy that is built once.
 
     The hierarchy is that of the undeformed body, so that no solve depends on those before it.
 
     Parameters
     ----------
-    ksp : PETSc.KSP
-    tangent : PETSc.Mat
-        At the undeformed state; the matrix that later tangents are assembled into.
+    snes : PETSc.SNES
+        With function and tangent set.
     points : array, (n_owned_nodes, d)
         Positions of this rank's nodes in the order of their degrees of freedom, in m.
     """
+    _from_options(snes, FULL_STEPS | BUILT_ONCE)
+    snes.setUp()
+    tangent, _, _ = snes.getJacobian()
+    undeformed = tangent.createVecRight()
+    snes.computeJacobian(undeformed, tangent)
     tangent.setNearNullSpace(rigid_body_modes(tangent, points))
     tangent.setOption(PETSc.Mat.Option.SPD, True)
+    ksp = snes.getKSP()
     ksp.setType("cg")
     ksp.setTolerances(rtol=FORCING, atol=0.0, max_it=MAX_ITERATIONS)
     ksp.getPC().setType("gamg")
     _from_options(ksp, GAMG_OPTIONS)
     ksp.setOperators(tangent)
     ksp.setUp()
-    ksp.getPC().setReusePreconditioner(True)
 
 
 def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.NullSpace:

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from shared_schema.configuration import Frozen
 
+LinearSolver = Literal["lu", "multigrid"]
+
 
 class SolverSettings(Frozen):
     """Newton's method and load stepping (defaults: AceFEM's in the authors' scripts).
@@ -33,5 +35,5 @@ class SolverSettings(Frozen):
     max_iterations: int = Field(15, gt=0)
     wanted_iterations: int = Field(8, gt=0)
     first_step: float = Field(1.0, gt=0, le=1)
-    linear_solver: Literal["lu", "multigrid"] = "lu"
+    linear_solver: LinearSolver = "lu"
     smallest_step: float = Field(1e-3, gt=0, le=1)

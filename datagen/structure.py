@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.case import Case
+from datagen.new_folder import require_free
 from shared_schema.checker import require_intact
 from shared_schema.command_line import Progress
 from shared_schema.configuration import validate
@@ -18,6 +19,7 @@ from shared_schema.manifest import (
     MANIFEST,
     ComponentStatistics,
     Manifest,
+    NodeOrder,
     ShardEntry,
     StructuredInfo,
     read_manifest,
@@ -28,7 +30,9 @@ from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
-def structure(source: Path, folder: Path) -> Manifest:
+def structure(
+    source: Path, folder: Path, order: NodeOrder = "preferred", order_seed: int = 0
+) -> Manifest:
     """Lay a nodal dataset on its grid.
 
     Displacements are rounded to float32; apart from that nodal → structured → nodal is exact.
@@ -39,6 +43,11 @@ def structure(source: Path, folder: Path) -> Manifest:
         Nodal dataset.
     folder : Path
         Where the structured one shall be; made new, or made again from the same source.
+    order : {"preferred", "gmsh", "random"}
+        Which node stands at a grid point. Convolutions need the preferred order, in which
+        neighbours in space are neighbours on the grid; the others are for the study of that.
+    order_seed : int
+        Of the random order.
 
     Raises
     ------
@@ -51,7 +60,7 @@ def structure(source: Path, folder: Path) -> Manifest:
     require_intact(source, manifest)
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    _require_free(folder, manifest)
+    require_free(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(case, manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
@@ -59,11 +68,10 @@ def structure(source: Path, folder: Path) -> Manifest:
     grid: GridMap | None = None
     start = 0
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MANIFEST).unlink(missing_ok=True)
     for entry in manifest.shards:
         nodal = read_shard(source / entry.file, "nodal")
         if grid is None:
-            grid = _grid_of(nodal, source)
+            grid = in_order(_grid_of(nodal, source), order, order_seed)
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
         start = stop
@@ -84,6 +92,8 @@ def structure(source: Path, folder: Path) -> Manifest:
     assert grid is not None
     info = StructuredInfo(
         grid_shape=grid.shape,
+        order=order,
+        order_seed=order_seed,
         train=int((~is_test).sum()),
         test=int(is_test.sum()),
         split_seed=case.dataset.seed,
@@ -100,22 +110,21 @@ def structure(source: Path, folder: Path) -> Manifest:
     return write_manifest(folder, manifest.model_copy(update=update))
 
 
-def _require_free(folder: Path, source: Manifest) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out '{folder}': expected a folder, found a file")
-    if (folder / MANIFEST).is_file():
-        existing = read_manifest(folder)
-        if existing.kind != "structured" or existing.case_digest != source.case_digest:
-            raise InputError(f"--out '{folder}': holds another dataset, '{existing.name}'")
-    elif folder.is_dir() and any(not p.name.startswith("shard-") for p in folder.iterdir()):
-        raise InputError(f"--out '{folder}': the folder holds something else")
-
-
 def _grid_of(nodal: Arrays, source: Path) -> GridMap:
     try:
         return GridMap.from_coordinates(nodal["mesh/coordinates"])
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
+
+
+def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:
+    """Put the nodes on the grid points in the order asked for."""
+    if order == "preferred":
+        return grid
+    nodes = np.arange(grid.nodes)
+    if order == "random":
+        nodes = np.random.default_rng(seed).permutation(nodes)
+    return grid.reordered(nodes)
 
 
 def split(case: Case, samples: int) -> NDArray[np.bool_]:

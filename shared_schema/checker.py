@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from shared_schema.cells import CELL_TYPES
 from shared_schema.errors import InputError
 from shared_schema.grid_map import NO_NODE, GridMap
-from shared_schema.layout import CELL_TYPES
 from shared_schema.manifest import Manifest, digest_of, read_manifest
 from shared_schema.shard import (
     Arrays,

@@ -63,6 +63,18 @@ class GridMap:
             raise ValueError("two nodes stand at the same grid point")
         return cls(node_at)
 
+    def reordered(self, nodes: NDArray[np.int64]) -> GridMap:
+        """The same grid points with other nodes on them: `nodes` in the order of the grid points.
+
+        Parameters
+        ----------
+        nodes : array of int, (n_nodes,)
+            Every node number once.
+        """
+        node_at = self.node_at.copy()
+        node_at[self.mask] = nodes
+        return GridMap(node_at)
+
     @property
     def shape(self) -> tuple[int, ...]:
         """(nx, ny[, nz])."""

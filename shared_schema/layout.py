@@ -145,7 +145,6 @@ STRUCTURED = (
 )
 
 LAYOUTS: dict[Kind, tuple[ArrayLayout, ...]] = {"nodal": NODAL, "structured": STRUCTURED}
-CELL_TYPES = ("triangle", "quad", "tetra", "hexahedron")
 SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
 
 

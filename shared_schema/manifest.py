@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -56,6 +56,9 @@ class ComponentStatistics(Frozen):
     max_abs: tuple[float, ...]
 
 
+NodeOrder = Literal["preferred", "gmsh", "random"]
+
+
 class StructuredInfo(Frozen):
     """What a structured dataset says beyond a nodal one.
 
@@ -63,6 +66,11 @@ class StructuredInfo(Frozen):
     ----------
     grid_shape : tuple of int
         (nx, ny[, nz]).
+    order : {"preferred", "gmsh", "random"}
+        Which node stands at a grid point: the one that is there in space, or the next by gmsh's
+        number, or one at random.
+    order_seed : int
+        Of the random order.
     train, test : int
         Number of samples of each split.
     split_seed : int
@@ -73,6 +81,8 @@ class StructuredInfo(Frozen):
     """
 
     grid_shape: tuple[int, ...]
+    order: NodeOrder = "preferred"
+    order_seed: int = 0
     train: int
     test: int
     split_seed: int
@@ -102,6 +112,8 @@ class Manifest(Frozen):
         Number of space dimensions d.
     samples, failed : int
         Over all shards.
+    transforms : tuple of dict
+        Steps that changed the samples after they were solved (noise), with all their settings.
     shards : tuple of ShardEntry
     structured : StructuredInfo or None
     digest : str
@@ -119,6 +131,7 @@ class Manifest(Frozen):
     dimension: int = Field(ge=2, le=3)
     samples: int = Field(ge=0)
     failed: int = Field(ge=0)
+    transforms: tuple[dict[str, Any], ...] = ()
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
     digest: str = ""

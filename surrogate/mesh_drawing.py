@@ -13,23 +13,11 @@ from matplotlib.tri import Triangulation
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
+from shared_schema.cells import boundary_facets
 from surrogate.geometry import Geometry
 
 Array = NDArray[np.float64]
 
-FACES = {  # corners of each face of a cell, VTK order
-    "triangle": ((0, 1, 2),),
-    "quad": ((0, 1, 2, 3),),
-    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
-    "hexahedron": (
-        (0, 1, 2, 3),
-        (4, 5, 6, 7),
-        (0, 1, 5, 4),
-        (1, 2, 6, 5),
-        (2, 3, 7, 6),
-        (3, 0, 4, 7),
-    ),
-}
 ARROW = 0.16  # length of a force's arrow, as a part of the body's size
 
 
@@ -41,12 +29,9 @@ def surface_faces(geometry: Geometry) -> NDArray[np.int64]:
     array of int, (n_faces, n_corners)
         Node numbers, going round each face.
     """
-    faces = np.concatenate([geometry.cells[:, face] for face in FACES[geometry.cell_type]])
     if geometry.dimension == 2:
-        return faces
-    keys = np.sort(faces, axis=1)
-    _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
-    return np.asarray(faces[first[count == 1]])
+        return geometry.cells
+    return boundary_facets(geometry.cells, geometry.cell_type)
 
 
 def surface_edges(geometry: Geometry) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from shared_schema.errors import InputError, first_line
@@ -23,7 +23,8 @@ def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | Non
     contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        save_file(contiguous, partial, {**(metadata or {}), DIGEST: tensor_digest(contiguous)})
+        text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
+        partial.write_bytes(save(contiguous, text))
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

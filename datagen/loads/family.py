@@ -11,18 +11,31 @@ import importlib.util
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import AfterValidator, ValidationError
 
 from datagen.regions import Region
 from shared_schema.configuration import Frozen, first_problem
 
 SHIPPED = {
     "random_node": "datagen.loads.random_node:RandomNode",
+    "random_nodes": "datagen.loads.random_nodes:RandomNodes",
+    "each_node": "datagen.loads.each_node:EachNode",
+    "sweep": "datagen.loads.sweep:Sweep",
+    "traction": "datagen.loads.traction:Traction",
 }
+
+
+def _ascending(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] >= value[1]:
+        raise ValueError("expected [low, high] with low < high")
+    return value
+
+
+ForceRange = Annotated[tuple[float, float], AfterValidator(_ascending)]
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,11 @@ class LoadableNodes:
         """Number of space dimensions d."""
         return int(self.coordinates.shape[1])
 
+    def require_components(self, key: str, vector: tuple[float, ...]) -> None:
+        """Raise ValueError unless a vector of the case has d components."""
+        if len(vector) != self.dimension:
+            raise ValueError(f"key '{key}' = {vector}: expected {self.dimension} components")
+
 
 @dataclass(frozen=True)
 class LoadCase:
@@ -84,6 +102,9 @@ class LoadFamily(Frozen, ABC):
 
     family: str
     region: Region
+
+    def check(self, loadable: LoadableNodes) -> None:
+        """See that the family fits the mesh; ValueError, naming the key, if it does not."""
 
     @abstractmethod
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:

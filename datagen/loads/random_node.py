@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field, field_validator
-
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 
 
 class RandomNode(LoadFamily):
@@ -18,15 +16,8 @@ class RandomNode(LoadFamily):
         Load the nodes in turn, so that each is loaded equally often; otherwise draw the node.
     """
 
-    range: tuple[float, float] = Field()
+    range: ForceRange
     balanced: bool = True
-
-    @field_validator("range")
-    @classmethod
-    def _ascending(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if value[0] >= value[1]:
-            raise ValueError("expected [low, high] with low < high")
-        return value
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Choose the node, then draw its force."""

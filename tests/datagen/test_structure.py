@@ -14,6 +14,7 @@ from datagen.structure import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
 from shared_schema.grid_map import GridMap
+from shared_schema.manifest import NodeOrder
 from shared_schema.shard import Arrays, read_shard
 
 SAMPLES = 45
@@ -87,6 +88,26 @@ def test_split_and_statistics(structured: Path) -> None:
     assert info.displacement.mean == pytest.approx(values.mean(axis=1), rel=1e-12)
     assert info.displacement.std == pytest.approx(values.std(axis=1), rel=1e-10)
     assert info.displacement.max_abs == pytest.approx(np.abs(values).max(axis=1), rel=0)
+
+
+@pytest.mark.parametrize("order", ["gmsh", "random"])
+def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrder) -> None:
+    """Other nodes on the grid points; back at the nodes the values are the same."""
+    folder = tmp_path / order
+    info = structure(nodal, folder, order, 3).structured
+    assert info is not None
+    assert (info.order, info.order_seed) == (order, 3)
+    assert check_dataset(folder) == []
+    shard = read_shard(folder / "shard-00000.h5", "structured")
+    grid = GridMap(shard["grid/node_at"])
+    back = grid.to_nodes(shard["samples/displacement"])
+    there = read_shard(nodal / "shard-00000.h5", "nodal")["samples/displacement"]
+    assert np.array_equal(back, there.astype(np.float32))
+    x = shard["mesh/coordinates"][grid.node_at]
+    step = np.linalg.norm(np.diff(x, axis=0), axis=-1)
+    assert step.max() > 3 * 4 / 15  # neighbours on the grid are none in space
+    in_sequence = np.array_equal(grid.node_at.ravel(), np.arange(64))
+    assert in_sequence == (order == "gmsh")
 
 
 def test_split_is_random_and_reproducible() -> None:

@@ -1,0 +1,46 @@
+"""Several nodes of the region at once, each under a random force."""
+
+from __future__ import annotations
+
+from pydantic import field_validator
+
+from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+
+
+class RandomNodes(LoadFamily):
+    """Different nodes, each as likely as any other, their forces drawn from U(low, high).
+
+    Attributes
+    ----------
+    range : tuple of 2 floats
+        (low, high) of each force component, in N.
+    count : tuple of 2 ints
+        Fewest and most nodes of one sample; how many, is drawn uniformly.
+    """
+
+    range: ForceRange
+    count: tuple[int, int] = (2, 5)
+
+    @field_validator("count")
+    @classmethod
+    def _is_interval(cls, value: tuple[int, int]) -> tuple[int, int]:
+        if not 1 <= value[0] <= value[1]:
+            raise ValueError("expected [fewest, most] with 1 <= fewest <= most")
+        return value
+
+    def check(self, loadable: LoadableNodes) -> None:
+        """See that there are as many nodes as one sample can ask for."""
+        if len(loadable) < self.count[1]:
+            raise ValueError(f"key 'count' = {self.count}: the region has {len(loadable)} nodes")
+
+    def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
+        """Draw how many, then which, then their forces."""
+        random = generator(seed, number)
+        count = int(random.integers(self.count[0], self.count[1] + 1))
+        chosen = random.choice(len(loadable), size=count, replace=False)
+        forces = random.uniform(*self.range, size=(count, loadable.dimension))
+        return LoadCase(loadable.nodes[chosen], forces)
+
+    def loads_per_sample(self, loadable: LoadableNodes) -> int:
+        """The most that are asked for."""
+        return self.count[1]

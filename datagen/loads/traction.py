@@ -1,0 +1,86 @@
+r"""A random uniform traction on a patch of the boundary, as consistent nodal forces.
+
+.. math:: f_a = \int_{Γ} N_a \, \bar t \, dS
+
+with the shape functions N_a of the facets (Deshpande et al. 2022, Eq. VWP, second term).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from shared_schema.cells import boundary_facets
+
+GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3)
+
+
+class Traction(LoadFamily):
+    """A dead traction on the boundary facets whose nodes all lie in the region.
+
+    Attributes
+    ----------
+    range : tuple of 2 floats
+        (low, high) of each component of the traction, in Pa.
+    """
+
+    range: ForceRange
+
+    def check(self, loadable: LoadableNodes) -> None:
+        """See that the region holds a facet, and that every node of it belongs to one."""
+        lonely = np.flatnonzero(nodal_areas(loadable) == 0)
+        if lonely.size:
+            at = ",".join(f"{x:g}" for x in loadable.coordinates[loadable.nodes[lonely[0]]])
+            raise ValueError(f"key 'region': the node at {at} belongs to no facet of the region")
+
+    def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
+        """Draw the traction and share it among the nodes."""
+        traction = generator(seed, number).uniform(*self.range, size=loadable.dimension)
+        return LoadCase(loadable.nodes, np.outer(nodal_areas(loadable), traction))
+
+    def loads_per_sample(self, loadable: LoadableNodes) -> int:
+        """All nodes of the region."""
+        return len(loadable)
+
+
+def nodal_areas(loadable: LoadableNodes) -> NDArray[np.float64]:
+    """∫ N_a dS over the region's facets, for each of its nodes: (n_loadable,) in m² (m in 2D)."""
+    facets = boundary_facets(loadable.cells, loadable.cell_type)
+    facets = facets[np.isin(facets, loadable.nodes).all(axis=1)]
+    areas = np.zeros(len(loadable.coordinates))
+    np.add.at(areas, facets, facet_shares(loadable.coordinates[facets]))
+    return areas[loadable.nodes]
+
+
+def facet_shares(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """∫ N_a dS of each corner of each facet.
+
+    Parameters
+    ----------
+    corners : array, (n_facets, n_corners, d)
+        Two corners: an edge in the plane; three or four: a triangle or quadrilateral in space,
+        going round. In m.
+
+    Returns
+    -------
+    array, (n_facets, n_corners)
+    """
+    count = corners.shape[1]
+    if count == 2:
+        length = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+        return np.repeat(length[:, None] / 2, 2, axis=1)
+    if count == 3:
+        sides = corners[:, 1:] - corners[:, :1]
+        area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
+        return np.repeat(area[:, None] / 3, 3, axis=1)
+    shares = np.zeros(corners.shape[:2])
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    for xi in GAUSS:
+        for eta in GAUSS:
+            shape = (1 + signs[:, 0] * xi) * (1 + signs[:, 1] * eta) / 4
+            along_xi = np.einsum("a,fad->fd", signs[:, 0] * (1 + signs[:, 1] * eta) / 4, corners)
+            along_eta = np.einsum("a,fad->fd", signs[:, 1] * (1 + signs[:, 0] * xi) / 4, corners)
+            area = np.linalg.norm(np.cross(along_xi, along_eta), axis=1)
+            shares += area[:, None] * shape
+    return shares

@@ -1,0 +1,42 @@
+"""Cells by meshio's names: which corners make a facet, and which facets are the boundary."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FACETS = {  # corners of each facet of a cell, VTK order, going round
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
+    "hexahedron": (
+        (0, 1, 2, 3),
+        (4, 5, 6, 7),
+        (0, 1, 5, 4),
+        (1, 2, 6, 5),
+        (2, 3, 7, 6),
+        (3, 0, 4, 7),
+    ),
+}
+CELL_TYPES = tuple(FACETS)
+
+
+def boundary_facets(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int64]:
+    """Find the facets that belong to one cell only.
+
+    Parameters
+    ----------
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+
+    Returns
+    -------
+    array of int, (n_facets, n_facet_corners)
+        Node numbers, going round each facet.
+    """
+    facets = np.concatenate([cells[:, facet] for facet in FACETS[cell_type]])
+    _, first, count = np.unique(
+        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(facets[np.sort(first[count == 1])])
