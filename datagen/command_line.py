@@ -18,7 +18,7 @@ import numpy as np
 from datagen import __version__
 from shared_schema.checker import check_dataset
 from shared_schema.command_line import run_command
-from shared_schema.errors import FAILED, InputError, WorkError
+from shared_schema.errors import FAILED, InputError, StoppedError, WorkError
 from shared_schema.point_load import nodal_forces
 from shared_schema.solution_file import require_suffix, write_solution
 
@@ -40,12 +40,24 @@ def _on_every_rank(command: Callable[[], None]) -> int:
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
+    alone = False
+
+    def watched() -> None:
+        nonlocal alone
+        try:
+            command()
+        except (InputError, StoppedError):
+            raise
+        except BaseException:
+            alone = True
+            raise
+
     try:
-        code = run_command("datagen", command, says_input=comm.rank == 0)
+        code = run_command("datagen", watched, speaks=comm.rank == 0 or alone)
     except BaseException:
         traceback.print_exc()
         code = FAILED
-    if code == FAILED and comm.size > 1:
+    if alone and comm.size > 1:
         comm.Abort(FAILED)
     return code
 
@@ -63,6 +75,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
     run.add_argument("--out", type=Path, required=True, metavar="DIR", help="nodal dataset to make")
     run.add_argument("--samples", type=int, metavar="K", help="instead of the case's number")
+    run.add_argument(
+        "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share one mesh"
+    )
     run.add_argument("--volumetric", choices=VOLUMETRIC, help="instead of the case's term")
     run.set_defaults(command=_run)
 
@@ -112,7 +127,7 @@ def _run(options: argparse.Namespace) -> None:
     from datagen.farm import run
 
     case = read_case(options.case, options.volumetric, options.samples)
-    manifest = run(case, options.out, MPI.COMM_WORLD)
+    manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")
 

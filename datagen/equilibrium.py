@@ -17,6 +17,7 @@ import dolfinx
 import numpy as np
 import ufl
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -241,7 +242,7 @@ class EquilibriumProblem:
         self._take(x)
         with b.localForm() as local:
             local.set(0.0)
-        if self.comm.allreduce(self._min_j.local()) <= 0.0:
+        if self.comm.allreduce(self._min_j.local(), op=MPI.MIN) <= 0.0:
             self._inverted = True
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return

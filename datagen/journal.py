@@ -25,7 +25,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_atomically,
 )
-from shared_schema.shard import sha256
+from shared_schema.shard import Arrays, read_shard, sha256, write_shard
 
 JOURNAL = ".journal"
 
@@ -101,6 +101,17 @@ class Journal:
         """Count a shard as finished; its file is in place already."""
         path = self._journal / f"{Path(entry.file).stem}.json"
         write_atomically(path, entry.model_dump_json() + "\n")
+
+    def keep_part(self, name: str, arrays: dict[str, Any], case: Case, cell_type: str) -> None:
+        """Keep what there is of a shard whose job is cut short."""
+        write_shard(self._journal / name, "nodal", arrays, case.digest(), cell_type)
+
+    def part(self, name: str) -> Arrays | None:
+        """What `keep_part` kept of a shard, if anything that can be read."""
+        try:
+            return read_shard(self._journal / name, "nodal")
+        except InputError:
+            return None
 
     def close(self, complete: bool) -> None:
         """Unlock the folder, and remove the journal of a complete dataset."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +27,55 @@ def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
     if error is not None:
         raise error
     return result
+
+
+@dataclass(frozen=True)
+class RankGroup:
+    """Some ranks that solve together, among all.
+
+    Attributes
+    ----------
+    world : mpi4py communicator
+        All ranks.
+    comm : mpi4py communicator
+        Those of this rank's group.
+    number : int
+        Number of this rank's group.
+    """
+
+    world: MPI.Comm
+    comm: MPI.Comm
+    number: int
+
+    @classmethod
+    def of(cls, world: MPI.Comm, size: int) -> RankGroup:
+        """Divide all ranks into groups of neighbours (collective).
+
+        Raises
+        ------
+        InputError
+            On every rank, if they make no whole number of groups.
+        """
+        if size < 1 or world.size % size:
+            raise InputError(
+                f"--ranks-per-solve {size}: expected a divisor of the {world.size} ranks there are"
+            )
+        if size == 1:
+            return cls(world, MPI.COMM_SELF, world.rank)
+        number = world.rank // size
+        return cls(world, world.Split(number, world.rank), number)
+
+    @property
+    def is_leader(self) -> bool:
+        """Whether this rank is its group's first, which speaks and writes for it."""
+        return bool(self.comm.rank == 0)
+
+    def agree(self, ask: Callable[[], Result]) -> Result:
+        """Ask on the leader, and give the whole group the answer (collective over the group)."""
+        answer = ask() if self.is_leader else None
+        if self.comm.size > 1:
+            answer = self.comm.bcast(answer, root=0)
+        return answer  # type: ignore[return-value]
 
 
 class SharedCounters:

@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 from tqdm import tqdm
 
-from shared_schema.errors import DONE, FAILED, WRONG_INPUT, InputError, WorkError
+from shared_schema.errors import DONE, FAILED, WRONG_INPUT, InputError, StoppedError, WorkError
 
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
 
 
-def run_command(program: str, command: Callable[[], None], says_input: bool = True) -> int:
+def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:
     """Run a command and turn what it raises into an exit code and one line on stderr.
 
     Parameters
@@ -21,20 +21,21 @@ def run_command(program: str, command: Callable[[], None], says_input: bool = Tr
     program : str
         Its name, which the line begins with.
     command : callable
-    says_input : bool
-        Print the line of an InputError; of many ranks that find the same, one should.
+    speaks : bool
+        Print the line of what all of many ranks meet alike (wrong input, a stop); one should.
     """
     try:
         command()
     except InputError as error:
-        if says_input:
+        if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
     except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
         return FAILED
-    except KeyboardInterrupt:
-        print(f"{program}: interrupted; the same command goes on from here", file=sys.stderr)
+    except (StoppedError, KeyboardInterrupt):
+        if speaks:
+            print(f"{program}: stopped; the same command goes on from here", file=sys.stderr)
         return FAILED
     return DONE
 

@@ -23,5 +23,9 @@ class InputError(Exception):
     """The user's input is wrong; the message is the one line that the user sees (exit code 2)."""
 
 
+class StoppedError(Exception):
+    """The work was stopped on request, and can be gone on with (exit code 1)."""
+
+
 class WorkError(Exception):
     """The input was right and the work failed; the message is the reason (exit code 1)."""

@@ -16,8 +16,9 @@ import yaml
 from mpi4py import MPI
 
 from datagen.case import SHIPPED, Case, read_case
-from datagen.farm import run, shard_count, shard_samples
+from datagen.farm import run
 from datagen.journal import Journal
+from datagen.shard_job import shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
 from shared_schema.layout import NODAL
@@ -46,9 +47,13 @@ def command(ranks: int, case: Path, out: Path) -> list[str]:
     return ["mpirun", "--quiet", "--oversubscribe", "-n", str(ranks), *run_it] if ranks else run_it
 
 
-def execute(ranks: int, case: Path, out: Path) -> subprocess.CompletedProcess[str]:
+def execute(ranks: int, case: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        command(ranks, case, out), env=ENVIRONMENT, capture_output=True, text=True, check=False
+        [*command(ranks, case, out), *more],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -148,6 +153,82 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     assert check_dataset(killed) == []
     assert execute(2, case_file, whole).returncode == 0
     assert_same(whole, killed)
+
+
+@pytest.mark.mpi
+def test_ranks_that_share_a_mesh_find_the_same(
+    case_file: Path, serial: Path, tmp_path: Path
+) -> None:
+    """One body distributed over two ranks: equal to 1e-10 m, numbered alike."""
+    out = tmp_path / "nodal"
+    result = execute(2, case_file, out, "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    assert check_dataset(out) == []
+    for path in sorted(serial.glob("shard-*.h5")):
+        one, two = read_shard(path, "nodal"), read_shard(out / path.name, "nodal")
+        for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):
+            assert np.array_equal(one[name], two[name])
+        difference = one["samples/displacement"] - two["samples/displacement"]
+        assert np.abs(difference).max() < 1e-10
+
+
+@pytest.mark.mpi
+def test_ranks_that_make_no_groups(case_file: Path, tmp_path: Path) -> None:
+    result = execute(3, case_file, tmp_path / "nodal", "--ranks-per-solve", "2")
+    assert result.returncode == 2
+    assert "expected a divisor of the 3 ranks" in result.stderr
+    assert not (tmp_path / "nodal").exists()
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
+    """SIGTERM to one rank ends all after their sample; what was solved is kept and not redone."""
+    case_file = write_case(tmp_path, samples=4000, shard_size=500)
+    out = tmp_path / "nodal"
+    with subprocess.Popen(
+        command(ranks, case_file, out),
+        env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        limit = time.monotonic() + 120
+        while not list((out / ".journal").glob("shard-*.json")):
+            assert process.poll() is None, "ended before it could be stopped"
+            assert time.monotonic() < limit
+            time.sleep(0.02)
+        time.sleep(0.1)  # into the next shard
+        os.kill(pids_of(out)[0], signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "stopped; the same command goes on from here" in said
+    parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("shard-*.h5")]
+    kept = np.concatenate([part["samples/wall_time"] for part in parts])
+    assert 0 < len(kept) < 1000
+    assert not (out / "manifest.json").exists()
+
+    assert execute(ranks, case_file, out).returncode == 0
+    assert check_dataset(out) == []
+    shards = [read_shard(path, "nodal") for path in sorted(out.glob("shard-*.h5"))]
+    assert np.isin(kept, np.concatenate([shard["samples/wall_time"] for shard in shards])).all()
+    whole = tmp_path / "whole"
+    assert execute(2, case_file, whole).returncode == 0
+    assert_same(whole, out)
+
+
+def pids_of(out: Path) -> list[int]:
+    """The processes of datagen that write to a folder, mpirun itself apart."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = path.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if str(out).encode() in words and b"mpirun" not in words[0]:
+            found.append(int(path.parent.name))
+    return sorted(found)
 
 
 def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
