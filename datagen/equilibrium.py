@@ -21,11 +21,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from datagen.distributed_assembly import DistributedAssembly
 from datagen.linear_solver import set_up_direct, set_up_multigrid
 from datagen.material import NeoHookean, deformation_gradient, strain_energy
 from datagen.meshing import Mesh, node_numbering
+from datagen.serial_assembly import ElementLoop, SerialAssembly
 from datagen.solver_settings import SolverSettings
-from datagen.tangent_assembly import TangentAssembler
 
 COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
@@ -100,25 +101,29 @@ class EquilibriumProblem:
         tangent = ufl.derivative(internal, self.u)
         jit = COMPILER_OPTIONS
         self.energy_form = dolfinx.fem.form(energy, jit_params=jit)
-        self.residual_form = dolfinx.fem.form(internal, jit_params=jit)
+        self.internal_form = dolfinx.fem.form(internal, jit_params=jit)
         self.tangent_form = dolfinx.fem.form(tangent, jit_params=jit)
 
         blocks = np.flatnonzero(clamped[self.numbering.node_of_block]).astype(np.int32)
         zero = np.zeros(self.dimension, dtype=PETSc.ScalarType)
         self.supports = [dolfinx.fem.dirichletbc(zero, blocks, space)]
+        self._clamped = self._dofs_of(blocks[blocks < self.numbering.owned])
+        self._assembly: SerialAssembly | DistributedAssembly
+        if self.comm.size == 1:
+            self._assembly = SerialAssembly(
+                self.internal_form, self.tangent_form, self.u, self._clamped
+            )
+        else:
+            self._assembly = DistributedAssembly(
+                self.internal_form, self.tangent_form, self.supports
+            )
         self._min_j = MinimumJ(mesh.domain, self.u)
 
         self._load_dofs = np.empty(0, dtype=np.intp)
         self._load_values = np.empty(0)
         self.load_factor = 0.0
 
-        self._residual = fem_petsc.create_vector(self.residual_form)
-        self._assembler: TangentAssembler | None = None
-        if self.comm.size == 1:
-            self._assembler = TangentAssembler(self.tangent_form, self.u, blocks)
-            self._matrix = self._assembler.matrix
-        else:
-            self._matrix = fem_petsc.create_matrix(self.tangent_form)
+        self._residual = fem_petsc.create_vector(self.internal_form)
         self._x = self._residual.duplicate()  # SNES must not be handed the function's own vector
         self._inverted = False
         self.snes = self._make_snes(settings)
@@ -126,7 +131,7 @@ class EquilibriumProblem:
     def _make_snes(self, settings: SolverSettings) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.comm)
         snes.setFunction(self._compute_residual, self._residual)
-        snes.setJacobian(self._compute_tangent, self._matrix)
+        snes.setJacobian(self._compute_tangent, self._assembly.matrix)
         snes.setTolerances(
             rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
         )
@@ -149,8 +154,7 @@ class EquilibriumProblem:
             Force vector at each of them, in N.
         """
         positions, blocks = self.numbering.owned_blocks(nodes)
-        d = self.dimension
-        self._load_dofs = (blocks[:, None] * d + np.arange(d)).ravel()
+        self._load_dofs = self._dofs_of(blocks)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()
 
     def solve(self, load_factor: float) -> NewtonResult:
@@ -197,8 +201,6 @@ class EquilibriumProblem:
 
         In equilibrium they vanish except at the clamped nodes, where they are the reactions.
         """
-        with self._residual.localForm() as local:
-            local.set(0.0)
         self._assemble_out_of_balance(self._residual)
         return self._gather(self._residual.array_r)
 
@@ -209,12 +211,13 @@ class EquilibriumProblem:
 
     def tangent(self) -> PETSc.Mat:
         """Assemble ∂f_int/∂u at the current state, with the identity in the clamped rows."""
-        if self._assembler is not None:
-            return self._assembler.assemble()
-        self._matrix.zeroEntries()
-        fem_petsc.assemble_matrix(self._matrix, self.tangent_form, bcs=self.supports)
-        self._matrix.assemble()
-        return self._matrix
+        self._assembly.assemble_tangent()
+        return self._assembly.matrix
+
+    def _dofs_of(self, blocks: NDArray[Any]) -> NDArray[np.intp]:
+        """Degrees of freedom of some blocks, component by component."""
+        dofs = blocks[:, None].astype(np.intp) * self.dimension + np.arange(self.dimension)
+        return np.asarray(dofs.ravel())
 
     def _gather(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         owned = self.numbering.owned
@@ -231,23 +234,21 @@ class EquilibriumProblem:
     def _take(self, x: PETSc.Vec) -> None:
         owned = self.numbering.owned * self.dimension
         self.u.x.array[:owned] = x.array_r
-        self.u.x.scatter_forward()
+        if self.comm.size > 1:
+            self.u.x.scatter_forward()
 
     def _assemble_out_of_balance(self, b: PETSc.Vec) -> None:
-        fem_petsc.assemble_vector(b, self.residual_form)
-        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._assembly.assemble_forces(b)
         b.array_w[self._load_dofs] -= self.load_factor * self._load_values
 
     def _compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._take(x)
-        with b.localForm() as local:
-            local.set(0.0)
-        if self.comm.allreduce(self._min_j.local(), op=MPI.MIN) <= 0.0:
+        if self._min_j.value() <= 0.0:
             self._inverted = True
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
         self._assemble_out_of_balance(b)
-        fem_petsc.set_bc(b, self.supports, x, -1.0)
+        b.array_w[self._clamped] = x.array_r[self._clamped]  # u = 0 there
 
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         self.tangent()
@@ -262,15 +263,22 @@ class MinimumJ:
         cell = getattr(basix.CellType, domain.topology.cell_type.name)
         points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         j = ufl.det(deformation_gradient(u))
+        self._comm = domain.comm
         self._expression = dolfinx.fem.Expression(j, points, jit_params=COMPILER_OPTIONS)
         count = domain.topology.index_map(domain.topology.dim).size_local
         self._cells = np.arange(count, dtype=np.int32)
+        self._loop: ElementLoop | None = None
+        if domain.comm.size == 1:
+            kernel = self._expression.ufcx_expression.tabulate_tensor_float64
+            places = np.arange(count * len(points), dtype=np.int32).reshape(count, -1)
+            self._loop = ElementLoop(kernel, np.empty(0), u, places, places.size)
 
-    def local(self) -> float:
-        """Smallest J over the cells that this rank owns."""
-        if self._cells.size == 0:
-            return np.inf
-        return float(self._expression.eval(self._cells).min())
+    def value(self) -> float:
+        """Smallest J of all cells (collective)."""
+        if self._loop is not None:
+            return float(self._loop.run().min())
+        local = float(self._expression.eval(self._cells).min()) if self._cells.size else np.inf
+        return float(self._comm.allreduce(local, op=MPI.MIN))
 
 
 def reason_name(reason: int) -> str:

@@ -1,0 +1,41 @@
+"""Assembly on several ranks, by dolfinx."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+
+class DistributedAssembly:
+    """Tangent and internal forces of a problem whose mesh is distributed (collective).
+
+    Parameters
+    ----------
+    internal, tangent : dolfinx forms
+        f_int and ∂f_int/∂u.
+    supports : list of dolfinx Dirichlet conditions
+        Rows and columns of the tangent that are those of the identity.
+
+    Attributes
+    ----------
+    matrix : PETSc.Mat
+    """
+
+    def __init__(self, internal: Any, tangent: Any, supports: list[Any]) -> None:
+        self._internal, self._tangent, self._supports = internal, tangent, supports
+        self.matrix = fem_petsc.create_matrix(tangent)
+
+    def assemble_tangent(self) -> None:
+        """Assemble the matrix at the current displacement, the identity in the clamped rows."""
+        self.matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self.matrix, self._tangent, bcs=self._supports)
+        self.matrix.assemble()
+
+    def assemble_forces(self, b: PETSc.Vec) -> None:
+        """Replace `b` by the internal forces at the current displacement, in N."""
+        with b.localForm() as local:
+            local.set(0.0)
+        fem_petsc.assemble_vector(b, self._internal)
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
