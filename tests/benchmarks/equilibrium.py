@@ -145,10 +145,10 @@ def table(results: list[dict[str, Any]]) -> str:
     )
     return (
         "# How fast an equilibrium is found\n\n"
-        "dolfinx's NewtonSolver with MUMPS at every iteration, as in the FEniCSx tutorials, against "
-        "`datagen`:\nsame mesh, loads, forms and tolerance (1e-8 N on the residual), in turn in one "
-        "process on one core.\nMedian time of a load case in ms; loads that either way needs several "
-        "steps for are left out.\n\n"
+        "dolfinx's NewtonSolver with MUMPS at every iteration, as in the FEniCSx tutorials, "
+        "against `datagen`:\nsame mesh, loads, forms and tolerance (1e-8 N on the residual), in "
+        "turn in one process on one core.\nMedian time of a load case in ms; loads for which "
+        "either way needs several steps are left out.\n\n"
         "| case | DOFs | load cases | tutorial | datagen | ratio | ratio of sums |\n"
         "|---|---|---|---|---|---|---|\n"
         f"{rows}\n{results[0]['machine']}; dolfinx {results[0]['dolfinx']}, PETSc "

@@ -38,7 +38,7 @@ def test_exit_code_and_line(
 
 
 def test_one_of_many_ranks_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command("prog", raising(InputError("key")), says_input=False) == 2
+    assert run_command("prog", raising(InputError("key")), speaks=False) == 2
     assert capsys.readouterr().err == ""
 
 
