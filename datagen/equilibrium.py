@@ -55,6 +55,11 @@ class NewtonResult:
     iterations: int
     residual_norm: float
 
+    @property
+    def linear_solve_failed(self) -> bool:
+        """Whether it was the linear solver that gave up."""
+        return bool(self.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
+
 
 class EquilibriumProblem:
     """R(u) = f_int(u) − f_ext = 0 on one mesh; forms, matrix and solver are built once.
@@ -74,6 +79,8 @@ class EquilibriumProblem:
         The displacement, current state of the body.
     snes : petsc4py.PETSc.SNES
         The Newton solver.
+    is_direct : bool
+        Whether it solves for its steps directly.
     load_factor : float
         Part of the nodal load that acts.
     """
@@ -126,9 +133,13 @@ class EquilibriumProblem:
         self._residual = fem_petsc.create_vector(self.internal_form)
         self._x = self._residual.duplicate()  # SNES must not be handed the function's own vector
         self._inverted = False
-        self.snes = self._make_snes(settings)
+        self._settings = settings
+        self.is_direct = settings.linear_solver == "lu"
+        self.snes = self._make_snes(self.is_direct)
+        self._direct_snes = self.snes if self.is_direct else None  # made when it is needed
 
-    def _make_snes(self, settings: SolverSettings) -> PETSc.SNES:
+    def _make_snes(self, direct: bool) -> PETSc.SNES:
+        settings = self._settings
         snes = PETSc.SNES().create(self.comm)
         snes.setFunction(self._compute_residual, self._residual)
         snes.setJacobian(self._compute_tangent, self._assembly.matrix)
@@ -136,8 +147,8 @@ class EquilibriumProblem:
             rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
         )
         snes.setType("newtonls")
-        if settings.linear_solver == "lu":
-            set_up_direct(snes)
+        if direct:
+            set_up_direct(snes, self.dimension)
         else:
             owned = self.numbering.node_of_block[: self.numbering.owned]
             set_up_multigrid(snes, self.mesh.coordinates[owned])
@@ -157,23 +168,33 @@ class EquilibriumProblem:
         self._load_dofs = self._dofs_of(blocks)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()
 
-    def solve(self, load_factor: float) -> NewtonResult:
+    def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0, starting from the current `u`.
 
         `u` holds the last iterate afterwards, whether or not it converged.
+
+        Parameters
+        ----------
+        load_factor : float
+        direct : bool
+            Solve for the Newton steps directly, whatever the settings say.
         """
+        snes = self.snes
+        if direct:
+            self._direct_snes = self._direct_snes or self._make_snes(direct=True)
+            snes = self._direct_snes
         self.load_factor = load_factor
         self._inverted = False
         self.u.vector.copy(self._x)
-        self.snes.solve(None, self._x)
+        snes.solve(None, self._x)
         self._take(self._x)
-        reason = self.snes.getConvergedReason()
+        reason = snes.getConvergedReason()
         return NewtonResult(
             converged=reason > 0,
             reason=reason,
             explanation=INVERTED if self._inverted else reason_name(reason),
-            iterations=self.snes.getIterationNumber(),
-            residual_norm=self.snes.getFunctionNorm(),
+            iterations=snes.getIterationNumber(),
+            residual_norm=snes.getFunctionNorm(),
         )
 
     def reset(self) -> None:

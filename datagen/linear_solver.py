@@ -26,13 +26,13 @@ FULL_STEPS = {"snes_linesearch_type": "basic"}
 BUILT_ONCE = {"snes_lag_preconditioner": -2}  # at the first tangent, then never again
 
 
-def set_up_direct(snes: PETSc.SNES) -> None:
-    """LU of every tangent: PETSc's own on one rank, MUMPS on several."""
+def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
+    """LU of every tangent: PETSc's own in the plane on one rank, else MUMPS."""
     _from_options(snes, FULL_STEPS)
     ksp = snes.getKSP()
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
-    ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 else "mumps")
+    ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 and dimension == 2 else "mumps")
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:

@@ -1,7 +1,9 @@
 """Adaptive load stepping: from the undeformed body to the equilibrium under the full load.
 
 A step that fails (no convergence, or an inverted element) is cut back and tried again from the
-last equilibrium; a step that converges in few iterations lets the next one grow.
+last equilibrium; a step that converges in few iterations lets the next one grow. Where an iterative
+linear solver gives up (the tangent near an instability is not positive definite), the rest of the
+load case is solved directly.
 """
 
 from __future__ import annotations
@@ -73,9 +75,10 @@ def solve_load_case(
     equilibrium = problem.state()
     factor, step = 0.0, settings.first_step
     steps = cutbacks = iterations = 0
+    direct = problem.is_direct
     while True:
         target = min(1.0, factor + step)
-        result = problem.solve(target)
+        result = problem.solve(target, direct)
         iterations += result.iterations
         if result.converged:
             factor, steps = target, steps + 1
@@ -84,6 +87,9 @@ def solve_load_case(
             equilibrium = problem.state()
             if result.iterations <= settings.wanted_iterations:
                 step *= GROWTH
+        elif result.linear_solve_failed and not direct:
+            problem.restore(equilibrium)
+            direct = True
         else:
             problem.restore(equilibrium)
             cutbacks += 1

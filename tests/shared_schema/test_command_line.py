@@ -23,7 +23,7 @@ def raising(error: BaseException | None) -> Callable[[], None]:
         (None, 0, ""),
         (WorkError("no equilibrium"), 1, "prog: failed: no equilibrium\n"),
         (OSError(28, "No space left on device"), 1, "prog: failed: [Errno 28] No space left"),
-        (KeyboardInterrupt(), 1, "prog: interrupted"),
+        (KeyboardInterrupt(), 1, "prog: stopped"),
         (InputError("key 'a' = 1"), 2, "prog: error: key 'a' = 1\n"),
     ],
 )
