@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -38,6 +40,23 @@ def test_multigrid_and_lu_find_the_same_equilibria() -> None:
         solutions.append(np.array(found))
     assert solutions[0] == pytest.approx(solutions[1], abs=1e-7)
     assert np.abs(solutions[0]).max() > 0.5
+
+
+@pytest.mark.slow
+def test_where_multigrid_gives_up_the_solve_is_direct(node_at: Callable[..., int]) -> None:
+    """6 N along the beam, beyond Euler's load π² E I / 4 L² = 6.4 N for small strain and nearly so
+    here: the tangent is not positive definite on the way. The equilibrium is that of LU.
+    """
+    found = []
+    for name in ("lu", "multigrid"):
+        case, beam = body(name)
+        tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0, 1.0)])
+        force = np.array([[-6.0, 0.0, 0.0]])
+        report = solve_load_case(beam.problem, tip, force, case.solver)
+        assert report.solved
+        assert report.residual_norm < 1e-8
+        found.append(beam.problem.displacement())
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
 
 
 @pytest.mark.slow
