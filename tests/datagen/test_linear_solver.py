@@ -44,8 +44,8 @@ def test_multigrid_and_lu_find_the_same_equilibria() -> None:
 
 @pytest.mark.slow
 def test_where_multigrid_gives_up_the_solve_is_direct(node_at: Callable[..., int]) -> None:
-    """6 N along the beam, beyond Euler's load π² E I / 4 L² = 6.4 N for small strain and nearly so
-    here: the tangent is not positive definite on the way. The equilibrium is that of LU.
+    """6 N along the beam, near Euler's load π² E I / 4 L² = 6.4 N: on the way the tangent is not
+    positive definite. The equilibrium is that of LU.
     """
     found = []
     for name in ("lu", "multigrid"):
