@@ -12,8 +12,7 @@ from datagen.loads import LoadFamily, load_family
 from datagen.material import NeoHookean, Volumetric
 from datagen.regions import Region
 from datagen.solver_settings import SolverSettings
-from shared_schema.configuration import Frozen, read_yaml, validate
-from shared_schema.errors import InputError
+from shared_schema.configuration import Frozen, read_named, validate
 from shared_schema.manifest import digest_of
 
 SHIPPED = Path(__file__).parent / "configs"
@@ -94,19 +93,11 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
     InputError
         If there is no such case, or a key or value in it is wrong.
     """
-    path = Path(name)
-    if not path.is_file():
-        path = SHIPPED / f"{name}.yaml"
-        if not path.is_file():
-            shipped = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.yaml")))
-            raise InputError(
-                f"case '{name}': no such file, and not one of those shipped ({shipped})"
-            )
-    content = read_yaml(path)
+    content, source = read_named(name, SHIPPED, "case")
     for section, key, value in (
         ("material", "volumetric", volumetric),
         ("dataset", "samples", samples),
     ):
         if value is not None and isinstance(content.get(section), dict):
             content[section][key] = value
-    return validate(Case, content, str(path))
+    return validate(Case, content, source)

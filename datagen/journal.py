@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from datagen.case import Case
+from shared_schema.atomic_file import remove_partial_files, write_text
 from shared_schema.configuration import validate
 from shared_schema.errors import InputError
 from shared_schema.manifest import (
@@ -23,7 +24,6 @@ from shared_schema.manifest import (
     ShardEntry,
     digest_of,
     read_manifest,
-    write_atomically,
 )
 from shared_schema.shard import Arrays, read_shard, sha256, write_shard
 
@@ -67,11 +67,10 @@ class Journal:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(f"--out '{self.folder}': another run is working in it") from None
-        for partial in self.folder.glob(".shard-*.partial"):
-            partial.unlink()
+        remove_partial_files(self.folder)
         if found is None:
             text = json.dumps(case.plain(), indent=1) + "\n"
-            write_atomically(self._journal / "case.json", text)
+            write_text(self._journal / "case.json", text)
 
     def _case_found(self) -> dict[str, Any] | None:
         """The case that the folder belongs to, if it says one."""
@@ -100,7 +99,7 @@ class Journal:
     def record(self, entry: ShardEntry) -> None:
         """Count a shard as finished; its file is in place already."""
         path = self._journal / f"{Path(entry.file).stem}.json"
-        write_atomically(path, entry.model_dump_json() + "\n")
+        write_text(path, entry.model_dump_json() + "\n")
 
     def keep_part(self, name: str, arrays: dict[str, Any], case: Case, cell_type: str) -> None:
         """Keep what there is of a shard whose job is cut short."""

@@ -41,6 +41,38 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return content
 
 
+def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str]:
+    """Read a YAML file, or one of those that are shipped, by its name.
+
+    Parameters
+    ----------
+    name : str
+        Path of a file, or name of a shipped one without its ending.
+    shipped : Path
+        Folder of the shipped ones.
+    what : str
+        What it is, for the message.
+
+    Returns
+    -------
+    content : dict
+    source : str
+        Path of the file.
+
+    Raises
+    ------
+    InputError
+        If there is neither, or it is no mapping.
+    """
+    path = Path(name)
+    if not path.is_file():
+        path = shipped / f"{name}.yaml"
+    if not path.is_file():
+        names = ", ".join(sorted(p.stem for p in shipped.glob("*.yaml")))
+        raise InputError(f"{what} '{name}': no such file, and not one of those shipped ({names})")
+    return read_yaml(path), str(path)
+
+
 def validate(model: type[Model], content: Any, source: str) -> Model:
     """Build `model` from plain data, or name the first key that is wrong.
 

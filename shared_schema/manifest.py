@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
+from shared_schema.atomic_file import write_text
 from shared_schema.configuration import Frozen, validate
 from shared_schema.errors import InputError
 from shared_schema.layout import SCHEMA_VERSION, Kind
@@ -161,21 +161,8 @@ def digest_of(content: Any) -> str:
 def write_manifest(folder: Path, manifest: Manifest) -> Manifest:
     """Seal a manifest and write it atomically into the dataset's folder; return it sealed."""
     sealed = manifest.sealed()
-    write_atomically(folder / MANIFEST, sealed.spelled())
+    write_text(folder / MANIFEST, sealed.spelled())
     return sealed
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file that appears complete, or not at all."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with partial.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:

@@ -7,7 +7,6 @@ external links and anything that is not laid out as `shared_schema.layout` says.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.atomic_file import complete_or_absent
 from shared_schema.errors import InputError, first_line
 from shared_schema.layout import (
     LAYOUTS,
@@ -61,8 +61,7 @@ def write_shard(
     problems = array_problems(kind, {name: np.asarray(a) for name, a in arrays.items()}, {})
     if problems:
         raise ValueError(f"{path.name}: {problems[0]}")
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with complete_or_absent(path) as partial:
         with h5py.File(partial, "w") as file:
             attributes: Attributes = {
                 "schema_version": SCHEMA_VERSION,
@@ -73,13 +72,7 @@ def write_shard(
             file.attrs.update(attributes)
             for layout in LAYOUTS[kind]:
                 _create(file, layout, arrays[layout.path])
-        digest = sha256(partial)
-        with partial.open("rb+") as written:
-            os.fsync(written.fileno())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return digest
+        return sha256(partial)
 
 
 def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:

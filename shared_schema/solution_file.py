@@ -6,13 +6,13 @@ nodal fields are given, under their names.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.atomic_file import complete_or_absent
 from shared_schema.errors import InputError
 
 SUFFIXES = (".npz", ".vtu", ".xdmf")
@@ -48,16 +48,12 @@ def write_solution(
         ``force`` in N, ``displacement`` in m, and so on.
     """
     require_suffix(path)
-    partial = path.with_name(f".{os.getpid()}-{path.name}")
-    try:
+    with complete_or_absent(path) as partial:
         if path.suffix == ".npz":
             with partial.open("wb") as file:
                 np.savez(file, coordinates=coordinates, **fields)  # type: ignore[arg-type]
         else:
             _write_mesh(partial, coordinates, cells, cell_type, fields)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _write_mesh(

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.atomic_file import write_text
 from shared_schema.errors import InputError
-from shared_schema.manifest import write_atomically
 from surrogate import figures
 from surrogate.dataset import read_dataset
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
@@ -104,7 +104,7 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
         "torch": torch.__version__,
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
     }
-    write_atomically(run.evaluation, json.dumps(content, indent=1) + "\n")
+    write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     write_figures(evaluation, run)
     return evaluation
 

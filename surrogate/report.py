@@ -9,9 +9,10 @@ from typing import Any
 
 import yaml
 
+from shared_schema.atomic_file import write_text
 from shared_schema.checker import require_intact
 from shared_schema.errors import InputError
-from shared_schema.manifest import read_manifest, write_atomically
+from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
 from surrogate.published import PUBLISHED
 from surrogate.run_description import RunDescription
@@ -74,7 +75,7 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
     solving = _solving(nodal, description) if nodal is not None else None
-    write_atomically(path, _page(run, description, evaluation, solving))
+    write_text(path, _page(run, description, evaluation, solving))
 
 
 def _page(

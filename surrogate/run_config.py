@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from shared_schema.configuration import Frozen, read_yaml, validate
-from shared_schema.errors import InputError
+from shared_schema.configuration import Frozen, read_named, validate
 from surrogate.likelihoods import Likelihood, Loss
 from surrogate.optimisation import OptimiserConfig, ScheduleConfig
 from surrogate.unet import UNetConfig
@@ -83,12 +82,5 @@ def read_config(name: str) -> RunConfig:
     InputError
         If there is none, or a key or value in it is wrong.
     """
-    path = Path(name)
-    if not path.is_file():
-        path = SHIPPED / f"{name}.yaml"
-        if not path.is_file():
-            shipped = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.yaml")))
-            raise InputError(
-                f"config '{name}': no such file, and not one of those shipped ({shipped})"
-            )
-    return validate(RunConfig, read_yaml(path), str(path))
+    content, source = read_named(name, SHIPPED, "config")
+    return validate(RunConfig, content, source)

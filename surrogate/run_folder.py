@@ -19,9 +19,10 @@ from typing import Any
 import yaml
 from torch import Tensor
 
+from shared_schema.atomic_file import write_text
 from shared_schema.configuration import read_yaml, validate
 from shared_schema.errors import InputError
-from shared_schema.manifest import Manifest, write_atomically
+from shared_schema.manifest import Manifest
 from surrogate.run_description import RunDescription
 from surrogate.tensor_file import load_tensors, save_atomically
 
@@ -63,7 +64,7 @@ class RunFolder:
             raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
         self.folder.mkdir(parents=True, exist_ok=True)
         content = description.model_dump(mode="json")
-        write_atomically(self.config, yaml.safe_dump(content, sort_keys=False))
+        write_text(self.config, yaml.safe_dump(content, sort_keys=False))
 
     def description(self) -> RunDescription:
         """Read ``config.yaml``; InputError if there is none or it is damaged."""
@@ -96,7 +97,7 @@ class RunFolder:
     def keep_metric_lines(self, epoch: int) -> None:
         """Drop what was measured after an epoch."""
         lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
-        write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
+        write_text(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
 
     def read_evaluation(self) -> dict[str, Any]:
         """Read ``evaluation.json``; InputError if the run is not evaluated, or it is damaged."""

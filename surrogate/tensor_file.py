@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 import torch
@@ -11,6 +10,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from shared_schema.atomic_file import complete_or_absent
 from shared_schema.errors import InputError, first_line
 
 Tensors = dict[str, Tensor]
@@ -21,13 +21,9 @@ def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | Non
     """Write tensors and some text, with a digest of the tensors beside it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
+    text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
+    with complete_or_absent(path) as partial:
         partial.write_bytes(save(contiguous, text))
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:

@@ -33,7 +33,7 @@ from datagen.case import Case, read_case
 from datagen.load_stepping import solve_load_case
 from datagen.loads import LoadCase
 from datagen.material import deformation_gradient, strain_energy
-from shared_schema.manifest import write_atomically
+from shared_schema.atomic_file import write_text
 
 ROOT = Path(__file__).parents[2]
 RESULT = ROOT / "docs" / "results" / "benchmark-equilibrium.json"
@@ -170,10 +170,10 @@ def main() -> None:
     ]
     for result in results:
         print(json.dumps(result, indent=1))
-    write_atomically(TABLE, table(results))
+    write_text(TABLE, table(results))
     command = "OMP_NUM_THREADS=1 .venv-datagen/bin/python tests/benchmarks/equilibrium.py"
     content = {"command": command, "results": results}
-    write_atomically(RESULT, json.dumps(content, indent=1) + "\n")
+    write_text(RESULT, json.dumps(content, indent=1) + "\n")
 
 
 if __name__ == "__main__":

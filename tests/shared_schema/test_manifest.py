@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from shared_schema.atomic_file import write_text
 from shared_schema.errors import InputError
-from shared_schema.manifest import digest_of, read_manifest, write_atomically, write_manifest
+from shared_schema.manifest import digest_of, read_manifest, write_manifest
 
 
 def test_digest_is_that_of_canonical_json() -> None:
@@ -64,8 +65,8 @@ def test_missing(tmp_path: Path) -> None:
 
 def test_exception_in_writing_keeps_the_old_text(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
-    write_atomically(path, "old")
+    write_text(path, "old")
     with pytest.raises(UnicodeEncodeError):
-        write_atomically(path, "new \ud800")  # a lone surrogate has no UTF-8
+        write_text(path, "new \ud800")  # a lone surrogate has no UTF-8
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
