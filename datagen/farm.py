@@ -58,16 +58,20 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     """
     group = RankGroup.of(comm, ranks_per_solve)
     journal = Journal(folder)
+    body = None
+    if on_rank_zero(comm, lambda: journal.is_new):
+        body = _body(case, group)  # wrong input shows here, before anything is written
     on_rank_zero(comm, lambda: journal.open(case))
     done = on_rank_zero(comm, journal.entries)
     todo = [k for k in range(shard_count(case)) if shard_name(k) not in done]
     if todo:
-        _make_shards(case, journal, todo, group)
+        _make_shards(case, journal, todo, group, body or _body(case, group))
     return on_rank_zero(comm, lambda: _finish(case, journal))
 
 
-def _make_shards(case: Case, journal: Journal, todo: list[int], group: RankGroup) -> None:
-    body = _body(case, group)
+def _make_shards(
+    case: Case, journal: Journal, todo: list[int], group: RankGroup, body: Body
+) -> None:
     counters = SharedCounters(group.world, "taken", "samples", "failed", "ended", "interrupted")
     total = case.dataset.samples
     before = total - sum(len(shard_samples(case, k)) for k in todo)

@@ -44,6 +44,11 @@ class Journal:
         self._journal = folder / JOURNAL
         self._lock: int | None = None
 
+    @property
+    def is_new(self) -> bool:
+        """Whether no run has begun in the folder."""
+        return not (self._journal.exists() or (self.folder / MANIFEST).exists())
+
     def open(self, case: Case) -> None:
         """Lock the folder for this run and see that what is in it belongs to `case`.
 

@@ -60,18 +60,20 @@ def structure(
     require_intact(source, manifest)
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
+    made = _already_made(folder, manifest, order, order_seed)
+    if made is not None:
+        return made
+    first = read_shard(source / manifest.shards[0].file, "nodal")
+    grid = in_order(_grid_of(first, source), order, order_seed)
     require_free(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(case, manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
     entries: list[ShardEntry] = []
-    grid: GridMap | None = None
     start = 0
     folder.mkdir(parents=True, exist_ok=True)
     for entry in manifest.shards:
         nodal = read_shard(source / entry.file, "nodal")
-        if grid is None:
-            grid = in_order(_grid_of(nodal, source), order, order_seed)
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
         start = stop
@@ -89,7 +91,6 @@ def structure(
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
-    assert grid is not None
     info = StructuredInfo(
         grid_shape=grid.shape,
         order=order,
@@ -108,6 +109,21 @@ def structure(
         "structured": info,
     }
     return write_manifest(folder, manifest.model_copy(update=update))
+
+
+def _already_made(
+    folder: Path, source: Manifest, order: NodeOrder, order_seed: int
+) -> Manifest | None:
+    """The manifest of an intact dataset that this step made before from the same source."""
+    try:
+        made = read_manifest(folder, "structured")
+        require_intact(folder, made)
+    except InputError:
+        return None
+    info = made.structured
+    assert info is not None
+    wanted = (source.digest, order, order_seed)
+    return made if (info.source_digest, info.order, info.order_seed) == wanted else None
 
 
 def _grid_of(nodal: Arrays, source: Path) -> GridMap:

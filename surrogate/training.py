@@ -141,14 +141,9 @@ def train(
     WorkError
         If the loss is no longer finite; the last good checkpoint is kept.
     """
+    if stop_after is not None and stop_after < 1:
+        raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
     description = describe(config, dataset)
-    run.start(description)
-    if run.model.is_file():
-        return
-    epochs = config.training.epochs
-    network = make_network(description, dataset.geometry).to(device)
-    if dataset.geometry.dimension == 2:
-        network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     train_part, validation_part = split_validation(
         dataset.train, config.training.validation_fraction, config.seed
     )
@@ -157,6 +152,13 @@ def train(
             f"config '{config.name}': key 'training.validation_fraction' = "
             f"{config.training.validation_fraction} leaves none of {len(dataset.train)} samples"
         )
+    run.start(description)
+    if run.model.is_file():
+        return
+    epochs = config.training.epochs
+    network = make_network(description, dataset.geometry).to(device)
+    if dataset.geometry.dimension == 2:
+        network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     node_fraction = float(dataset.geometry.grid.mask.mean())
     trainer = Trainer(
         config, network, train_part.to(device), validation_part.to(device), node_fraction

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from datagen.case import SHIPPED, Case, read_case
 from datagen.farm import run
 from datagen.journal import Journal
+from datagen.regions import Region
 from datagen.shard_job import shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
@@ -267,6 +268,14 @@ def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
     first.close(complete=False)
     run(case, folder, MPI.COMM_SELF)
     assert check_dataset(folder) == []
+
+
+def test_wrong_input_writes_nothing(case: Case, tmp_path: Path) -> None:
+    """What only the mesh can show to be wrong is found before the folder is made."""
+    everywhere = case.load.model_copy(update={"region": Region(y=1.0)})
+    with pytest.raises(InputError, match="clamped node at 0,1"):
+        run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", MPI.COMM_SELF)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> None:

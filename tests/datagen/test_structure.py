@@ -14,8 +14,8 @@ from datagen.structure import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
 from shared_schema.grid_map import GridMap
-from shared_schema.manifest import NodeOrder
-from shared_schema.shard import Arrays, read_shard
+from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
+from shared_schema.shard import Arrays, read_shard, write_shard
 
 SAMPLES = 45
 
@@ -76,8 +76,6 @@ def test_grid_order(structured: Path) -> None:
 
 def test_split_and_statistics(structured: Path) -> None:
     """5 % of 45 rounds to 2; statistics are those of the training split, in float64."""
-    from shared_schema.manifest import read_manifest
-
     info = read_manifest(structured).structured
     assert info is not None
     is_test = joined(structured, "structured", "samples/is_test")
@@ -118,11 +116,37 @@ def test_split_is_random_and_reproducible() -> None:
     assert 0.3 < np.flatnonzero(one).mean() / 6000 < 0.7
 
 
-def test_again_is_the_same(nodal: Path, structured: Path, tmp_path: Path) -> None:
-    first = structure(nodal, tmp_path / "again")
-    second = structure(nodal, tmp_path / "again")
-    assert first.structured == second.structured
-    assert check_dataset(tmp_path / "again") == []
+def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:
+    """What is up to date is left alone; what is damaged or in another order is made again."""
+    folder = tmp_path / "again"
+    first = structure(nodal, folder)
+    shard = folder / "shard-00001.h5"
+    before = shard.stat().st_mtime_ns
+    assert structure(nodal, folder) == first
+    assert shard.stat().st_mtime_ns == before
+    shard.write_bytes(shard.read_bytes()[:-1])
+    assert structure(nodal, folder).structured == first.structured
+    assert check_dataset(folder) == []
+    assert structure(nodal, folder, "random", 1).structured != first.structured
+    assert check_dataset(folder) == []
+
+
+def test_mesh_without_order_writes_nothing(nodal: Path, tmp_path: Path) -> None:
+    """A node moved off its grid line: no structured order, and no folder left behind."""
+    crooked = tmp_path / "nodal"
+    crooked.mkdir()
+    manifest = read_manifest(nodal, "nodal")
+    entries = []
+    for entry in manifest.shards:
+        arrays = read_shard(nodal / entry.file, "nodal")
+        x = arrays["mesh/coordinates"]
+        arrays["mesh/coordinates"] = x + 0.1 * np.sin(40 * x[:, ::-1])
+        digest = write_shard(crooked / entry.file, "nodal", arrays, manifest.case_digest, "quad")
+        entries.append(entry.model_copy(update={"sha256": digest}))
+    write_manifest(crooked, manifest.model_copy(update={"shards": tuple(entries)}))
+    with pytest.raises(InputError, match="no structured order"):
+        structure(crooked, tmp_path / "grid")
+    assert not (tmp_path / "grid").exists()
 
 
 def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
