@@ -24,6 +24,8 @@ class Body:
     mesh : Mesh
     clamped : array of bool, (n_nodes,)
     loadable : array of bool, (n_nodes,)
+    loadable_nodes : LoadableNodes
+        The same nodes by their numbers, for the load family.
     problem : EquilibriumProblem
         Lives on the ranks of the communicator that the body was made with.
     """
@@ -31,14 +33,8 @@ class Body:
     mesh: Mesh
     clamped: NDArray[np.bool_]
     loadable: NDArray[np.bool_]
+    loadable_nodes: LoadableNodes
     problem: EquilibriumProblem
-
-    @property
-    def loadable_nodes(self) -> LoadableNodes:
-        """The loadable nodes, for the load family."""
-        mesh = self.mesh
-        nodes = np.flatnonzero(self.loadable)
-        return LoadableNodes(nodes, mesh.coordinates, mesh.cells, mesh.cell_type)
 
     def shard_arrays(self) -> dict[str, Any]:
         """What every shard says of the mesh, by the schema's paths."""
@@ -73,10 +69,10 @@ def make_body(case: Case, comm: Any) -> Body:
             f"case '{case.name}': key 'load.region' holds the clamped node at {at}, "
             "expected free nodes only"
         )
+    nodes = LoadableNodes(np.flatnonzero(loadable), mesh.coordinates, mesh.cells, mesh.cell_type)
     try:
-        nodes = np.flatnonzero(loadable)
-        case.load.check(LoadableNodes(nodes, mesh.coordinates, mesh.cells, mesh.cell_type))
+        case.load.check(nodes)
     except ValueError as error:
         raise InputError(f"case '{case.name}': load family: {error}") from None
     problem = EquilibriumProblem(mesh, case.material, clamped, case.solver)
-    return Body(mesh, clamped, loadable, problem)
+    return Body(mesh, clamped, loadable, nodes, problem)
