@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.distributed_assembly import DistributedAssembly
-from datagen.linear_solver import set_up_direct, set_up_multigrid
+from datagen.linear_solver import INEXACT_TOLERANCE, set_up_direct, set_up_multigrid
 from datagen.material import NeoHookean, deformation_gradient, strain_energy
 from datagen.meshing import Mesh, node_numbering
 from datagen.serial_assembly import ElementLoop, SerialAssembly
@@ -143,9 +143,8 @@ class EquilibriumProblem:
         snes = PETSc.SNES().create(self.comm)
         snes.setFunction(self._compute_residual, self._residual)
         snes.setJacobian(self._compute_tangent, self._assembly.matrix)
-        snes.setTolerances(
-            rtol=0.0, atol=settings.tolerance, stol=0.0, max_it=settings.max_iterations
-        )
+        atol = settings.tolerance * (1.0 if direct else INEXACT_TOLERANCE)
+        snes.setTolerances(rtol=0.0, atol=atol, stol=0.0, max_it=settings.max_iterations)
         snes.setType("newtonls")
         if direct:
             set_up_direct(snes, self.dimension)
@@ -188,13 +187,16 @@ class EquilibriumProblem:
         self.u.vector.copy(self._x)
         snes.solve(None, self._x)
         self._take(self._x)
-        reason = snes.getConvergedReason()
+        reason, residual_norm = snes.getConvergedReason(), snes.getFunctionNorm()
+        reasons = PETSc.SNES.ConvergedReason
+        if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self._settings.tolerance:
+            reason = reasons.CONVERGED_FNORM_ABS  # to go on below it is wanted, not needed
         return NewtonResult(
             converged=reason > 0,
             reason=reason,
             explanation=INVERTED if self._inverted else reason_name(reason),
             iterations=snes.getIterationNumber(),
-            residual_norm=snes.getFunctionNorm(),
+            residual_norm=residual_norm,
         )
 
     def reset(self) -> None:

@@ -1,9 +1,9 @@
 """The farm: every load case of a dataset solved, by all ranks, whatever happens on the way.
 
 The samples are cut into shards once and for all. The ranks form groups, each with a mesh of its
-own; a group takes the next shard that is not done, solves its samples one after the other, and
-its leader writes it. So the dataset does not depend on the number of groups or restarts, and
-nothing that is finished is ever done again.
+own; a group takes the next piece of work, a shard or at the end a part of one, solves its samples
+one after the other, and its leader writes them. So the dataset does not depend on the number of
+groups or restarts, nothing that is finished is ever done again, and all groups end together.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from datagen.case import Case
 from datagen.interruption import Interruption
 from datagen.journal import Journal
 from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
-from datagen.shard_job import ShardJob, shard_count, shard_name, shard_samples
+from datagen.shard_job import ShardJob, merged
 from datagen.software import software_versions
+from datagen.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from shared_schema.command_line import Progress
 from shared_schema.errors import InputError, StoppedError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
@@ -62,19 +63,35 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input shows here, before anything is written
     on_rank_zero(comm, lambda: journal.open(case))
-    done = on_rank_zero(comm, journal.entries)
-    todo = [k for k in range(shard_count(case)) if shard_name(k) not in done]
-    if todo:
-        _make_shards(case, journal, todo, group, body or _body(case, group))
+    remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+    if remaining:
+        _make_shards(case, journal, remaining, group, body or _body(case, group))
     return on_rank_zero(comm, lambda: _finish(case, journal))
 
 
+def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
+    """Sample numbers that are still to be solved, of each shard that is not complete."""
+    complete = journal.entries()
+    remaining = {}
+    for shard in range(shard_count(case)):
+        if shard_name(shard) not in complete:
+            parts = journal.parts(shard)
+            names = ("samples/number", "failed/number")
+            done = {int(n) for part in parts for name in names for n in part[name]}
+            remaining[shard] = [n for n in shard_samples(case, shard) if n not in done]
+    return remaining
+
+
 def _make_shards(
-    case: Case, journal: Journal, todo: list[int], group: RankGroup, body: Body
+    case: Case, journal: Journal, remaining: dict[int, list[int]], group: RankGroup, body: Body
 ) -> None:
-    counters = SharedCounters(group.world, "taken", "samples", "failed", "ended", "interrupted")
+    pieces = plan(remaining, group.count)
+    finished = {shard: f"finished pieces of shard {shard}" for shard in remaining}
+    counters = SharedCounters(
+        group.world, "taken", "samples", "failed", "ended", "interrupted", *finished.values()
+    )
     total = case.dataset.samples
-    before = total - sum(len(shard_samples(case, k)) for k in todo)
+    before = total - sum(len(numbers) for numbers in remaining.values())
     title = f"datagen run {case.name}"
     progress = Progress(total, before, "samples", title, group.world.rank != 0)
 
@@ -82,13 +99,16 @@ def _make_shards(
         failed = counters.read("failed")
         progress.update(before + counters.read("samples"), f"{failed} failed" if failed else "")
 
-    def count(samples: int, failed: int) -> None:
+    def count(solved: bool) -> None:
         if group.is_leader:
-            counters.add("samples", samples)
-            if failed:
-                counters.add("failed", failed)
+            counters.add("samples", 1)
+            if not solved:
+                counters.add("failed", 1)
         if group.world.rank == 0:
             show()
+
+    def is_last(piece: Piece) -> bool:
+        return counters.add(finished[piece.shard], 1) == piece.of - 1
 
     with Interruption() as interruption:
 
@@ -99,12 +119,13 @@ def _make_shards(
 
         while not stopped():
             position = group.agree(lambda: counters.add("taken", 1))
-            if position >= len(todo):
+            if position >= len(pieces):
                 break
             try:
-                _make_shard(case, journal, body, todo[position], group, count, stopped)
+                _make_piece(case, journal, body, pieces[position], group, count, stopped, is_last)
             except InputError as error:  # on these ranks alone, so that it cannot be the run's
-                raise WorkError(f"{shard_name(todo[position])}: {error}") from error
+                name = shard_name(pieces[position].shard)
+                raise WorkError(f"{name}: {error}") from error
         counters.add("ended", 1)
         if group.world.rank == 0:
             while counters.read("ended") < group.world.size:
@@ -120,38 +141,43 @@ def _make_shards(
         raise StoppedError
 
 
-def _make_shard(
+def _make_piece(
     case: Case,
     journal: Journal,
     body: Body,
-    shard: int,
+    piece: Piece,
     group: RankGroup,
-    count: Callable[[int, int], None],
+    count: Callable[[bool], None],
     stopped: Callable[[], bool],
+    is_last: Callable[[Piece], bool],
 ) -> None:
-    """Solve the samples of a shard and write it, or keep what there is if stopped (per group)."""
-    job = ShardJob(case, body, shard)
-    part = group.agree(lambda: journal.part(shard_name(shard)))
-    if part is not None:
-        job.take_up(part)
-        count(job.done, len(job.failed))
-    while not job.is_complete:
-        if stopped():
-            if group.is_leader and job.done:
-                journal.keep_part(shard_name(shard), job.arrays(), case, body.mesh.cell_type)
-            return
-        count(1, 0 if job.solve_next() else 1)
-    if group.is_leader:
-        path = journal.folder / shard_name(shard)
-        digest = write_shard(path, "nodal", job.arrays(), case.digest(), body.mesh.cell_type)
-        journal.record(
-            ShardEntry(
-                file=path.name,
-                samples=len(job.solved),
-                failed=len(job.failed),
-                sha256=digest,
-            )
+    """Solve a piece and keep it, or what there is of it if stopped (collective over the group).
+
+    Whoever finishes the last piece of a shard puts the shard together and writes it.
+    """
+    job = ShardJob(case, body, piece.numbers)
+    while not (job.is_complete or stopped()):
+        count(job.solve_next())
+    if not group.is_leader:
+        return
+    cell_type = body.mesh.cell_type
+    if job.done and not (job.is_complete and piece.of == 1):
+        journal.keep_part(piece.shard, job.arrays(), case, cell_type)
+    if not (job.is_complete and is_last(piece)):
+        return
+    parts = journal.parts(piece.shard)
+    shard = merged([*parts, job.arrays()] if piece.of == 1 else parts)
+    path = journal.folder / shard_name(piece.shard)
+    digest = write_shard(path, "nodal", shard, case.digest(), cell_type)
+    journal.record(
+        ShardEntry(
+            file=path.name,
+            samples=len(shard["samples/number"]),
+            failed=len(shard["failed/number"]),
+            sha256=digest,
         )
+    )
+    journal.drop_parts(piece.shard)
 
 
 def _body(case: Case, group: RankGroup) -> Body:

@@ -12,11 +12,12 @@ import fcntl
 import json
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from datagen.case import Case
-from shared_schema.atomic_file import remove_partial_files, write_text
+from shared_schema.atomic_file import remove_partial_files, require_writable, write_text
 from shared_schema.configuration import validate
 from shared_schema.errors import InputError
 from shared_schema.manifest import (
@@ -25,7 +26,7 @@ from shared_schema.manifest import (
     digest_of,
     read_manifest,
 )
-from shared_schema.shard import Arrays, read_shard, sha256, write_shard
+from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
 
 JOURNAL = ".journal"
 
@@ -46,7 +47,8 @@ class Journal:
 
     @property
     def is_new(self) -> bool:
-        """Whether no run has begun in the folder."""
+        """Whether no run has begun in the folder; InputError if it cannot be written to."""
+        require_writable(self.folder)
         return not (self._journal.exists() or (self.folder / MANIFEST).exists())
 
     def open(self, case: Case) -> None:
@@ -64,7 +66,9 @@ class Journal:
             found = self._case_found()
             if found is None and any(self.folder.iterdir()) and not self._journal.exists():
                 raise InputError(f"--out '{self.folder}': the folder holds something else")
-            if found is not None:
+            if found is None:
+                self._require_shards_of(case)
+            else:
                 _require_same(self.folder, found, case.plain())
         self._journal.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(self.folder, os.O_RDONLY)
@@ -72,28 +76,46 @@ class Journal:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(f"--out '{self.folder}': another run is working in it") from None
-        remove_partial_files(self.folder)
+        for folder in (self.folder, self._journal):
+            remove_partial_files(folder)
         if found is None:
             text = json.dumps(case.plain(), indent=1) + "\n"
             write_text(self._journal / "case.json", text)
 
     def _case_found(self) -> dict[str, Any] | None:
-        """The case that the folder belongs to, if it says one."""
-        path = self._journal / "case.json"
-        if path.is_file():
-            content: dict[str, Any] = json.loads(path.read_text())
+        """The case that the folder belongs to, if it says one that can be read."""
+        content = _json(self._journal / "case.json")
+        if isinstance(content, dict):
             return content
         if (self.folder / MANIFEST).is_file():
             return read_manifest(self.folder, "nodal").case
         return None
 
+    def _require_shards_of(self, case: Case) -> None:
+        """See that what is there is of this case, where the journal's record of it is lost."""
+        finished = [self.folder / name for name in self.entries()]
+        for path in (*finished, *sorted(self._journal.glob("shard-*.h5"))):
+            try:
+                digest = read_attributes(path, "nodal")["case_digest"]
+            except InputError:  # a damaged part: made again
+                continue
+            if digest != case.digest():
+                raise InputError(
+                    f"--out '{self.folder}': {path.name} is made from another case; which, cannot "
+                    f"be read from {JOURNAL}/case.json"
+                )
+
     def entries(self) -> dict[str, ShardEntry]:
-        """Entries of the finished shards whose files are intact, by file name."""
+        """Entries of the finished shards whose files are intact, by file name.
+
+        An entry that cannot be read does not count: its shard is made again.
+        """
         entries = []
         if (self.folder / MANIFEST).is_file():
             entries += list(read_manifest(self.folder).shards)
         for path in sorted(self._journal.glob("shard-*.json")):
-            entries.append(validate(ShardEntry, json.loads(path.read_text()), str(path)))
+            with suppress(InputError):
+                entries.append(validate(ShardEntry, _json(path), str(path)))
         return {
             entry.file: entry
             for entry in entries
@@ -106,16 +128,25 @@ class Journal:
         path = self._journal / f"{Path(entry.file).stem}.json"
         write_text(path, entry.model_dump_json() + "\n")
 
-    def keep_part(self, name: str, arrays: dict[str, Any], case: Case, cell_type: str) -> None:
-        """Keep what there is of a shard whose job is cut short."""
-        write_shard(self._journal / name, "nodal", arrays, case.digest(), cell_type)
+    def keep_part(self, shard: int, arrays: Arrays, case: Case, cell_type: str) -> None:
+        """Keep what there is of a shard that is not complete; it counts with its checksum."""
+        first = min([*arrays["samples/number"], *arrays["failed/number"]])
+        path = self._journal / f"part-{shard:05d}-{first:08d}.h5"
+        digest = write_shard(path, "nodal", arrays, case.digest(), cell_type)
+        write_text(path.with_suffix(".sha256"), digest)
 
-    def part(self, name: str) -> Arrays | None:
-        """What `keep_part` kept of a shard, if anything that can be read."""
-        try:
-            return read_shard(self._journal / name, "nodal")
-        except InputError:
-            return None
+    def parts(self, shard: int) -> list[Arrays]:
+        """What is kept of a shard that is not complete, as far as it is intact."""
+        return [
+            read_shard(path, "nodal")
+            for path in sorted(self._journal.glob(f"part-{shard:05d}-*.h5"))
+            if _is_intact(path)
+        ]
+
+    def drop_parts(self, shard: int) -> None:
+        """Remove what was kept of a shard that is complete now."""
+        for path in self._journal.glob(f"part-{shard:05d}-*"):
+            path.unlink(missing_ok=True)
 
     def close(self, complete: bool) -> None:
         """Unlock the folder, and remove the journal of a complete dataset."""
@@ -124,6 +155,20 @@ class Journal:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def _json(path: Path) -> Any:
+    """Content of a JSON file; None if there is none, or none that can be read."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def _is_intact(part: Path) -> bool:
+    """Whether a part of a shard has the checksum that was written after it."""
+    checksum = part.with_suffix(".sha256")
+    return checksum.is_file() and checksum.read_text() == sha256(part)
 
 
 def _require_same(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:

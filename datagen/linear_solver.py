@@ -18,9 +18,17 @@ GAMG_OPTIONS = {
     "mg_coarse_ksp_type": "preonly",
     "mg_coarse_pc_type": "lu",
 }
-FORCING = 1e-3  # relative tolerance of an inner solve: inexact Newton, one iteration more at most
 MAX_ITERATIONS = 200
-
+INEXACT_NEWTON = {  # relative tolerance of the inner solve in step k: γ (‖R_k‖ / ‖R_k-1‖)^α
+    "snes_ksp_ew": None,  # Eisenstat and Walker (1996), choice 2
+    "snes_ksp_ew_version": 2,
+    "snes_ksp_ew_rtol0": 1e-2,
+    "snes_ksp_ew_rtolmax": 1e-2,
+    "snes_ksp_ew_gamma": 0.5,
+    "snes_ksp_ew_alpha": 1.618,
+}
+INEXACT_TOLERANCE = 1e-2  # part of the tolerance to go on to, where steps are inexact: solutions
+# then agree to some 1e-10 of their size, however the inner solves were rounded and broken off
 
 FULL_STEPS = {"snes_linesearch_type": "basic"}
 BUILT_ONCE = {"snes_lag_preconditioner": -2}  # at the first tangent, then never again
@@ -36,7 +44,7 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
-    """Conjugate gradients, preconditioned by a hierarchy that is built once.
+    """Inexact Newton steps by conjugate gradients, with a multigrid hierarchy that is built once.
 
     The hierarchy is that of the undeformed body, so that no solve depends on those before it.
 
@@ -47,7 +55,7 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     points : array, (n_owned_nodes, d)
         Positions of this rank's nodes in the order of their degrees of freedom, in m.
     """
-    _from_options(snes, FULL_STEPS | BUILT_ONCE)
+    _from_options(snes, FULL_STEPS | BUILT_ONCE | INEXACT_NEWTON)
     snes.setUp()
     tangent, _, _ = snes.getJacobian()
     undeformed = tangent.createVecRight()
@@ -56,7 +64,7 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     tangent.setOption(PETSc.Mat.Option.SPD, True)
     ksp = snes.getKSP()
     ksp.setType("cg")
-    ksp.setTolerances(rtol=FORCING, atol=0.0, max_it=MAX_ITERATIONS)
+    ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
     ksp.getPC().setType("gamg")
     _from_options(ksp, GAMG_OPTIONS)
     ksp.setOperators(tangent)

@@ -66,6 +66,11 @@ class RankGroup:
         return cls(world, world.Split(number, world.rank), number)
 
     @property
+    def count(self) -> int:
+        """Number of groups."""
+        return int(self.world.size // self.comm.size)
+
+    @property
     def is_leader(self) -> bool:
         """Whether this rank is its group's first, which speaks and writes for it."""
         return bool(self.comm.rank == 0)

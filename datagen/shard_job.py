@@ -1,11 +1,9 @@
-"""One shard's load cases: solving them, and turning what was found into the schema's arrays.
-
-A job that is cut short can be kept as a shard with fewer samples, and taken up again.
-"""
+"""Load cases of one shard: solving them, and turning what was found into the schema's arrays."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,22 +18,6 @@ from shared_schema.grid_map import NO_NODE
 from shared_schema.shard import Arrays
 
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
-
-
-def shard_count(case: Case) -> int:
-    """Number of shards of the dataset."""
-    return -(-case.dataset.samples // case.dataset.shard_size)
-
-
-def shard_name(shard: int) -> str:
-    """File name of a shard."""
-    return f"shard-{shard:05d}.h5"
-
-
-def shard_samples(case: Case, shard: int) -> range:
-    """Sample numbers of a shard."""
-    size = case.dataset.shard_size
-    return range(shard * size, min((shard + 1) * size, case.dataset.samples))
 
 
 @dataclass(frozen=True)
@@ -62,21 +44,22 @@ class Failed:
 
 @dataclass
 class ShardJob:
-    """The load cases of one shard, solved one after the other.
+    """Some load cases of one shard, solved one after the other.
 
     Attributes
     ----------
     case : Case
     body : Body
         Shared by the ranks that solve together; `solve_next` is collective over them.
-    shard : int
+    numbers : sequence of int
+        Their sample numbers.
     solved : list of Solved
     failed : list of Failed
     """
 
     case: Case
     body: Body
-    shard: int
+    numbers: Sequence[int]
     solved: list[Solved] = field(default_factory=list)
     failed: list[Failed] = field(default_factory=list)
 
@@ -88,12 +71,12 @@ class ShardJob:
     @property
     def is_complete(self) -> bool:
         """Whether every load case is dealt with."""
-        return self.done == len(shard_samples(self.case, self.shard))
+        return self.done == len(self.numbers)
 
     def solve_next(self) -> bool:
         """Deal with the next load case; tell whether it was solved."""
         case, problem = self.case, self.body.problem
-        number = shard_samples(case, self.shard)[self.done]
+        number = self.numbers[self.done]
         load = case.load.draw(number, case.dataset.seed, self.body.loadable_nodes)
         began = time.perf_counter()
         report = solve_load_case(problem, load.nodes, load.forces, case.solver)
@@ -109,7 +92,7 @@ class ShardJob:
         return report.solved
 
     def arrays(self) -> dict[str, Any]:
-        """The shard's arrays so far, by the schema's paths."""
+        """What was found so far, by the schema's paths of a shard."""
         body, dimension = self.body, self.case.mesh.dimension
         width = self.case.load.loads_per_sample(body.loadable_nodes)
         solved, failed = self.solved, self.failed
@@ -133,28 +116,15 @@ class ShardJob:
             "failed/reason": np.array([f.reason for f in failed], dtype=object),
         }
 
-    def take_up(self, arrays: Arrays) -> None:
-        """Go on from what `arrays` gave when the job was cut short."""
-        for i, number in enumerate(arrays["samples/number"].tolist()):
-            self.solved.append(
-                Solved(
-                    number,
-                    _unpad(arrays["samples/loaded_nodes"][i], arrays["samples/force"][i]),
-                    arrays["samples/displacement"][i],
-                    tuple(int(arrays[f"samples/{name}"][i]) for name in COUNTS),
-                    float(arrays["samples/residual_norm"][i]),
-                    float(arrays["samples/wall_time"][i]),
-                )
-            )
-        for i, number in enumerate(arrays["failed/number"].tolist()):
-            self.failed.append(
-                Failed(
-                    number,
-                    _unpad(arrays["failed/loaded_nodes"][i], arrays["failed/force"][i]),
-                    float(arrays["failed/load_factor"][i]),
-                    str(arrays["failed/reason"][i]),
-                )
-            )
+
+def merged(parts: Sequence[Arrays]) -> Arrays:
+    """Put the arrays of parts of a shard together, load cases in the order of their numbers."""
+    arrays = dict(parts[0])
+    for group in ("samples", "failed"):
+        order = np.argsort(np.concatenate([part[f"{group}/number"] for part in parts]))
+        for name in (name for name in arrays if name.startswith(f"{group}/")):
+            arrays[name] = np.concatenate([part[name] for part in parts])[order]
+    return arrays
 
 
 def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
@@ -164,8 +134,3 @@ def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
         nodes[row, : len(load.nodes)] = load.nodes
         force[row, : len(load.nodes)] = load.forces
     return nodes, force
-
-
-def _unpad(nodes: NDArray[np.int64], force: NDArray[np.float64]) -> LoadCase:
-    loaded = nodes != NO_NODE
-    return LoadCase(nodes[loaded], force[loaded])

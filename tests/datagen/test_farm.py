@@ -19,7 +19,7 @@ from datagen.case import SHIPPED, Case, read_case
 from datagen.farm import run
 from datagen.journal import Journal
 from datagen.regions import Region
-from datagen.shard_job import shard_count, shard_samples
+from datagen.work_plan import shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
 from shared_schema.layout import NODAL
@@ -156,21 +156,40 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     assert_same(whole, killed)
 
 
+def assert_near(one: Path, other: Path) -> None:
+    """The same mesh, numbers and loads; displacements equal to 1e-10 m."""
+    assert check_dataset(other) == []
+    for path in sorted(one.glob("shard-*.h5")):
+        a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")
+        for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):
+            assert np.array_equal(a[name], b[name])
+        assert np.abs(a["samples/displacement"] - b["samples/displacement"]).max() < 1e-10
+
+
 @pytest.mark.mpi
 def test_ranks_that_share_a_mesh_find_the_same(
     case_file: Path, serial: Path, tmp_path: Path
 ) -> None:
-    """One body distributed over two ranks: equal to 1e-10 m, numbered alike."""
-    out = tmp_path / "nodal"
-    result = execute(2, case_file, out, "--ranks-per-solve", "2")
+    """One body distributed over two ranks, LU and MUMPS."""
+    result = execute(2, case_file, tmp_path / "nodal", "--ranks-per-solve", "2")
     assert result.returncode == 0, result.stderr
-    assert check_dataset(out) == []
-    for path in sorted(serial.glob("shard-*.h5")):
-        one, two = read_shard(path, "nodal"), read_shard(out / path.name, "nodal")
-        for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):
-            assert np.array_equal(one[name], two[name])
-        difference = one["samples/displacement"] - two["samples/displacement"]
-        assert np.abs(difference).max() < 1e-10
+    assert_near(serial, tmp_path / "nodal")
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_ranks_that_share_a_multigrid_solve_find_the_same(tmp_path: Path) -> None:
+    """One body in space distributed over two ranks: hierarchies, and so the steps, are others."""
+    content = yaml.safe_load((SHIPPED / "beam3d.yaml").read_text())
+    content["mesh"]["elements"] = [14, 5, 5]
+    content["dataset"] |= {"samples": 40, "shard_size": 10}
+    case_file = tmp_path / "case.yaml"
+    case_file.write_text(yaml.safe_dump(content))
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        result = execute(2, case_file, out, "--ranks-per-solve", str(ranks))
+        assert result.returncode == 0, result.stderr
+    assert_near(tmp_path / "1", tmp_path / "2")
 
 
 @pytest.mark.mpi
@@ -205,7 +224,7 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
         _, said = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "stopped; the same command goes on from here" in said
-    parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("shard-*.h5")]
+    parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
     kept = np.concatenate([part["samples/wall_time"] for part in parts])
     assert 0 < len(kept) < 1000
     assert not (out / "manifest.json").exists()
