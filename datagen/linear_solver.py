@@ -1,4 +1,4 @@
-"""The linear solves of Newton's method: direct, or conjugate gradients with algebraic multigrid."""
+"""The linear solves of Newton's method: direct, or GMRES with algebraic multigrid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GAMG_OPTIONS = {
     "mg_coarse_ksp_type": "preonly",
     "mg_coarse_pc_type": "lu",
 }
-MAX_ITERATIONS = 200
+RESTART, MAX_ITERATIONS = 100, 200
 INEXACT_NEWTON = {  # relative tolerance of the inner solve in step k: γ (‖R_k‖ / ‖R_k-1‖)^α
     "snes_ksp_ew": None,  # Eisenstat and Walker (1996), choice 2
     "snes_ksp_ew_version": 2,
@@ -44,9 +44,11 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
-    """Inexact Newton steps by conjugate gradients, with a multigrid hierarchy that is built once.
+    """Inexact Newton steps by GMRES, preconditioned by a multigrid hierarchy that is built once.
 
-    The hierarchy is that of the undeformed body, so that no solve depends on those before it.
+    The hierarchy is that of the undeformed body, so that no solve depends on those before it. GMRES,
+    and on the right, since the tangents on the way to a large deformation need not be positive
+    definite, where conjugate gradients give up.
 
     Parameters
     ----------
@@ -61,9 +63,10 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     undeformed = tangent.createVecRight()
     snes.computeJacobian(undeformed, tangent)
     tangent.setNearNullSpace(rigid_body_modes(tangent, points))
-    tangent.setOption(PETSc.Mat.Option.SPD, True)
     ksp = snes.getKSP()
-    ksp.setType("cg")
+    ksp.setType("gmres")
+    ksp.setGMRESRestart(RESTART)
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
     ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
     ksp.getPC().setType("gamg")
     _from_options(ksp, GAMG_OPTIONS)

@@ -2,8 +2,7 @@
 
 A step that fails (no convergence, or an inverted element) is cut back and tried again from the
 last equilibrium; a step that converges in few iterations lets the next one grow. Where an iterative
-linear solver gives up (the tangent near an instability is not positive definite), the rest of the
-load case is solved directly.
+linear solver gives up, the rest of the load case is solved directly.
 """
 
 from __future__ import annotations

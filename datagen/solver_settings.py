@@ -25,7 +25,7 @@ class SolverSettings(Frozen):
     first_step : float
         First load step, as a fraction of the load.
     linear_solver : {"lu", "multigrid"}
-        Of the Newton steps: direct, or conjugate gradients with algebraic multigrid, which pays
+        Of the Newton steps: direct, or GMRES with algebraic multigrid, which pays
         from some ten thousand degrees of freedom on.
     smallest_step : float
         Load step, as a fraction of the load, below which the load case counts as failed.
