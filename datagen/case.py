@@ -10,9 +10,11 @@ from pydantic import Field, SerializeAsAny, field_validator
 from datagen.geometries import Geometry
 from datagen.loads import LoadFamily, load_family
 from datagen.material import NeoHookean, Volumetric
+from datagen.mesh_file import MeshFile
 from datagen.regions import Region
 from datagen.solver_settings import SolverSettings
 from shared_schema.configuration import Frozen, read_named, validate
+from shared_schema.errors import InputError
 from shared_schema.manifest import digest_of
 
 SHIPPED = Path(__file__).parent / "configs"
@@ -45,7 +47,7 @@ class Case(Frozen):
     Attributes
     ----------
     name : str
-    mesh : Box or LShape
+    mesh : Box, LShape or MeshFile
     material : NeoHookean
     supports : tuple of Region
         Nodes in any of them are clamped.
@@ -100,4 +102,11 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
     ):
         if value is not None and isinstance(content.get(section), dict):
             content[section][key] = value
-    return validate(Case, content, source)
+    case = validate(Case, content, source)
+    if isinstance(case.mesh, MeshFile):
+        try:
+            mesh = case.mesh.found_from(Path(source).parent)
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from None
+        case = case.model_copy(update={"mesh": mesh})
+    return case

@@ -25,7 +25,7 @@ from datagen.work_plan import Piece, plan, shard_count, shard_name, shard_sample
 from shared_schema.command_line import Progress
 from shared_schema.errors import InputError, StoppedError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
-from shared_schema.shard import write_shard
+from shared_schema.shard import read_shard, write_shard
 
 POLL = 0.05  # seconds between two looks at the others' progress, when rank 0 has nothing to do
 
@@ -183,7 +183,11 @@ def _make_piece(
 def _body(case: Case, group: RankGroup) -> Body:
     """Build the group's own body; the group of rank 0 first, so that only it compiles forms."""
     if group.number == 0:
-        body = make_body(case, group.comm)
+        try:
+            body = make_body(case, group.comm)
+        except InputError:  # which the other groups find as well
+            group.world.barrier()
+            raise
     group.world.barrier()
     if group.number != 0:
         body = make_body(case, group.comm)
@@ -193,6 +197,7 @@ def _body(case: Case, group: RankGroup) -> Body:
 def _finish(case: Case, journal: Journal) -> Manifest:
     entries = journal.entries()
     shards = tuple(entries[shard_name(k)] for k in range(shard_count(case)))
+    first = read_shard(journal.folder / shards[0].file, "nodal")
     manifest = write_manifest(
         journal.folder,
         Manifest(
@@ -202,7 +207,7 @@ def _finish(case: Case, journal: Journal) -> Manifest:
             case_digest=case.digest(),
             seed=case.dataset.seed,
             software=software_versions(),
-            dimension=case.mesh.dimension,
+            dimension=first["mesh/coordinates"].shape[1],
             samples=sum(entry.samples for entry in shards),
             failed=sum(entry.failed for entry in shards),
             shards=shards,

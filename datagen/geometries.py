@@ -1,17 +1,35 @@
-"""Geometries by name, drawn and meshed in gmsh by transfinite curves and surfaces."""
+"""Geometries by name: drawn and meshed in gmsh by transfinite curves and surfaces, or a file."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from datagen.gmsh_model import gmsh_session, mesh_of
+from datagen.mesh_file import MeshFile
+from datagen.raw_mesh import RawMesh
 from shared_schema.configuration import Frozen
 
 PositiveInt = Annotated[int, Field(gt=0)]
 
 
-class Box(Frozen):
+class Transfinite(Frozen):
+    """A geometry that gmsh meshes by transfinite curves and surfaces, in metres."""
+
+    @abstractmethod
+    def build(self, model: Any) -> None:
+        """Draw and mesh the geometry in the current gmsh model."""
+
+    def raw_mesh(self) -> RawMesh:
+        """Have the mesh made by gmsh."""
+        with gmsh_session() as gmsh:
+            self.build(gmsh.model)
+            return mesh_of(gmsh.model)
+
+
+class Box(Transfinite):
     """A rectangle of quadrilaterals or a cuboid of hexahedra, meshed by transfinite curves.
 
     Attributes
@@ -42,7 +60,7 @@ class Box(Frozen):
         return self
 
     def build(self, model: Any) -> None:
-        """Draw and mesh the box in the current gmsh model, with one physical group of cells."""
+        """Draw and mesh the box in the current gmsh model."""
         nx, ny = self.elements[:2]
         geo = model.geo
         (x0, y0), (x1, y1) = self.lower[:2], self.upper[:2]
@@ -54,14 +72,11 @@ class Box(Frozen):
             geo.mesh.setTransfiniteCurve(side, elements + 1)
         geo.mesh.setTransfiniteSurface(base)
         geo.mesh.setRecombine(2, base)
-        entity = (2, base)
         if self.dimension == 3:
             height = self.upper[2] - z0
             layers = [self.elements[2]]
-            extruded = geo.extrude([entity], 0, 0, height, numElements=layers, recombine=True)
-            entity = next(e for e in extruded if e[0] == 3)
+            geo.extrude([(2, base)], 0, 0, height, numElements=layers, recombine=True)
         geo.synchronize()
-        model.addPhysicalGroup(entity[0], [entity[1]], 1)
         model.mesh.generate(self.dimension)
 
 
@@ -96,7 +111,7 @@ class Block(Frozen):
     elements: tuple[PositiveInt, PositiveInt]
 
 
-class LShape(Frozen):
+class LShape(Transfinite):
     """An arm along x from the origin, and a higher block at its end, which share a side's nodes.
 
     The elements of arm and block are of the same height, so the arm is as high as its number of
@@ -125,7 +140,7 @@ class LShape(Frozen):
         return self
 
     def build(self, model: Any) -> None:
-        """Draw and mesh the two blocks in the current gmsh model, in one physical group."""
+        """Draw and mesh the two blocks in the current gmsh model."""
         geo = model.geo
         (arm_x, arm_y), (block_x, block_y) = self.arm.elements, self.block.elements
         step = self.block.height / block_y
@@ -148,16 +163,13 @@ class LShape(Frozen):
             side(6, 2, block_y - arm_y),
             -shared,
         ]
-        surfaces = []
         for sides, corners in ((arm, (0, 1, 2, 3)), (block, (1, 4, 5, 6))):
             surface = geo.addPlaneSurface([geo.addCurveLoop(sides)])
             tags = [p[corner] for corner in corners]
             geo.mesh.setTransfiniteSurface(surface, cornerTags=tags)
             geo.mesh.setRecombine(2, surface)
-            surfaces.append(surface)
         geo.synchronize()
-        model.addPhysicalGroup(2, surfaces, 1)
         model.mesh.generate(2)
 
 
-Geometry = Annotated[Box | LShape, Field(discriminator="kind")]
+Geometry = Annotated[Box | LShape | MeshFile, Field(discriminator="kind")]

@@ -46,9 +46,9 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     """Inexact Newton steps by GMRES, preconditioned by a multigrid hierarchy that is built once.
 
-    The hierarchy is that of the undeformed body, so that no solve depends on those before it. GMRES,
-    and on the right, since the tangents on the way to a large deformation need not be positive
-    definite, where conjugate gradients give up.
+    The hierarchy is that of the undeformed body, so that no solve depends on those before it. It is
+    GMRES, since conjugate gradients give up where the tangent is not positive definite, as it may
+    be on the way to a large deformation.
 
     Parameters
     ----------

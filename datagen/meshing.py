@@ -1,23 +1,28 @@
-"""Meshes from gmsh, distributed by dolfinx, with the node numbers of gmsh kept.
+"""Meshes distributed by dolfinx, with the node numbers of their source kept.
 
-Everything that leaves the solver is numbered as gmsh numbered it ("node number"), whatever order
+Everything that leaves the solver is numbered as the mesh was ("node number"), whatever order
 dolfinx chooses inside; `NodeNumbering` is the way between the two.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
+import dolfinx
 import numpy as np
+import ufl
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.geometries import Geometry
+from datagen.ranks import on_rank_zero
 
 
 @dataclass(frozen=True)
 class NodeNumbering:
-    """The way between gmsh's node numbers and the degrees of freedom of a P1 vector space.
+    """The way between node numbers and the degrees of freedom of a P1 vector space.
 
     Attributes
     ----------
@@ -64,65 +69,54 @@ class Mesh:
         Node numbers of every cell, in VTK order; the same on every rank.
     cell_type : str
         meshio's name: quad, triangle, hexahedron, tetra.
+    groups : mapping of str to array of int
+        Node numbers of every named group; the same on every rank.
     """
 
     domain: Any
     coordinates: NDArray[np.float64]
     cells: NDArray[np.int64]
     cell_type: str
+    groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
 
-MESHIO_NAMES = {
-    "quadrilateral": "quad",
+UFL_NAMES = {
+    "quad": "quadrilateral",
     "triangle": "triangle",
     "hexahedron": "hexahedron",
-    "tetrahedron": "tetra",
+    "tetra": "tetrahedron",
 }
 
 
-def make_mesh(geometry: Geometry, comm: Any) -> Mesh:
-    """Mesh a geometry with gmsh on rank 0 of `comm` and distribute it over the ranks.
+def make_mesh(geometry: Geometry, comm: MPI.Comm) -> Mesh:
+    """Read or make a mesh on rank 0 of `comm` and distribute it over the ranks (collective).
 
     Parameters
     ----------
     geometry : Geometry
         What to mesh.
     comm : mpi4py communicator
-        The ranks that share the mesh. Collective.
+        The ranks that share the mesh.
+
+    Raises
+    ------
+    InputError
+        On every rank, if a mesh file cannot be used.
     """
-    import dolfinx
-    import gmsh
-    from dolfinx.io import gmshio
-
-    if comm.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("mesh")
-        geometry.build(gmsh.model)
-    try:
-        domain, _, _ = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=geometry.dimension)
-    finally:
-        if comm.rank == 0:
-            gmsh.finalize()
-
-    name = domain.topology.cell_type.name
-    placed = domain.geometry
-    number = np.asarray(placed.input_global_indices, dtype=np.int64)
-    owned = placed.index_map().size_local
-    coordinates = np.empty((placed.index_map().size_global, geometry.dimension))
-    here = number[:owned], placed.x[:owned, : geometry.dimension]
-    for numbers, points in comm.allgather(here):
-        coordinates[numbers] = points
-
-    owned_cells = domain.topology.index_map(domain.topology.dim).size_local
-    corners = placed.dofmap.array.reshape(-1, placed.dofmap.links(0).size)[:owned_cells]
-    to_vtk = dolfinx.cpp.io.perm_vtk(domain.topology.cell_type, corners.shape[1])
-    cells = np.concatenate(comm.allgather(number[corners][:, np.argsort(to_vtk)]))
-    return Mesh(domain, coordinates, cells[np.lexsort(cells.T[::-1])], MESHIO_NAMES[name])
+    raw = on_rank_zero(comm, geometry.raw_mesh)
+    dimension = raw.coordinates.shape[1]
+    cell = ufl.Cell(UFL_NAMES[raw.cell_type], geometric_dimension=dimension)
+    element = ufl.VectorElement("Lagrange", cell, 1)
+    to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(str(cell)), raw.cells.shape[1])
+    here = slice(None) if comm.rank == 0 else slice(0)
+    domain = dolfinx.mesh.create_mesh(
+        comm, raw.cells[here][:, to_dolfinx], raw.coordinates[here], ufl.Mesh(element)
+    )
+    return Mesh(domain, raw.coordinates, raw.cells, raw.cell_type, raw.groups)
 
 
 def node_numbering(mesh: Mesh, space: Any) -> NodeNumbering:
-    """Number the blocks of `space` (P1 or Q1 vectors on `mesh`) as gmsh numbered its nodes."""
+    """Number the blocks of `space` (P1 or Q1 vectors on `mesh`) as its nodes are numbered."""
     geometry = mesh.domain.geometry
     number = np.asarray(geometry.input_global_indices, dtype=np.int64)
     index_map = space.dofmap.index_map

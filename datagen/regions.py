@@ -1,9 +1,11 @@
-"""Regions of space that pick out nodes: one condition a coordinate, as in ``{x: "> 0", y: 1}``."""
+"""Regions that pick out nodes: by coordinates, ``{x: "> 0", y: 1}``, or by ``{group: name}``."""
 
 from __future__ import annotations
 
 import operator
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +25,17 @@ RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
 
 
 class Region(Frozen):
-    """The nodes whose coordinates meet every condition given.
+    """The nodes that meet every condition given.
 
     Attributes
     ----------
+    group : str or None
+        A named group of the mesh: a physical group of gmsh, a node or element set.
     x, y, z : float, str or None
         A number (equality), a comparison such as ``"> 0"`` or ``"<= 2"``, or nothing. In metres.
     """
 
+    group: str | None = None
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
@@ -42,20 +47,37 @@ class Region(Frozen):
             parse_condition(value)
         return value
 
-    def select(self, coordinates: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def select(
+        self,
+        coordinates: NDArray[np.float64],
+        groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
+    ) -> NDArray[np.bool_]:
         """Tell which nodes lie in the region.
 
         Parameters
         ----------
         coordinates : array, (n_nodes, d)
             Node coordinates in m.
+        groups : mapping of str to array of int
+            Node numbers of every named group of the mesh.
 
         Returns
         -------
         array of bool, (n_nodes,)
+
+        Raises
+        ------
+        ValueError
+            If the mesh has no such group.
         """
         tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
         inside = np.ones(len(coordinates), dtype=bool)
+        if self.group is not None:
+            if self.group not in groups:
+                names = ", ".join(sorted(groups)) or "none"
+                raise ValueError(f"group '{self.group}': the mesh has no such group, but {names}")
+            inside[:] = False
+            inside[groups[self.group]] = True
         for axis, name in enumerate(AXES[: coordinates.shape[1]]):
             condition = getattr(self, name)
             if condition is None:

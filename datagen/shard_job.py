@@ -93,7 +93,7 @@ class ShardJob:
 
     def arrays(self) -> dict[str, Any]:
         """What was found so far, by the schema's paths of a shard."""
-        body, dimension = self.body, self.case.mesh.dimension
+        body, dimension = self.body, self.body.mesh.coordinates.shape[1]
         width = self.case.load.loads_per_sample(body.loadable_nodes)
         solved, failed = self.solved, self.failed
         loaded_nodes, force = _pad([s.load for s in solved], width, dimension)

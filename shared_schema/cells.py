@@ -1,4 +1,4 @@
-"""Cells by meshio's names: which corners make a facet, and which facets are the boundary."""
+"""Cells by meshio's names: their facets, the neighbours of a corner, the boundary of a mesh."""
 
 from __future__ import annotations
 
@@ -19,6 +19,21 @@ FACETS = {  # corners of each facet of a cell, VTK order, going round
     ),
 }
 CELL_TYPES = tuple(FACETS)
+NEIGHBOURS = {  # corners at the other ends of the edges at each corner, in a right-handed order
+    "triangle": ((1, 2), (2, 0), (0, 1)),
+    "quad": ((1, 3), (2, 0), (3, 1), (0, 2)),
+    "tetra": ((1, 2, 3), (2, 0, 3), (0, 1, 3), (1, 0, 2)),
+    "hexahedron": (
+        (1, 3, 4),
+        (2, 0, 5),
+        (3, 1, 6),
+        (0, 2, 7),
+        (7, 5, 0),
+        (4, 6, 1),
+        (5, 7, 2),
+        (6, 4, 3),
+    ),
+}
 
 
 def boundary_facets(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int64]:

@@ -1,0 +1,103 @@
+"""A mesh as plain arrays, before it is distributed, and what makes one unfit for use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.cells import CELL_TYPES, NEIGHBOURS
+
+DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
+SMALLEST = 1e-9  # Jacobian at a corner, as a part of the product of the edges there
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """Nodes and cells of one type, with named groups of nodes.
+
+    Attributes
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+        meshio's name: triangle, quad, tetra or hexahedron.
+    groups : mapping of str to array of int
+        Node numbers of every named group.
+    """
+
+    coordinates: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    cell_type: str
+    groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+
+def raw_mesh(
+    points: NDArray[np.float64],
+    blocks: list[tuple[str, NDArray[np.int64]]],
+    groups: Mapping[str, NDArray[np.int64]],
+) -> RawMesh:
+    """Make a mesh of the cells of highest dimension; nodes that none of them has are left out.
+
+    Parameters
+    ----------
+    points : array, (n_points, 2 or 3)
+        In m.
+    blocks : list of (cell type, array of int (n_cells, n_corners))
+        Cells of any dimension, meshio's names, VTK order.
+    groups : mapping of str to array of int
+        Points of every named group.
+
+    Raises
+    ------
+    ValueError
+        If the cells are not of one linear type, are flat or turned over, or a plane mesh leaves
+        the plane of x and y.
+    """
+    solid = [(name, cells) for name, cells in blocks if len(cells) and not _is_lower(name)]
+    in_space = [(name, cells) for name, cells in solid if DIMENSION.get(name, 3) == 3]
+    kept = in_space or solid
+    names = sorted({name for name, _ in kept})
+    if len(names) != 1 or names[0] not in CELL_TYPES:
+        found = ", ".join(names) or "none"
+        raise ValueError(f"cells are {found}, expected one of {', '.join(CELL_TYPES)}")
+    name, dimension = names[0], DIMENSION[names[0]]
+    cells = np.concatenate([cells for _, cells in kept]).astype(np.int64)
+    used = np.unique(cells)
+    coordinates = np.asarray(points[used], dtype=np.float64)
+    if not np.isfinite(coordinates).all():
+        raise ValueError("a coordinate is a NaN or an infinity")
+    size = float(np.ptp(coordinates, axis=0).max())
+    if dimension == 2 and np.abs(coordinates[:, 2:]).max(initial=0.0) > SMALLEST * size:
+        raise ValueError("a mesh of surface cells leaves the plane z = 0")
+    number = np.full(len(points), -1, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    numbered = {
+        group: np.unique(number[members][number[members] >= 0]) for group, members in groups.items()
+    }
+    mesh = RawMesh(np.ascontiguousarray(coordinates[:, :dimension]), number[cells], name, numbered)
+    _require_regular(mesh)
+    return mesh
+
+
+def _is_lower(name: str) -> bool:
+    """Whether cells of this type are points or lines, which mark groups at most."""
+    return name.startswith(("vertex", "line"))
+
+
+def _require_regular(mesh: RawMesh) -> None:
+    """Raise ValueError if a cell is flat or turned over at one of its corners."""
+    corners = mesh.coordinates[mesh.cells]
+    jacobians = []
+    for corner, neighbours in enumerate(NEIGHBOURS[mesh.cell_type]):
+        edges = corners[:, list(neighbours)] - corners[:, [corner]]
+        jacobians.append(np.linalg.det(edges) / np.linalg.norm(edges, axis=2).prod(axis=1))
+    scaled = np.stack(jacobians, axis=1)
+    wrong = np.flatnonzero(~((scaled > SMALLEST).all(axis=1) | (scaled < -SMALLEST).all(axis=1)))
+    if wrong.size:
+        at = ",".join(f"{x:g}" for x in corners[wrong[0]].mean(axis=0))
+        raise ValueError(f"{wrong.size} cells are flat or turned over, the first at {at}")
