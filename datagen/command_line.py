@@ -16,6 +16,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 
 from datagen import __version__
+from shared_schema.atomic_file import require_writable
 from shared_schema.checker import check_dataset
 from shared_schema.command_line import run_command
 from shared_schema.errors import FAILED, InputError, StoppedError, WorkError
@@ -36,10 +37,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _on_every_rank(command: Callable[[], None]) -> int:
-    """Run a collective command; a rank that fails takes down the others, which wait for it."""
+    """Run a collective command; the first rank that fails says why and takes down the others."""
     from mpi4py import MPI
 
+    from datagen.ranks import SharedCounters
+
     comm = MPI.COMM_WORLD
+    counters = SharedCounters(comm, "failed")
     alone = False
 
     def watched() -> None:
@@ -49,6 +53,8 @@ def _on_every_rank(command: Callable[[], None]) -> int:
         except (InputError, StoppedError):
             raise
         except BaseException:
+            if counters.add("failed", 1):
+                comm.Barrier()  # until the first takes this one down
             alone = True
             raise
 
@@ -59,6 +65,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
         code = FAILED
     if alone and comm.size > 1:
         comm.Abort(FAILED)
+    counters.free()
     return code
 
 
@@ -158,6 +165,7 @@ def _solve(options: argparse.Namespace) -> None:
     from datagen.load_stepping import solve_load_case
 
     require_suffix(options.out)
+    require_writable(options.out)
     case = read_case(options.case, options.volumetric)
     body = make_body(case, MPI.COMM_SELF)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)

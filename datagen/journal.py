@@ -93,16 +93,13 @@ class Journal:
 
     def _require_shards_of(self, case: Case) -> None:
         """See that what is there is of this case, where the journal's record of it is lost."""
-        finished = [self.folder / name for name in self.entries()]
-        for path in (*finished, *sorted(self._journal.glob("shard-*.h5"))):
-            try:
-                digest = read_attributes(path, "nodal")["case_digest"]
-            except InputError:  # a damaged part: made again
-                continue
-            if digest != case.digest():
+        kept = [self.folder / name for name in self.entries()]
+        kept += [part for part in sorted(self._journal.glob("part-*.h5")) if _is_intact(part)]
+        for path in kept:
+            if read_attributes(path, "nodal")["case_digest"] != case.digest():
                 raise InputError(
-                    f"--out '{self.folder}': {path.name} is made from another case; which, cannot "
-                    f"be read from {JOURNAL}/case.json"
+                    f"--out '{self.folder}': {path.name} is made from another case "
+                    f"({JOURNAL}/case.json, which should say it, cannot be read)"
                 )
 
     def entries(self) -> dict[str, ShardEntry]:
@@ -168,7 +165,7 @@ def _json(path: Path) -> Any:
 def _is_intact(part: Path) -> bool:
     """Whether a part of a shard has the checksum that was written after it."""
     checksum = part.with_suffix(".sha256")
-    return checksum.is_file() and checksum.read_text() == sha256(part)
+    return checksum.is_file() and checksum.read_bytes() == sha256(part).encode()
 
 
 def _require_same(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from shared_schema.atomic_file import PARTIAL, remove_partial_files, require_writable
 from shared_schema.errors import InputError
 from shared_schema.manifest import MANIFEST, Manifest, read_manifest
 
@@ -21,15 +22,19 @@ def require_free(folder: Path, made: Manifest) -> None:
     Raises
     ------
     InputError
-        If the folder holds another dataset, or anything else.
+        If the folder holds another dataset, or anything else, or cannot be written to.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out '{folder}': expected a folder, found a file")
+    require_writable(folder)
     if (folder / MANIFEST).is_file():
         old = read_manifest(folder)
         theirs = (old.kind, old.case_digest, old.transforms)
         if theirs != (made.kind, made.case_digest, made.transforms):
             raise InputError(f"--out '{folder}': holds another dataset, '{old.name}'")
         (folder / MANIFEST).unlink()
-    elif folder.is_dir() and any(not p.name.startswith("shard-") for p in folder.iterdir()):
-        raise InputError(f"--out '{folder}': the folder holds something else")
+    elif folder.is_dir():
+        ours = ("shard-", PARTIAL)  # of a step that was killed
+        if not all(path.name.startswith(ours) for path in folder.iterdir()):
+            raise InputError(f"--out '{folder}': the folder holds something else")
+    remove_partial_files(folder)

@@ -148,14 +148,6 @@ LAYOUTS: dict[Kind, tuple[ArrayLayout, ...]] = {"nodal": NODAL, "structured": ST
 SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
 
 
-def layout_of(kind: Kind, path: str) -> ArrayLayout:
-    """Find the layout of the dataset at `path`; KeyError if the kind has none there."""
-    for layout in LAYOUTS[kind]:
-        if layout.path == path:
-            return layout
-    raise KeyError(path)
-
-
 def shape_problem(
     layout: ArrayLayout, shape: tuple[int, ...], lengths: dict[str, tuple[int, ...]]
 ) -> str | None:

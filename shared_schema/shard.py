@@ -1,7 +1,8 @@
 """Reading and writing one shard: an HDF5 file that holds some samples and the mesh they live on.
 
-Writing is atomic: the file appears under its name complete, or not at all. Reading refuses
-external links and anything that is not laid out as `shared_schema.layout` says.
+Writing is atomic: the file appears under its name complete, or not at all. HDF5 builds it in memory
+and never sees the disk, so that a full one is a plain OSError. Reading refuses external links and
+anything that is not laid out as `shared_schema.layout` says.
 """
 
 from __future__ import annotations
@@ -57,22 +58,27 @@ def write_shard(
     ------
     ValueError
         If the arrays are not those of the layout, or one holds a NaN or an infinity.
+    OSError
+        If the file cannot be written.
     """
     problems = array_problems(kind, {name: np.asarray(a) for name, a in arrays.items()}, {})
     if problems:
         raise ValueError(f"{path.name}: {problems[0]}")
+    attributes: Attributes = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": kind,
+        "case_digest": case_digest,
+        "cell_type": cell_type,
+    }
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        file.attrs.update(attributes)
+        for layout in LAYOUTS[kind]:
+            _create(file, layout, arrays[layout.path])
+        file.flush()
+        content: bytes = file.id.get_file_image()
     with complete_or_absent(path) as partial:
-        with h5py.File(partial, "w") as file:
-            attributes: Attributes = {
-                "schema_version": SCHEMA_VERSION,
-                "kind": kind,
-                "case_digest": case_digest,
-                "cell_type": cell_type,
-            }
-            file.attrs.update(attributes)
-            for layout in LAYOUTS[kind]:
-                _create(file, layout, arrays[layout.path])
-        return sha256(partial)
+        partial.write_bytes(content)
+    return hashlib.sha256(content).hexdigest()
 
 
 def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.layout import LAYOUTS, ArrayLayout, Kind, layout_of, shape_problem
+from shared_schema.layout import LAYOUTS, ArrayLayout, Kind, shape_problem
 
 KINDS: list[Kind] = ["nodal", "structured"]
 
@@ -21,13 +21,6 @@ def test_types_units_and_descriptions(kind: Kind) -> None:
         assert layout.units in ("1", "m", "N", "s")
         assert layout.description
         assert layout.axes
-
-
-def test_layout_of_finds_by_path_within_the_kind() -> None:
-    assert layout_of("nodal", "samples/force").dtype == "float64"
-    assert layout_of("structured", "samples/force").dtype == "float32"
-    with pytest.raises(KeyError, match="grid/mask"):
-        layout_of("nodal", "grid/mask")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import errno
 import hashlib
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -84,38 +88,31 @@ def test_wrong_arrays_are_not_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_exception_in_writing_leaves_nothing(
-    tmp_path: Path, nodal_arrays: Arrays, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("limit", [0, 1, 1000, -1])
+def test_a_file_that_does_not_fit_leaves_nothing(
+    tmp_path: Path, nodal_arrays: Arrays, limit: int
 ) -> None:
-    calls = []
-
-    def fail_late(*args: Any) -> None:
-        calls.append(list(tmp_path.iterdir()))
-        if len(calls) == 5:
-            raise OSError("no space left")
-
-    monkeypatch.setattr("shared_schema.shard._create", fail_late)
-    with pytest.raises(OSError, match="no space left"):
-        write_shard(tmp_path / "shard-00000.h5", "nodal", nodal_arrays, CASE_DIGEST, "quad")
-    assert len(calls[-1]) == 1  # the partial file was there while it was written
-    assert calls[-1][0].name != "shard-00000.h5"
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_exception_in_writing_keeps_the_old_file(
-    tmp_path: Path, nodal_arrays: Arrays, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    """Files may have so many bytes (-1: one less than the shard's): a plain OSError names it."""
     path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
     before = path.read_bytes()
-
-    def fail(_: Path) -> str:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("shared_schema.shard.sha256", fail)
-    with pytest.raises(KeyboardInterrupt):
-        write_shard(path, "nodal", nodal_arrays, CASE_DIGEST, "quad")
+    with largest_file(limit % len(before)):
+        for name in ("shard-00000.h5", "shard-00001.h5"):
+            with pytest.raises(OSError, match=name) as error:
+                written(tmp_path / name, "nodal", nodal_arrays)
+            assert error.value.errno == errno.EFBIG
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == before
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """Let no file of this process grow beyond `size` bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
