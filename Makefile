@@ -11,8 +11,8 @@ DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
 RUN ?= runs/$(CASE)-$(MODEL)-$(RECIPE)$(if $(SAMPLES),-$(SAMPLES))
 
 DEBIAN_PYTHON := /usr/bin/python3
-DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-meshio \
-	python3-venv python3-yaml
+DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-matplotlib \
+	python3-meshio python3-venv python3-yaml
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 

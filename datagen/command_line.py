@@ -1,4 +1,4 @@
-"""The command ``datagen``: run, structure, solve, check, info."""
+"""The command ``datagen``: making datasets and looking at them."""
 
 from __future__ import annotations
 
@@ -123,7 +123,20 @@ def _parser() -> argparse.ArgumentParser:
 
     info = commands.add_parser("info", help="summarise a dataset")
     info.add_argument("dataset", type=Path, metavar="DIR")
+    info.add_argument("--figure", type=Path, metavar="FILE", help="draw it as well, as `plot` does")
     info.set_defaults(command=_info)
+
+    plot = commands.add_parser("plot", help="draw mesh, supports and some samples of a dataset")
+    plot.add_argument("nodal", type=Path, metavar="NODAL_DIR")
+    plot.add_argument("--out", type=Path, required=True, metavar="FILE.(png|svg|pdf)")
+    plot.add_argument("--samples", metavar="N,N,…", help="instead of four, evenly by displacement")
+    plot.set_defaults(command=_plot)
+
+    export = commands.add_parser("export", help="write samples as a series for ParaView")
+    export.add_argument("nodal", type=Path, metavar="NODAL_DIR")
+    export.add_argument("--out", type=Path, required=True, metavar="FILE.(xdmf|pvd)")
+    export.add_argument("--samples", metavar="A:B", help="A to B - 1 instead of the first 100")
+    export.set_defaults(command=_export)
     return parser
 
 
@@ -204,7 +217,30 @@ def _check(options: argparse.Namespace) -> None:
 def _info(options: argparse.Namespace) -> None:
     from datagen.info import summary
 
+    if options.figure is not None:
+        from datagen.dataset_figure import SUFFIXES, plot_dataset
+
+        require_suffix(options.figure, SUFFIXES, "--figure")
+        plot_dataset(options.dataset, options.figure)
     print(summary(options.dataset))
+
+
+def _plot(options: argparse.Namespace) -> None:
+    from datagen.dataset_figure import SUFFIXES, plot_dataset
+
+    require_suffix(options.out, SUFFIXES)
+    require_writable(options.out)
+    numbers = plot_dataset(options.nodal, options.out, options.samples)
+    print(f"{options.out}: samples {', '.join(str(number) for number in numbers)}")
+
+
+def _export(options: argparse.Namespace) -> None:
+    from datagen.export import SUFFIXES, export
+
+    require_suffix(options.out, SUFFIXES)
+    require_writable(options.out)
+    numbers = export(options.nodal, options.out, options.samples)
+    print(f"{options.out}: {len(numbers)} samples, {numbers[0]} to {numbers[-1]}")
 
 
 if __name__ == "__main__":

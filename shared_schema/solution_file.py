@@ -18,12 +18,19 @@ from shared_schema.errors import InputError
 SUFFIXES = (".npz", ".vtu", ".xdmf")
 
 
-def require_suffix(path: Path, allowed: tuple[str, ...] = SUFFIXES) -> None:
+def require_suffix(path: Path, allowed: tuple[str, ...] = SUFFIXES, option: str = "--out") -> None:
     """Raise InputError unless the file name ends as one of `allowed` and its folder exists."""
     if path.suffix not in allowed:
-        raise InputError(f"--out '{path}': expected a file name ending in {', '.join(allowed)}")
+        raise InputError(f"{option} '{path}': expected a file name ending in {', '.join(allowed)}")
     if not path.parent.is_dir():
-        raise InputError(f"--out '{path}': no such folder {path.parent}")
+        raise InputError(f"{option} '{path}': no such folder {path.parent}")
+    if path.is_dir():
+        raise InputError(f"{option} '{path}': expected a file, found a folder")
+
+
+def in_space(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give vectors (n, d) three components, as ParaView wants them: (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def write_solution(
@@ -64,9 +71,6 @@ def _write_mesh(
     fields: Mapping[str, NDArray[np.float64]],
 ) -> None:
     import meshio
-
-    def in_space(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
     mesh = meshio.Mesh(
         in_space(coordinates),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from shared_schema.atomic_file import write_text
 from shared_schema.errors import InputError
+from shared_schema.figure_style import save
 from surrogate import figures
 from surrogate.dataset import read_dataset
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
@@ -116,18 +117,14 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     example = evaluation.example
     predicted, reference = evaluation.predicted[example], evaluation.reference[example]
     force = evaluation.force[example]
-    figures.save(
+    save(
         figures.deformed_meshes(geometry, predicted, reference, force), run.figures / "deformed.png"
     )
-    figures.save(
-        figures.error_field(geometry, predicted, reference), run.figures / "error_field.png"
-    )
+    save(figures.error_field(geometry, predicted, reference), run.figures / "error_field.png")
     errors = sample_errors(evaluation.predicted, evaluation.reference)
     moved = displacement_at_load(evaluation.force, evaluation.reference)
-    figures.save(
-        figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png"
-    )
+    save(figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png")
     lines = run.metric_lines()
     loss = run.description().run.training.loss
     if lines:
-        figures.save(figures.loss_curves(lines, loss), run.figures / "loss.png")
+        save(figures.loss_curves(lines, loss), run.figures / "loss.png")

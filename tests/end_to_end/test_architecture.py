@@ -11,7 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
-LEARNER = {"torch", "safetensors", "matplotlib"}
+LEARNER = {"torch", "safetensors"}
+DRAWING = {  # who may import matplotlib, besides the learner
+    "shared_schema/figure_style.py",
+    "shared_schema/mesh_drawing.py",
+    "datagen/dataset_figure.py",
+}
 FORBIDDEN = {
     "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate"},
     "datagen": LEARNER | {"surrogate"},
@@ -40,6 +45,13 @@ def test_no_import_against_the_arrows(package: str) -> None:
         assert not against, f"{path.relative_to(ROOT)} imports {sorted(against)}"
 
 
+def test_matplotlib_is_for_those_who_draw() -> None:
+    for package in ("shared_schema", "datagen"):
+        for path in (ROOT / package).rglob("*.py"):
+            name = str(path.relative_to(ROOT))
+            assert ("matplotlib" in imported(path)) == (name in DRAWING), name
+
+
 def test_the_check_sees_imports_inside_functions(tmp_path: Path) -> None:
     path = tmp_path / "module.py"
     path.write_text("def f():\n    from dolfinx.fem import form\n    import torch.nn as nn\n")
@@ -49,15 +61,29 @@ def test_the_check_sees_imports_inside_functions(tmp_path: Path) -> None:
 def test_the_learner_loads_nothing_of_the_factory() -> None:
     """What is loaded in fact, by importing every module of the learner."""
     modules = [f"surrogate.{p.stem}" for p in (ROOT / "surrogate").glob("[a-z]*.py")]
+    assert loaded(modules, FACTORY) == []
+
+
+def test_contract_and_command_line_load_no_matplotlib() -> None:
+    """It is optional in the one, and only some commands of the other draw."""
+    files = [str(p.relative_to(ROOT)) for p in (ROOT / "shared_schema").glob("[a-z]*.py")]
+    modules = [file[:-3].replace("/", ".") for file in files if file not in DRAWING]
+    assert len(modules) > 10
+    assert loaded([*modules, "datagen.command_line"], {"matplotlib"}) == []
+    assert loaded(["shared_schema.figure_style"], {"matplotlib"}) == ["matplotlib"]
+
+
+def loaded(modules: list[str], among: set[str]) -> list[str]:
+    """Which of some packages are loaded after importing modules in a new interpreter."""
     code = (
         "import importlib, sys\n"
         f"for name in {modules!r}: importlib.import_module(name)\n"
-        f"print(sorted({FACTORY!r} & set(sys.modules)))\n"
+        f"print(*sorted({among!r} & set(sys.modules)))\n"
     )
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    assert result.stdout.strip() == "[]"
+    return result.stdout.split()
 
 
 def test_nothing_unpickles() -> None:

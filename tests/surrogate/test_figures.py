@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from shared_schema.figure_style import save
 from surrogate import figures
 from surrogate.dataset import Dataset
 from surrogate.metrics import measure
@@ -40,7 +41,7 @@ def draw(name: str, dataset: Dataset) -> Figure:
 @pytest.mark.parametrize("name", ["deformed", "error_field", "errors", "loss"])
 def test_figure_is_a_picture(tmp_path: Path, dataset: Dataset, name: str) -> None:
     path = tmp_path / f"{name}.png"
-    figures.save(draw(name, dataset), path)
+    save(draw(name, dataset), path)
     assert path.read_bytes().startswith(b"\x89PNG\r\n")
     pixels = imread(path)
     assert min(pixels.shape[:2]) > 300
