@@ -1,4 +1,4 @@
-"""From a nodal dataset to a structured one: nodal vectors laid on the grid, split, statistics."""
+"""From a nodal dataset to a structured one: fields laid on the grid, split, statistics."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.case import Case
+from datagen.embedding import embed
 from datagen.new_folder import require_free
 from shared_schema.checker import require_intact
 from shared_schema.command_line import Progress
 from shared_schema.configuration import validate
+from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.errors import InputError
+from shared_schema.grid import Grid, grid_arrays
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import (
     MANIFEST,
     ComponentStatistics,
+    EmbeddingInfo,
     Manifest,
     NodeOrder,
     ShardEntry,
@@ -31,11 +35,16 @@ SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loa
 
 
 def structure(
-    source: Path, folder: Path, order: NodeOrder = "preferred", order_seed: int = 0
+    source: Path,
+    folder: Path,
+    order: NodeOrder = "preferred",
+    order_seed: int = 0,
+    shape: tuple[int, ...] | None = None,
 ) -> Manifest:
-    """Lay a nodal dataset on its grid.
+    """Lay a nodal dataset on its grid, or on one that is embedded on a mesh that has none.
 
-    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact.
+    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact, and
+    with an embedded grid the nodal samples are kept beside those on the grid.
 
     Parameters
     ----------
@@ -48,11 +57,13 @@ def structure(
         neighbours in space are neighbours on the grid; the others are for the study of that.
     order_seed : int
         Of the random order.
+    shape : tuple of d ints, optional
+        Grid points along each axis: embeds a grid, even on a mesh that has one of its own.
 
     Raises
     ------
     InputError
-        If the source is no intact nodal dataset, its mesh has no structured order, or the folder
+        If the source is no intact nodal dataset, order or shape do not fit its mesh, or the folder
         holds something else.
     """
     manifest = read_manifest(source, "nodal")
@@ -60,15 +71,17 @@ def structure(
     require_intact(source, manifest)
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    made = _already_made(folder, manifest, order, order_seed)
+    first = read_shard(source / manifest.shards[0].file, "nodal")
+    cell_type = str(read_attributes(source / manifest.shards[0].file, "nodal")["cell_type"])
+    grid = _grid_of(first, cell_type, shape, order, order_seed)
+    made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
-    first = read_shard(source / manifest.shards[0].file, "nodal")
-    grid = in_order(_grid_of(first, source), order, order_seed)
     require_free(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(case, manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
+    round_trips: list[NDArray[np.float64]] = []
     entries: list[ShardEntry] = []
     start = 0
     folder.mkdir(parents=True, exist_ok=True)
@@ -80,17 +93,14 @@ def structure(
         train = ~arrays["samples/is_test"]
         force.add(arrays["samples/force"][train][..., grid.mask])
         displacement.add(arrays["samples/displacement"][train][..., grid.mask])
-        attributes = read_attributes(source / entry.file, "nodal")
+        round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
         digest = write_shard(
-            folder / entry.file,
-            "structured",
-            arrays,
-            manifest.case_digest,
-            str(attributes["cell_type"]),
+            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
         )
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
+    errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
         order=order,
@@ -101,6 +111,9 @@ def structure(
         force=force.result(),
         displacement=displacement.result(),
         source_digest=manifest.digest,
+        embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
+        if isinstance(grid, EmbeddedGrid)
+        else None,
     )
     update: dict[str, Any] = {
         "kind": "structured",
@@ -112,7 +125,7 @@ def structure(
 
 
 def _already_made(
-    folder: Path, source: Manifest, order: NodeOrder, order_seed: int
+    folder: Path, source: Manifest, grid: Grid, order: NodeOrder, order_seed: int
 ) -> Manifest | None:
     """The manifest of an intact dataset that this step made before from the same source."""
     try:
@@ -122,15 +135,34 @@ def _already_made(
         return None
     info = made.structured
     assert info is not None
-    wanted = (source.digest, order, order_seed)
-    return made if (info.source_digest, info.order, info.order_seed) == wanted else None
+    embedded = isinstance(grid, EmbeddedGrid)
+    wanted = (source.digest, order, order_seed, grid.shape, embedded)
+    found = (info.source_digest, info.order, info.order_seed, info.grid_shape)
+    return made if (*found, info.embedding is not None) == wanted else None
 
 
-def _grid_of(nodal: Arrays, source: Path) -> GridMap:
-    try:
-        return GridMap.from_coordinates(nodal["mesh/coordinates"])
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
+def _grid_of(
+    nodal: Arrays,
+    cell_type: str,
+    shape: tuple[int, ...] | None,
+    order: NodeOrder,
+    order_seed: int,
+) -> Grid:
+    """The mesh's own grid with its nodes in the order asked for, or an embedded one."""
+    x = nodal["mesh/coordinates"]
+    if shape is None:
+        try:
+            return in_order(GridMap.from_coordinates(x), order, order_seed)
+        except ValueError as error:
+            if order != "preferred":
+                raise InputError(f"--order {order}: {error}") from None
+    elif order != "preferred":
+        raise InputError(f"--order {order}: an embedded grid (--grid) has no other order")
+    elif len(shape) != x.shape[1] or min(shape) < 2:
+        raise InputError(
+            f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
+        )
+    return embed(x, nodal["mesh/cells"], cell_type, shape)
 
 
 def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:
@@ -152,18 +184,29 @@ def split(case: Case, samples: int) -> NDArray[np.bool_]:
     return is_test
 
 
-def structured_arrays(nodal: Arrays, grid: GridMap, is_test: NDArray[np.bool_]) -> Arrays:
+def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> Arrays:
     """Lay the arrays of one nodal shard on the grid: (N, n_nodes, d) → (N, d, nx, ny[, nz])."""
-    force = nodal_forces_of(nodal)
-    return {
+    force, displacement = nodal_forces_of(nodal), nodal["samples/displacement"]
+    arrays = {
         **{name: values for name, values in nodal.items() if name.startswith("mesh/")},
-        "grid/node_at": grid.node_at,
-        "grid/mask": grid.mask,
+        **grid_arrays(grid),
         "samples/number": nodal["samples/number"],
         "samples/is_test": is_test,
-        "samples/force": grid.to_grid(force.astype(np.float32)),
-        "samples/displacement": grid.to_grid(nodal["samples/displacement"].astype(np.float32)),
+        "samples/force": grid.forces_to_grid(force).astype(np.float32),
+        "samples/displacement": grid.to_grid(displacement).astype(np.float32),
     }
+    if isinstance(grid, EmbeddedGrid):
+        arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]
+        arrays["samples/nodal_force"] = nodal["samples/force"].astype(np.float32)
+        arrays["samples/nodal_displacement"] = displacement.astype(np.float32)
+    return arrays
+
+
+def round_trip_errors(grid: Grid, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """‖u_grid→nodes − u‖₂ / ‖u‖₂ of every sample: (N, n_nodes, d) → (N,)."""
+    back = grid.to_nodes(grid.to_grid(displacement))
+    size = np.linalg.norm(displacement, axis=(1, 2))
+    return np.linalg.norm(back - displacement, axis=(1, 2)) / np.where(size > 0, size, 1.0)
 
 
 def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:

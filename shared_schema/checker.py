@@ -12,7 +12,8 @@ import numpy as np
 
 from shared_schema.cells import CELL_TYPES
 from shared_schema.errors import InputError
-from shared_schema.grid_map import NO_NODE, GridMap
+from shared_schema.grid import grid_problems
+from shared_schema.grid_map import NO_NODE
 from shared_schema.manifest import Manifest, digest_of, read_manifest
 from shared_schema.shard import (
     Arrays,
@@ -133,21 +134,9 @@ def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
                 problems.append(f"dataset '{name}' names a node outside 0 … {nodes - 1}")
     if manifest.structured is None:
         return problems
-    if arrays["grid/node_at"].shape != manifest.structured.grid_shape:
-        problems.append(
-            f"dataset 'grid/node_at' has shape {arrays['grid/node_at'].shape}, "
-            f"the manifest says {manifest.structured.grid_shape}"
-        )
-        return problems
-    grid = GridMap(arrays["grid/node_at"])
-    if not np.array_equal(np.sort(grid.node_at[grid.mask]), np.arange(nodes)):
-        problems.append("dataset 'grid/node_at' does not place every node exactly once")
-    if not np.array_equal(grid.mask, arrays["grid/mask"]):
-        problems.append("dataset 'grid/mask' is not that of 'grid/node_at'")
-    for name in ("samples/force", "samples/displacement"):
-        if np.any(arrays[name][..., ~grid.mask]):
-            problems.append(f"dataset '{name}' is not zero where the grid has no node")
-    return problems
+    if ("grid/sources" in arrays) != (manifest.structured.embedding is not None):
+        problems.append("the grid is embedded, or not, against what the manifest says")
+    return problems + grid_problems(arrays, manifest.structured.grid_shape)
 
 
 def _damage(path: Path) -> str:

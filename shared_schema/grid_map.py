@@ -97,6 +97,14 @@ class GridMap:
         grid[..., self.mask] = np.swapaxes(nodal, -1, -2)[..., self.node_at[self.mask]]
         return grid
 
+    def forces_to_grid(self, nodal: NDArray[Any]) -> NDArray[Any]:
+        """Lay nodal forces on the grid, as any nodal vectors."""
+        return self.to_grid(nodal)
+
+    def moved_by(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Grid points on which chosen nodes stand: (n_nodes,) → (nx, ny[, nz])."""
+        return self.mask & chosen[self.node_at]
+
     def to_nodes(self, grid: NDArray[Any]) -> NDArray[Any]:
         """Take nodal vectors from the grid: (..., d, nx, ny[, nz]) → (..., n_nodes, d)."""
         values = grid[..., self.mask]

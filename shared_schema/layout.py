@@ -1,13 +1,15 @@
 """What is in a shard: one annotated tree for each kind of dataset.
 
 Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
-``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz].
+``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
+``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import Literal
 
@@ -144,8 +146,79 @@ STRUCTURED = (
     ),
 )
 
+EMBEDDED = (
+    *MESH,
+    ArrayLayout(
+        "grid/sources",
+        "int64",
+        ("*grid", "source"),
+        "1",
+        "nodes that the value at each grid point is made of, -1 where the grid has no value",
+    ),
+    ArrayLayout("grid/source_weights", "float64", ("*grid", "source"), "1", "their weights"),
+    ArrayLayout(
+        "grid/points",
+        "int64",
+        ("node", "target"),
+        "1",
+        "grid points, counted x slowest, that the value at each node is made of",
+    ),
+    ArrayLayout("grid/point_weights", "float64", ("node", "target"), "1", "their weights"),
+    ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that have a value"),
+    *(layout for layout in STRUCTURED if layout.path in ("samples/number", "samples/is_test")),
+    ArrayLayout(
+        "samples/force",
+        "float32",
+        ("sample", "dim", "*grid"),
+        "N",
+        "forces on the grid that do the work of the nodal ones, channels first",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/displacement",
+        "float32",
+        ("sample", "dim", "*grid"),
+        "m",
+        "interpolated displacement, channels first, 0 where the grid has no value",
+    ),
+    ArrayLayout(
+        "samples/loaded_nodes",
+        "int64",
+        ("sample", "load"),
+        "1",
+        "loaded nodes, padded with -1",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/nodal_force",
+        "float32",
+        ("sample", "load", "dim"),
+        "N",
+        "force vector at each loaded node, padded with 0",
+        sparse=True,
+    ),
+    ArrayLayout(
+        "samples/nodal_displacement",
+        "float32",
+        ("sample", "node", "dim"),
+        "m",
+        "displacement of every node in equilibrium",
+    ),
+)
+
 LAYOUTS: dict[Kind, tuple[ArrayLayout, ...]] = {"nodal": NODAL, "structured": STRUCTURED}
 SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
+
+
+def layout_for(kind: Kind, paths: Container[str]) -> tuple[ArrayLayout, ...]:
+    """The layout of a shard that has datasets at some paths.
+
+    A structured shard that has ``grid/sources`` has a grid embedded on a mesh without a structured
+    order, and with it the nodal samples, which such a grid does not hold exactly.
+    """
+    if kind == "structured" and "grid/sources" in paths:
+        return EMBEDDED
+    return LAYOUTS[kind]
 
 
 def shape_problem(

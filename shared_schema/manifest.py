@@ -59,6 +59,19 @@ class ComponentStatistics(Frozen):
 NodeOrder = Literal["preferred", "gmsh", "random"]
 
 
+class EmbeddingInfo(Frozen):
+    """How well a grid that is embedded on a mesh holds its fields.
+
+    Attributes
+    ----------
+    mean_error, max_error : float
+        ‖u_grid→nodes − u‖₂ / ‖u‖₂ of a sample's displacement, over the samples.
+    """
+
+    mean_error: float = Field(ge=0)
+    max_error: float = Field(ge=0)
+
+
 class StructuredInfo(Frozen):
     """What a structured dataset says beyond a nodal one.
 
@@ -78,6 +91,8 @@ class StructuredInfo(Frozen):
         Over the training split.
     source_digest : str
         Digest of the nodal dataset that it was made from.
+    embedding : EmbeddingInfo or None
+        Only if the mesh has no structured order.
     """
 
     grid_shape: tuple[int, ...]
@@ -89,6 +104,7 @@ class StructuredInfo(Frozen):
     force: ComponentStatistics
     displacement: ComponentStatistics
     source_digest: str
+    embedding: EmbeddingInfo | None = None
 
 
 class Manifest(Frozen):

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from shared_schema.atomic_file import complete_or_absent
 from shared_schema.errors import InputError, first_line
 from shared_schema.layout import (
-    LAYOUTS,
     SCHEMA_VERSION,
     SHARD_ATTRIBUTES,
     ArrayLayout,
     Kind,
+    layout_for,
     shape_problem,
 )
 
@@ -72,7 +72,7 @@ def write_shard(
     }
     with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(attributes)
-        for layout in LAYOUTS[kind]:
+        for layout in layout_for(kind, arrays):
             _create(file, layout, arrays[layout.path])
         file.flush()
         content: bytes = file.id.get_file_image()
@@ -105,7 +105,7 @@ def array_problems(
     lengths : dict
         Axis lengths known so far (see `shared_schema.layout.shape_problem`); extended.
     """
-    layouts = LAYOUTS[kind]
+    layouts = layout_for(kind, arrays)
     known = {layout.path for layout in layouts}
     problems = [f"unknown dataset '{name}'" for name in sorted(set(arrays) - known)]
     for layout in layouts:
@@ -151,7 +151,7 @@ def read_arrays(path: Path, kind: Kind) -> Arrays:
         As `read_shard`, but for shapes, types and values, which are not looked at.
     """
     with _open(path, kind) as file, _damage_named(path):
-        return {layout.path: _read(file[layout.path]) for layout in LAYOUTS[kind]}
+        return {layout.path: _read(file[layout.path]) for layout in layout_for(kind, _paths(file))}
 
 
 def read_attributes(path: Path, kind: Kind) -> Attributes:
@@ -203,7 +203,8 @@ def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
             )
         if plain(file.attrs["kind"]) != kind:
             problems.append(f"attribute 'kind' is {file.attrs['kind']!r}, expected '{kind}'")
-    known = {layout.path for layout in LAYOUTS[kind]}
+    layouts = layout_for(kind, _paths(file))
+    known = {layout.path for layout in layouts}
     groups = {path.partition("/")[0] for path in known}
     problems += _link_problems(file, "", groups)
     for name in sorted(groups):
@@ -214,7 +215,7 @@ def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
                 problems += _link_problems(file[name], f"{name}/", known)
     if problems:
         return problems
-    for layout in LAYOUTS[kind]:
+    for layout in layouts:
         dataset = file.get(layout.path)
         if not isinstance(dataset, h5py.Dataset):
             problems.append(f"dataset '{layout.path}' is missing")
@@ -230,6 +231,17 @@ def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
                         f"{dataset.attrs[attribute]!r}, expected '{expected}'"
                     )
     return problems
+
+
+def _paths(file: h5py.File) -> set[str]:
+    """Paths of what stands in the groups of a file; no link to elsewhere is followed."""
+    return {
+        f"{name}/{member}"
+        for name in file
+        if isinstance(file.get(name, getlink=True), h5py.HardLink)
+        and isinstance(file[name], h5py.Group)
+        for member in file[name]
+    }
 
 
 def _link_problems(group: h5py.Group, prefix: str, known: set[str]) -> list[str]:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.checker import require_intact
 from shared_schema.errors import InputError
+from shared_schema.grid_map import NO_NODE, GridMap
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
 from shared_schema.shard import read_attributes, read_shard
 from surrogate.geometry import Geometry
@@ -43,6 +45,22 @@ class Samples:
 
 
 @dataclass(frozen=True)
+class NodalSamples:
+    """The same by nodes, as the finite elements have them.
+
+    Attributes
+    ----------
+    force : array, (N, n_nodes, d)
+        In N.
+    displacement : array, (N, n_nodes, d)
+        In m.
+    """
+
+    force: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class Dataset:
     """A structured dataset, whole.
 
@@ -52,12 +70,15 @@ class Dataset:
     geometry : Geometry
     train, test : Samples
         In ascending order of the sample number.
+    nodal_test : NodalSamples
+        The test split by nodes.
     """
 
     manifest: Manifest
     geometry: Geometry
     train: Samples
     test: Samples
+    nodal_test: NodalSamples
 
     @property
     def info(self) -> StructuredInfo:
@@ -90,9 +111,18 @@ def read_dataset(folder: Path) -> Dataset:
         torch.from_numpy(joined("samples/force")[order]),
         torch.from_numpy(joined("samples/displacement")[order]),
     )
-    return Dataset(
-        manifest,
-        Geometry.from_shard(shards[0], cell_type),
-        train=samples[~is_test],
-        test=samples[is_test],
-    )
+    geometry = Geometry.from_shard(shards[0], cell_type)
+    if isinstance(geometry.grid, GridMap):
+        force, displacement = (
+            geometry.grid.to_nodes(values[is_test].numpy())
+            for values in (samples.force, samples.displacement)
+        )
+    else:
+        chosen = order[is_test.numpy()]
+        displacement = joined("samples/nodal_displacement")[chosen]
+        loads = joined("samples/nodal_force")[chosen]
+        force = np.zeros_like(displacement)
+        sample, load = np.nonzero((nodes := joined("samples/loaded_nodes")[chosen]) != NO_NODE)
+        force[sample, nodes[sample, load]] = loads[sample, load]
+    nodal_test = NodalSamples(force.astype(np.float64), displacement.astype(np.float64))
+    return Dataset(manifest, geometry, samples[~is_test], samples[is_test], nodal_test)

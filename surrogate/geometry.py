@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.shard import Arrays
 
 PREFIX = "geometry."
@@ -27,7 +27,7 @@ class Geometry:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
-    grid : GridMap
+    grid : GridMap or EmbeddedGrid
     """
 
     coordinates: NDArray[np.float64]
@@ -35,7 +35,7 @@ class Geometry:
     cell_type: str
     clamped: NDArray[np.bool_]
     loadable: NDArray[np.bool_]
-    grid: GridMap
+    grid: Grid
 
     @classmethod
     def from_shard(cls, arrays: Arrays, cell_type: str) -> Geometry:
@@ -46,20 +46,23 @@ class Geometry:
             cell_type,
             arrays["mesh/clamped"],
             arrays["mesh/loadable"],
-            GridMap(arrays["grid/node_at"]),
+            grid_of(arrays),
         )
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, Tensor], cell_type: str) -> Geometry:
         """Take the geometry from what `tensors` made."""
-        arrays = {name: tensors[PREFIX + name].numpy() for name in _ARRAYS}
-        node_at = arrays.pop("node_at")
-        return cls(**arrays, cell_type=cell_type, grid=GridMap(node_at))
+        arrays = {
+            name.removeprefix(PREFIX): tensor.numpy()
+            for name, tensor in tensors.items()
+            if name.startswith(PREFIX)
+        }
+        grid = grid_of(arrays)
+        return cls(**{name: arrays[name] for name in _ARRAYS}, cell_type=cell_type, grid=grid)
 
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS if name != "node_at"}
-        arrays["node_at"] = self.grid.node_at
+        arrays = {name: getattr(self, name) for name in _ARRAYS} | grid_arrays(self.grid)
         return {
             PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
             for name, array in arrays.items()
@@ -72,10 +75,8 @@ class Geometry:
 
     @property
     def free_mask(self) -> NDArray[np.bool_]:
-        """Grid points that are nodes free to move, (nx, ny[, nz])."""
-        free = self.grid.mask.copy()
-        free[free] = ~self.clamped[self.grid.node_at[free]]
-        return free
+        """Grid points whose displacement is that of nodes free to move, (nx, ny[, nz])."""
+        return self.grid.moved_by(~self.clamped)
 
     @property
     def tip(self) -> int:
@@ -89,13 +90,10 @@ class Geometry:
 
     def differs_from(self, other: Geometry) -> bool:
         """Tell whether the two are not the same mesh, supports and grid."""
-        return not (
-            self.grid.shape == other.grid.shape
-            and np.array_equal(self.grid.node_at, other.grid.node_at)
-            and np.array_equal(self.coordinates, other.coordinates)
-            and np.array_equal(self.cells, other.cells)
-            and np.array_equal(self.clamped, other.clamped)
+        ours, theirs = self.tensors(), other.tensors()
+        return ours.keys() != theirs.keys() or not all(
+            torch.equal(ours[name], theirs[name]) for name in ours
         )
 
 
-_ARRAYS = ("coordinates", "cells", "clamped", "loadable", "node_at")
+_ARRAYS = ("coordinates", "cells", "clamped", "loadable")

@@ -63,7 +63,7 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
-        grid = self.geometry.grid.to_grid(nodal.reshape(-1, *expected)).astype(np.float32)
+        grid = self.geometry.grid.forces_to_grid(nodal.reshape(-1, *expected)).astype(np.float32)
         device = self.network.free.device
         with torch.no_grad():
             parts = [

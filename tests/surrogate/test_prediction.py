@@ -121,7 +121,7 @@ def test_truncated_model(copy: RunFolder, kept: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["network.head.bias", "geometry.node_at", "geometry.clamped", "force_scale"]
+    "name", ["network.head.bias", "geometry.grid/node_at", "geometry.clamped", "force_scale"]
 )
 def test_model_that_lacks_a_tensor(copy: RunFolder, name: str) -> None:
     tensors = load_file(copy.model)
