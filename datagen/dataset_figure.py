@@ -131,7 +131,7 @@ def _draw_key(axes: Axes, dataset: NodalSamples) -> None:
 
 def _line(dataset: NodalSamples) -> float:
     """Line width that leaves something to see between the lines, in points."""
-    return 0.7 if len(dataset.cells) < 500 else 0.25
+    return float(np.clip(7.0 / np.sqrt(len(dataset.cells)), 0.25, 0.7))
 
 
 def _height(axes: Axes) -> float:
