@@ -100,7 +100,7 @@ def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
 def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> None:
     x = dataset.coordinates + sample.displacement
     drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
-    drawing.undeformed(REST, None, linewidth=0.5)
+    drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
     said = drawing.forces(x, sample.force)
     largest = np.linalg.norm(sample.displacement, axis=1).max()
     title = f"sample {sample.number}: displaced by up to {largest:.3g} m"
