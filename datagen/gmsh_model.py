@@ -62,4 +62,4 @@ def mesh_of(model: Any) -> RawMesh:
 
 
 def _has_cells(model: Any, dimension: int) -> bool:
-    return bool(model.mesh.getElements(dimension)[0])
+    return len(model.mesh.getElements(dimension)[0]) > 0

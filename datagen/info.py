@@ -83,8 +83,16 @@ def _nodal(shards: list[Arrays]) -> list[Row]:
 def _structured(manifest: Manifest) -> list[Row]:
     info = manifest.structured
     assert info is not None
+    shape = " x ".join(str(n) for n in info.grid_shape)
+    grid = [("grid", shape)]
+    if info.embedding is not None:
+        mean, largest = info.embedding.mean_error, info.embedding.max_error
+        grid = [
+            ("grid", f"{shape}, embedded on the mesh"),
+            ("to the grid and back", f"{mean:.2%} in the mean, {largest:.2%} at most"),
+        ]
     return [
-        ("grid", " x ".join(str(n) for n in info.grid_shape)),
+        *grid,
         ("split", f"{info.train} train, {info.test} test"),
         ("std of displacement", ", ".join(f"{s:.4g}" for s in info.displacement.std) + " m"),
         ("source digest", info.source_digest),

@@ -69,9 +69,13 @@ class MeshFile(Frozen):
 
 
 def _by_gmsh(path: Path) -> RawMesh:
+    if path.suffix == ".geo" and not path.read_bytes().endswith(b"\n"):
+        raise ValueError(
+            "expected a line feed at the end, gmsh leaves out what stands after the last"
+        )
     with gmsh_session() as gmsh:
         gmsh.open(str(path))
-        if not gmsh.model.mesh.getElements()[0]:
+        if len(gmsh.model.mesh.getElements()[0]) == 0:
             gmsh.model.mesh.generate(gmsh.model.getDimension())
         return mesh_of(gmsh.model)
 

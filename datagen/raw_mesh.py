@@ -95,7 +95,8 @@ def _require_regular(mesh: RawMesh) -> None:
     jacobians = []
     for corner, neighbours in enumerate(NEIGHBOURS[mesh.cell_type]):
         edges = corners[:, list(neighbours)] - corners[:, [corner]]
-        jacobians.append(np.linalg.det(edges) / np.linalg.norm(edges, axis=2).prod(axis=1))
+        lengths = np.linalg.norm(edges, axis=2).prod(axis=1)
+        jacobians.append(np.linalg.det(edges) / np.where(lengths > 0, lengths, 1.0))
     scaled = np.stack(jacobians, axis=1)
     wrong = np.flatnonzero(~((scaled > SMALLEST).all(axis=1) | (scaled < -SMALLEST).all(axis=1)))
     if wrong.size:

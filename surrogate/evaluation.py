@@ -16,7 +16,7 @@ from shared_schema.atomic_file import write_text
 from shared_schema.errors import InputError
 from shared_schema.figure_style import save
 from surrogate import figures
-from surrogate.dataset import read_dataset
+from surrogate.dataset import Dataset, read_dataset
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
 from surrogate.prediction import Surrogate, load
 from surrogate.published import PUBLISHED
@@ -82,9 +82,7 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
         raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
     if len(dataset.test) == 0:
         raise InputError(f"{data}: no test samples in it")
-    grid = dataset.geometry.grid
-    force = grid.to_nodes(dataset.test.force.numpy()).astype(np.float64)
-    reference = grid.to_nodes(dataset.test.displacement.numpy()).astype(np.float64)
+    force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
     predicted = surrogate.predict(force)
     measures = measure(force, predicted, reference, surrogate.geometry.tip)
     evaluation = Evaluation(surrogate, force, predicted, reference, measures)
@@ -105,9 +103,17 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
         "torch": torch.__version__,
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
     }
+    if dataset.info.embedding is not None:
+        content["embedding_error"] = embedding_error(dataset)
     write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     write_figures(evaluation, run)
     return evaluation
+
+
+def embedding_error(dataset: Dataset) -> float:
+    """ē in m of the reference itself, taken to an embedded grid and back: no network is better."""
+    grid, reference = dataset.geometry.grid, dataset.nodal_test.displacement
+    return float(sample_errors(grid.to_nodes(grid.to_grid(reference)), reference).mean())
 
 
 def write_figures(evaluation: Evaluation, run: RunFolder) -> None:

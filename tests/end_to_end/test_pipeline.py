@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-ROOT = Path(__file__).parents[2]
-DATAGEN = ROOT / ".venv-datagen" / "bin" / "datagen"
-SURROGATE = ROOT / ".venv-surrogate" / "bin" / "surrogate"
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
+from tests.end_to_end.commands import DATAGEN, MPIRUN, ROOT, SURROGATE, execute
+
 CONFIG: dict[str, Any] = {
     "name": "small",
     "case": "beam2d",
@@ -41,19 +33,6 @@ CONFIG: dict[str, Any] = {
 }
 
 
-def execute(*command: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run a command and see that it ends with an exit code."""
-    result = subprocess.run(
-        [str(part) for part in command],
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == code, result.stderr
-    return result
-
-
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Dataset of 600 samples, trained network, evaluation and report."""
@@ -61,8 +40,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     config = folder / "small.yaml"
     config.write_text(yaml.safe_dump(CONFIG))
     nodal, grid, run = folder / "nodal", folder / "grid", folder / "run"
-    mpirun = ["mpirun", "--quiet", "--oversubscribe", "-n", "2"]
-    execute(*mpirun, DATAGEN, "run", "beam2d", "--samples", "600", "--out", nodal)
+    execute(*MPIRUN, DATAGEN, "run", "beam2d", "--samples", "600", "--out", nodal)
     execute(DATAGEN, "structure", nodal, "--out", grid)
     for dataset in (nodal, grid):
         execute(DATAGEN, "check", dataset)

@@ -1,0 +1,30 @@
+"""The commands of both programs, each in its own environment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DATAGEN = ROOT / ".venv-datagen" / "bin" / "datagen"
+SURROGATE = ROOT / ".venv-surrogate" / "bin" / "surrogate"
+MPIRUN = ("mpirun", "--quiet", "--oversubscribe", "-n", "2")
+ENVIRONMENT = os.environ | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMP_NUM_THREADS": "1",
+}
+
+
+def execute(*command: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run a command and see that it ends with an exit code."""
+    result = subprocess.run(
+        [str(part) for part in command],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == code, result.stderr
+    return result
