@@ -50,3 +50,16 @@ def test_commands_are_those_that_there_are(capsys: pytest.CaptureFixture[str]) -
             main([command, "--help"])
         assert stop.value.code == 0
     capsys.readouterr()
+
+
+def test_a_mesh_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loaded are the nodes of the free edge above 0.5 m: 1.6 m in 10 edges, 7 nodes."""
+    (tmp_path / "plate2d.yaml").write_text(block("# plate2d.yaml"))
+    script = SHIPPED / "plate_with_holes.geo"
+    (tmp_path / script.name).write_bytes(script.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "plate2d.yaml", "--samples", "5", "--out", "nodal"]) == 0
+    shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
+    loadable = shard["mesh/coordinates"][shard["mesh/loadable"]]
+    assert np.sort(loadable[:, 1]) == pytest.approx(0.16 * np.arange(4, 11))
+    assert loadable[:, 0] == pytest.approx(4.0)
