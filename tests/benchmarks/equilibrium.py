@@ -2,29 +2,24 @@
 
 The tutorials solve a hyperelastic problem by dolfinx's NewtonSolver with a direct solve of every
 tangent (MUMPS). Both ways get the same mesh, forms, loads and tolerance (1e-8 N on the residual),
-and are timed in turn in one process on one core, so that a busy machine hits both. Run by
+and are timed in turn in one process on one core, so that a busy machine hits both. Where the time
+goes is found in a second pass over the same loads, with PETSc's log on. Run by
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python tests/benchmarks/equilibrium.py
+    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.equilibrium
 
-which writes `docs/results/benchmark-equilibrium.json`.
+which writes `docs/results/benchmark-equilibrium.json` and `docs/benchmark-equilibrium.md`.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import os
-import platform
+import sys
 import time
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import dolfinx
 import numpy as np
-import ufl
-from dolfinx.fem import petsc as fem_petsc
-from dolfinx.nls.petsc import NewtonSolver
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -32,71 +27,43 @@ from datagen.body import Body, make_body
 from datagen.case import Case, read_case
 from datagen.load_stepping import solve_load_case
 from datagen.loads import LoadCase
-from datagen.material import deformation_gradient, strain_energy
-from shared_schema.atomic_file import write_text
+from tests.benchmarks.publication import (
+    Results,
+    command,
+    footer,
+    machine,
+    markdown_table,
+    publish,
+)
+from tests.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 
-ROOT = Path(__file__).parents[2]
-RESULT = ROOT / "docs" / "results" / "benchmark-equilibrium.json"
-TABLE = ROOT / "docs" / "benchmark-equilibrium.md"
 STRIDE = 7919  # a prime, to pick loads all over the body
+# PETSc's events, chosen so that no two overlap: dolfinx leaves a changed tangent to be factorised
+# within KSPSolve but before PCApply, SNES has it done before KSPSolve.
+FACTORISATION = ("MatLUFactorSym", "MatLUFactorNum")
+TUTORIAL_EVENTS = {
+    "tangent": (LoggedTutorialProblem.tangent_event,),
+    "residual": (LoggedTutorialProblem.residual_event,),
+    "set_up": FACTORISATION,
+    "solves": ("PCApply",),
+}
+DATAGEN_EVENTS = {
+    "tangent": ("SNESJacobianEval",),
+    "residual": ("SNESFunctionEval",),
+    "set_up": FACTORISATION,
+    "solves": ("KSPSolve",),
+}
+PARTS = (*DATAGEN_EVENTS, "rest")
+Events = dict[str, tuple[str, ...]]
 
 
-class TutorialProblem(fem_petsc.NonlinearProblem):
-    """dolfinx's own nonlinear problem, with a nodal force taken from its residual."""
-
-    def __init__(self, case: Case, body: Body) -> None:
-        domain = body.mesh.domain
-        space = dolfinx.fem.VectorFunctionSpace(domain, ("Lagrange", 1))
-        self.state = dolfinx.fem.Function(space)
-        lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_lambda))
-        mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_mu))
-        dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": 2})
-        gradient = deformation_gradient(self.state)
-        energy = strain_energy(gradient, lam, mu, case.material.volumetric) * dx
-        residual = ufl.derivative(energy, self.state)
-        self._numbering = body.problem.numbering
-        clamped = np.flatnonzero(body.clamped[self._numbering.node_of_block]).astype(np.int32)
-        zero = np.zeros(case.mesh.dimension, dtype=PETSc.ScalarType)
-        super().__init__(residual, self.state, [dolfinx.fem.dirichletbc(zero, clamped, space)])
-        self.load: tuple[Any, Any] = (np.empty(0, dtype=int), np.empty(0))
-
-    def F(self, x: Any, b: Any) -> None:  # noqa: N802, dolfinx's name
-        """Assemble the residual and subtract the nodal force."""
-        super().F(x, b)
-        dofs, values = self.load
-        b.array_w[dofs] -= values
-
-    def take(self, load: LoadCase) -> None:
-        """Replace the nodal force, and go back to rest."""
-        positions, blocks = self._numbering.owned_blocks(load.nodes)
-        d = load.forces.shape[1]
-        dofs = (blocks[:, None] * d + np.arange(d)).ravel()
-        self.load = dofs, load.forces[positions].ravel()
-        self.state.x.array[:] = 0.0
+def picked_loads(case: Case, body: Body, samples: int) -> Iterator[LoadCase]:
+    """The loads of the comparison; one more than asked for, since the first warms both up."""
+    for index in range(samples + 1):
+        yield case.load.draw(index * STRIDE, case.dataset.seed, body.loadable_nodes)
 
 
-def tutorial_solver(problem: TutorialProblem) -> NewtonSolver:
-    """dolfinx's NewtonSolver on the residual's norm, with MUMPS."""
-    solver = NewtonSolver(MPI.COMM_SELF, problem)
-    solver.convergence_criterion = "residual"
-    solver.atol, solver.rtol, solver.max_it = 1e-8, 1e-30, 15
-    solver.error_on_nonconvergence = False
-    ksp = solver.krylov_solver
-    ksp.setType("preonly")
-    ksp.getPC().setType("lu")
-    ksp.getPC().setFactorSolverType("mumps")
-    return solver
-
-
-def processor() -> str:
-    """Name of the processor."""
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
-
-
-def compare(name: str, samples: int) -> dict[str, Any]:
+def compare(name: str, samples: int) -> Results:
     """Time both ways on the same loads, one after the other, those that both solve in one step."""
     case = read_case(name)
     body = make_body(case, MPI.COMM_SELF)
@@ -104,17 +71,18 @@ def compare(name: str, samples: int) -> dict[str, Any]:
     solver = tutorial_solver(problem)
     times: list[tuple[float, float]] = []
     iterations: list[tuple[int, int]] = []
+    kept: list[int] = []
     largest = 0.0
-    for index in range(-1, samples):  # the first warms both up
-        load = case.load.draw((index + 1) * STRIDE, case.dataset.seed, body.loadable_nodes)
+    for index, load in enumerate(picked_loads(case, body, samples)):
         problem.take(load)
         began = time.perf_counter()
         theirs, converged = solver.solve(problem.state)
         middle = time.perf_counter()
         report = solve_load_case(body.problem, load.nodes, load.forces, case.solver)
         ended = time.perf_counter()
-        if index < 0 or not converged or report.cutbacks:
+        if index == 0 or not converged or report.cutbacks:
             continue
+        kept.append(index)
         times.append((middle - began, ended - middle))
         iterations.append((theirs, report.newton_iterations))
         difference = np.abs(problem.state.x.array - body.problem.u.x.array).max()
@@ -124,24 +92,89 @@ def compare(name: str, samples: int) -> dict[str, Any]:
         "case": name,
         "degrees_of_freedom": int(body.mesh.coordinates.size),
         "samples": len(times),
+        "kept": kept,
         "tutorial_ms": round(float(np.median(tutorial)) * 1e3, 3),
         "datagen_ms": round(float(np.median(ours)) * 1e3, 3),
         "ratio_of_medians": round(float(np.median(tutorial) / np.median(ours)), 2),
         "ratio_of_sums": round(float(tutorial.sum() / ours.sum()), 2),
         "newton_iterations": [round(float(n), 2) for n in np.mean(iterations, axis=0)],
         "largest_difference_m": largest,
-        "machine": f"{processor()}, {os.cpu_count()} cores, one used",
-        "dolfinx": dolfinx.__version__,
-        "petsc": ".".join(str(part) for part in PETSc.Sys.getVersion()),
     }
 
 
-def table(results: list[dict[str, Any]]) -> str:
+def time_parts(name: str, samples: int, kept: list[int]) -> list[Results]:
+    """Mean times of the parts of a load case by both ways, over the loads kept by `compare`.
+
+    PETSc's log must be on. The rest is what the whole takes beyond the parts that are logged.
+    """
+    case = read_case(name)
+    body = make_body(case, MPI.COMM_SELF)
+    problem = LoggedTutorialProblem(case, body)
+    solver = tutorial_solver(problem)
+    loads = list(picked_loads(case, body, samples))
+
+    def tutorial(load: LoadCase) -> None:
+        problem.take(load)
+        solver.solve(problem.state)
+
+    def ours(load: LoadCase) -> None:
+        solve_load_case(body.problem, load.nodes, load.forces, case.solver)
+
+    ways: list[tuple[str, Callable[[LoadCase], None], Events]] = [
+        ("tutorial", tutorial, TUTORIAL_EVENTS),
+        ("datagen", ours, DATAGEN_EVENTS),
+    ]
+    found = []
+    for way, solve, events in ways:
+        solve(loads[0])
+        before = _logged(events)
+        began = time.perf_counter()
+        for index in kept:
+            solve(loads[index])
+        whole = 1e3 * (time.perf_counter() - began) / len(kept)
+        parts = {p: 1e3 * (t - before[p]) / len(kept) for p, t in _logged(events).items()}
+        parts["rest"] = whole - sum(parts.values())
+        rounded = {part: round(ms, 4) for part, ms in parts.items()}
+        found.append({"case": name, "way": way, "whole_ms": round(whole, 4), "parts_ms": rounded})
+    return found
+
+
+def _logged(events: Events) -> dict[str, float]:
+    """Seconds that PETSc has logged so far for each part."""
+    return {
+        part: sum(PETSc.Log.Event(name).getPerfInfo()["time"] for name in names)
+        for part, names in events.items()
+    }
+
+
+def table(results: Results) -> str:
     """The results as a page."""
-    rows = "".join(
-        f"| `{r['case']}` | {r['degrees_of_freedom']} | {r['samples']} | {r['tutorial_ms']:.3g} | "
-        f"{r['datagen_ms']:.3g} | **{r['ratio_of_medians']:.1f}** | {r['ratio_of_sums']:.1f} |\n"
-        for r in results
+    comparison = markdown_table(
+        ("case", "DOFs", "load cases", "tutorial", "datagen", "ratio", "ratio of sums"),
+        (
+            (
+                f"`{r['case']}`",
+                str(r["degrees_of_freedom"]),
+                str(r["samples"]),
+                f"{r['tutorial_ms']:.3g}",
+                f"{r['datagen_ms']:.3g}",
+                f"**{r['ratio_of_medians']:.1f}**",
+                f"{r['ratio_of_sums']:.1f}",
+            )
+            for r in results["comparison"]
+        ),
+    )
+    parts = markdown_table(
+        ("case", "way", "whole", "tangent", "residual", "set-up", "solves", "rest"),
+        (
+            (
+                f"`{r['case']}`",
+                r["way"],
+                f"{r['whole_ms']:.3g}",
+                *(_share(r["parts_ms"][part], r["whole_ms"]) for part in PARTS),
+            )
+            for r in results["parts"]
+        ),
     )
     return (
         "# How fast an equilibrium is found\n\n"
@@ -149,31 +182,48 @@ def table(results: list[dict[str, Any]]) -> str:
         "against `datagen`:\nsame mesh, loads, forms and tolerance (1e-8 N on the residual), in "
         "turn in one process on one core.\nMedian time of a load case in ms; loads for which "
         "either way needs several steps are left out.\n\n"
-        "| case | DOFs | load cases | tutorial | datagen | ratio | ratio of sums |\n"
-        "|---|---|---|---|---|---|---|\n"
-        f"{rows}\n{results[0]['machine']}; dolfinx {results[0]['dolfinx']}, PETSc "
-        f"{results[0]['petsc']}. Made by `tests/benchmarks/equilibrium.py`.\n"
+        f"{comparison}\n"
+        "## Where the time goes\n\n"
+        "Mean time of a load case in ms, and the part of the whole, over the same loads in a pass "
+        "of its own with\nPETSc's log on. Tangent and residual are their assemblies, datagen's "
+        "residual with the check for inverted\nelements. Set-up is the factorisation of the "
+        "tangents; datagen's multigrid hierarchy is built once, before the\nloads, so that there "
+        "it is that of the load cases where multigrid gives up. Solves are triangular or Krylov\n"
+        "solves. The rest is the whole less these: Newton's method, Python, copies.\n\n"
+        f"{parts}\n{footer(results)}"
     )
 
 
-def main() -> None:
+def _share(part: float, whole: float) -> str:
+    return f"{part:.3g} ({part / whole:.0%})"
+
+
+def main(arguments: list[str] | None = None) -> None:
     """Compare in two and three dimensions, and write the result."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples-2d", type=int, default=500)
-    parser.add_argument("--samples-3d", type=int, default=12)
-    options = parser.parse_args()
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--samples-2d", type=int, default=500, help="load cases of 2D cases")
+    parser.add_argument("--samples-3d", type=int, default=12, help="load cases of beam3d")
+    options = parser.parse_args(arguments)
     logging.disable(logging.INFO)
-    results = [
-        compare("beam2d", options.samples_2d),
-        compare("lshape2d", options.samples_2d),
-        compare("beam3d", options.samples_3d),
-    ]
-    for result in results:
-        print(json.dumps(result, indent=1))
-    write_text(TABLE, table(results))
-    command = "OMP_NUM_THREADS=1 .venv-datagen/bin/python tests/benchmarks/equilibrium.py"
-    content = {"command": command, "results": results}
-    write_text(RESULT, json.dumps(content, indent=1) + "\n")
+    described = machine()
+    sizes = {
+        "beam2d": options.samples_2d,
+        "lshape2d": options.samples_2d,
+        "beam3d": options.samples_3d,
+    }
+    comparison = [compare(name, samples) for name, samples in sizes.items()]
+    PETSc.Log.begin()  # for good, so only now
+    parts: list[Any] = []
+    for one in comparison:
+        parts += time_parts(one["case"], sizes[one["case"]], one.pop("kept"))
+    results: Results = {
+        "command": command("equilibrium", arguments),
+        "machine": described,
+        "comparison": comparison,
+        "parts": parts,
+    }
+    publish("equilibrium", results, table)
 
 
 if __name__ == "__main__":

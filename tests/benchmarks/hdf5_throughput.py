@@ -1,0 +1,174 @@
+"""How fast shards are written and read, against the disk itself.
+
+The shards are beam3d's, nodal and structured. Writing is `write_shard`, which ends on the disk, and
+the same bytes by a plain write and fsync; reading is `read_shard` and a plain read of the same
+file, the page cache dropped before either. They take turns, in several rounds. Run by
+
+    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.hdf5_throughput
+
+which writes `docs/results/benchmark-hdf5.json` and `docs/benchmark-hdf5.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from datagen.case import Case, read_case
+from datagen.farm import run
+from datagen.structure import structure
+from shared_schema.layout import Kind
+from shared_schema.shard import Arrays, read_shard, write_shard
+from tests.benchmarks.publication import (
+    Results,
+    command,
+    footer,
+    machine,
+    markdown_table,
+    publish,
+)
+
+MB = 1e6
+
+
+def make_shards(case: Case, folder: Path) -> dict[Kind, Path]:
+    """Make the first shard of a case, nodal and structured."""
+    run(case, folder / "nodal", MPI.COMM_SELF)
+    structure(folder / "nodal", folder / "structured")
+    return {kind: folder / kind / "shard-00000.h5" for kind in ("nodal", "structured")}
+
+
+def plain_write(path: Path, content: bytes) -> None:
+    """Write a file, to the disk."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def drop_from_cache(path: Path) -> None:
+    """Ask that the next read of a file comes from the disk."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Wall time of some work."""
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+def solving_time(shard: Path) -> float:
+    """How long the samples of a nodal shard took to solve, in s."""
+    return float(read_shard(shard, "nodal")["samples/wall_time"].sum())
+
+
+def throughput(case: Case, kind: Kind, shard: Path, folder: Path, rounds: int) -> Results:
+    """Time writing and reading one shard and plain files of the same bytes."""
+    arrays: Arrays = read_shard(shard, kind)
+    content = shard.read_bytes()
+    ours, plain = folder / f"{kind}.h5", folder / f"{kind}.bin"
+    cell_type, digest = "hexahedron", case.digest()
+
+    def one_round() -> tuple[float, ...]:
+        write = seconds(lambda: write_shard(ours, kind, arrays, digest, cell_type))
+        plain_writing = seconds(lambda: plain_write(plain, content))
+        drop_from_cache(ours)
+        drop_from_cache(plain)
+        read = seconds(lambda: read_shard(ours, kind))
+        plain_reading = seconds(plain.read_bytes)
+        cached = seconds(lambda: read_shard(ours, kind))
+        for path in (ours, plain):
+            path.unlink()
+        return write, plain_writing, read, plain_reading, cached
+
+    one_round()  # warms up
+    times = np.array([one_round() for _ in range(rounds)])
+    megabytes = len(content) / MB
+    rates = np.median(megabytes / times, axis=0)
+    names = ("write", "plain_write", "read", "plain_read", "read_from_cache")
+    return {
+        "kind": kind,
+        "samples": len(arrays["samples/number"]),
+        "megabytes": round(megabytes, 3),
+        **{f"{name}_mb_per_s": round(float(r), 1) for name, r in zip(names, rates, strict=True)},
+        "write_ms": round(1e3 * float(np.median(times[:, 0])), 2),
+        "write_ratio": round(float(np.median(times[:, 1] / times[:, 0])), 3),
+        "read_ratio": round(float(np.median(times[:, 3] / times[:, 2])), 3),
+    }
+
+
+def table(results: Results) -> str:
+    """The results as a page."""
+    shards = results["shards"]
+    rows = markdown_table(
+        ("shard", "MB", "write", "plain", "ratio", "read", "plain", "ratio", "read, cached"),
+        (
+            (
+                r["kind"],
+                f"{r['megabytes']:.2f}",
+                f"{r['write_mb_per_s']:.0f}",
+                f"{r['plain_write_mb_per_s']:.0f}",
+                f"**{r['write_ratio']:.2f}**",
+                f"{r['read_mb_per_s']:.0f}",
+                f"{r['plain_read_mb_per_s']:.0f}",
+                f"**{r['read_ratio']:.2f}**",
+                f"{r['read_from_cache_mb_per_s']:.0f}",
+            )
+            for r in shards
+        ),
+    )
+    return (
+        "# How fast shards are written and read\n\n"
+        f"A shard of `beam3d` ({shards[0]['samples']} samples, 4032 nodes, 3 components) by "
+        "`write_shard` and `read_shard`, against a plain\nwrite with fsync and a plain read of the "
+        "same bytes, in turn, the page cache dropped before reading.\nMB of the file per second, "
+        f"medians of {results['rounds']} rounds; a ratio of 1 is the disk's own speed.\n"
+        "`write_shard` checks every array and computes the file's SHA-256 as well; `read_shard` "
+        "checks every array.\n\n"
+        f"{rows}\nThe nodal shard is written in {shards[0]['write_ms']:.0f} ms; its samples took "
+        f"{results['solving_s']:.0f} s to solve.\n\n{footer(results)}"
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Time both kinds of shards, and write the result."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--samples", type=int, default=50, help="of the shard")
+    parser.add_argument("--rounds", type=int, default=30)
+    parser.add_argument("--folder", type=Path, help="on the disk to be timed (default: /tmp)")
+    options = parser.parse_args(arguments)
+    logging.disable(logging.INFO)
+    described = machine()
+    case = read_case("beam3d", samples=options.samples)
+    with tempfile.TemporaryDirectory(dir=options.folder) as name:
+        folder = Path(name)
+        made = make_shards(case, folder)
+        solving = solving_time(made["nodal"])
+        shards = [
+            throughput(case, kind, shard, folder, options.rounds) for kind, shard in made.items()
+        ]
+    results: Results = {
+        "command": command("hdf5_throughput", arguments),
+        "machine": described,
+        "rounds": options.rounds,
+        "solving_s": round(solving, 2),
+        "shards": shards,
+    }
+    publish("hdf5", results, table)
+
+
+if __name__ == "__main__":
+    main()

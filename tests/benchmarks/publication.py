@@ -1,0 +1,86 @@
+"""What every benchmark publishes: its results as JSON, and the page that is made from them."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from shared_schema.atomic_file import write_text
+
+DOCS = Path(__file__).parents[2] / "docs"
+Results = dict[str, Any]
+
+
+def result_path(name: str) -> Path:
+    """Where the JSON of a benchmark lies."""
+    return DOCS / "results" / f"benchmark-{name}.json"
+
+
+def page_path(name: str) -> Path:
+    """Where its page lies."""
+    return DOCS / f"benchmark-{name}.md"
+
+
+def publish(name: str, results: Results, table: Callable[[Results], str]) -> None:
+    """Print the results, and write them and the page that `table` makes of them."""
+    results["machine"]["load_averages"].append(_load_average())
+    text = json.dumps(results, indent=1)
+    print(text)
+    write_text(result_path(name), text + "\n")
+    write_text(page_path(name), table(results))
+
+
+def command(module: str, options: Sequence[str]) -> str:
+    """How the benchmark is run again, from the root of the repository."""
+    words = ["OMP_NUM_THREADS=1 .venv-datagen/bin/python -m", f"tests.benchmarks.{module}"]
+    return " ".join([*words, *options])
+
+
+def machine() -> Results:
+    """Describe the machine and the software that is timed; called before anything is."""
+    mpi, version = MPI.get_vendor()
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "load_averages": [_load_average()],
+        "dolfinx": dolfinx.__version__,
+        "petsc": ".".join(str(part) for part in PETSc.Sys.getVersion()),
+        "mpi": f"{mpi} {'.'.join(str(part) for part in version)}",
+    }
+
+
+def _load_average() -> float:
+    """Processes that ran in the last minute."""
+    return round(os.getloadavg()[0], 2)
+
+
+def _processor() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.machine()
+
+
+def footer(results: Results) -> str:
+    """Machine and command, to end a page with."""
+    m = results["machine"]
+    before, after = m["load_averages"]
+    return (
+        f"{m['processor']}, {m['cores']} cores, load average {before:.1f} before and {after:.1f} "
+        f"after;\ndolfinx {m['dolfinx']}, PETSc {m['petsc']}, {m['mpi']}. Made by\n\n"
+        f"```\n{results['command']}\n```\n"
+    )
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Lay out a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)

@@ -1,0 +1,164 @@
+"""How the farm scales: samples per second of `datagen run` under mpirun, over ranks.
+
+Every way of running is timed for a small and a large number of samples, each into a fresh folder.
+The rate is the slope between the two, so that start-up (imports, forms, mesh) is told apart. The
+ways take turns, in several rounds, so that a busy machine hits all; ratios are formed in each
+round. Run by
+
+    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.scaling
+
+which writes `docs/results/benchmark-scaling.json` and `docs/benchmark-scaling.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from datagen.case import SHIPPED
+from tests.benchmarks.publication import (
+    Results,
+    command,
+    footer,
+    machine,
+    markdown_table,
+    publish,
+)
+
+ENVIRONMENT = os.environ | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMP_NUM_THREADS": "1",
+}
+
+
+@dataclass(frozen=True)
+class Way:
+    """A number of ranks, and how many of them share a solve."""
+
+    ranks: int
+    ranks_per_solve: int = 1
+
+
+def seconds(case: Path, samples: int, way: Way) -> float:
+    """Wall time of one whole `datagen run` into a folder that is not there yet."""
+    with tempfile.TemporaryDirectory() as folder:
+        mpirun = ["mpirun", "--quiet", "-n", str(way.ranks)]
+        if way.ranks > (os.cpu_count() or 1):
+            mpirun.append("--oversubscribe")
+        datagen = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
+        options = ["--out", f"{folder}/nodal", "--samples", str(samples)]
+        options += ["--ranks-per-solve", str(way.ranks_per_solve)]
+        command_line = [*mpirun, *datagen, *options]
+        began = time.perf_counter()
+        done = subprocess.run(command_line, env=ENVIRONMENT, capture_output=True, text=True)
+        elapsed = time.perf_counter() - began
+        if done.returncode:
+            raise SystemExit(f"{' '.join(command_line)}\n{done.stderr}")
+        return elapsed
+
+
+def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> list[Results]:
+    """Rates and start-up times of a case by all ways, of which the first is that of one rank."""
+    few, many = counts
+    content = yaml.safe_load((SHIPPED / f"{name}.yaml").read_text())
+    shard_size = min(content["dataset"]["shard_size"], max(1, few // max(w.ranks for w in ways)))
+    content["dataset"]["shard_size"] = shard_size  # even few samples are a shard for every rank
+    with tempfile.TemporaryDirectory() as folder:
+        case = Path(folder) / "case.yaml"
+        case.write_text(yaml.safe_dump(content))
+        times = np.array(
+            [[[seconds(case, n, way) for n in counts] for way in ways] for _ in range(rounds)]
+        )  # (rounds, ways, 2)
+    slopes = (times[..., 1] - times[..., 0]) / (many - few)
+    start_up = times[..., 0] - few * slopes
+    return [
+        {
+            "case": name,
+            "samples": list(counts),
+            "shard_size": shard_size,
+            "ranks": way.ranks,
+            "ranks_per_solve": way.ranks_per_solve,
+            "samples_per_second": round(float(np.median(1 / slopes[:, i])), 3),
+            "start_up_s": round(float(np.median(start_up[:, i])), 2),
+            "ratio_to_one_rank": round(float(np.median(slopes[:, 0] / slopes[:, i])), 3),
+            "rounds_s": times[:, i].round(2).tolist(),
+        }
+        for i, way in enumerate(ways)
+    ]
+
+
+def table(results: Results) -> str:
+    """The results as a page."""
+    rows = markdown_table(
+        ("case", "ranks", "a solve", "samples / s", "start-up", "against 1 rank", "efficiency"),
+        (
+            (
+                f"`{r['case']}`",
+                str(r["ranks"]),
+                str(r["ranks_per_solve"]),
+                f"{r['samples_per_second']:.3g}",
+                f"{r['start_up_s']:.1f} s",
+                f"**{r['ratio_to_one_rank']:.2f}**",
+                f"{r['ratio_to_one_rank'] / r['ranks']:.0%}",
+            )
+            for r in results["scaling"]
+        ),
+    )
+    counts = {r["case"]: (*r["samples"], r["shard_size"]) for r in results["scaling"]}
+    sizes = "; ".join(
+        f"`{name}` {few} and {many} samples in shards of {size}"
+        for name, (few, many, size) in counts.items()
+    )
+    return (
+        "# How the farm scales over ranks\n\n"
+        "`mpirun -n RANKS datagen run` with fresh folders: every way of running in turn, "
+        f"{results['rounds']} rounds, medians.\nSamples per second is the slope between two "
+        f"numbers of samples, writing included:\n{sizes}.\nStart-up (imports, forms, mesh, mpirun) "
+        "is the rest. “A solve” is the ranks that share one (`--ranks-per-solve`).\n\n"
+        f"{rows}\n{footer(results)}"
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Time all ways in two and three dimensions, and write the result."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2], help="1 is always timed")
+    parser.add_argument("--rounds", type=int, default=3)
+    for name, counts in (("beam2d", (2000, 20000)), ("beam3d", (20, 100))):
+        parser.add_argument(
+            f"--{name}",
+            type=int,
+            nargs=2,
+            default=counts,
+            metavar=("FEW", "MANY"),
+            help=f"numbers of samples (default: {counts[0]} {counts[1]})",
+        )
+    options = parser.parse_args(arguments)
+    described = machine()
+    ways = [Way(1), *(Way(ranks) for ranks in sorted(set(options.ranks) - {1}))]
+    shared = [Way(way.ranks, 2) for way in ways if way.ranks % 2 == 0]
+    results: Results = {
+        "command": command("scaling", arguments),
+        "machine": described,
+        "rounds": options.rounds,
+        "scaling": [
+            *scale("beam2d", tuple(options.beam2d), ways, options.rounds),
+            *scale("beam3d", tuple(options.beam3d), ways + shared, options.rounds),
+        ],
+    }
+    publish("scaling", results, table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""The benchmark pages are what their committed results give."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from typing import Any
+
+import pytest
+
+from tests.benchmarks.publication import page_path, result_path
+
+BENCHMARKS = {"equilibrium": "equilibrium", "scaling": "scaling", "hdf5": "hdf5_throughput"}
+
+
+def results_of(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(result_path(name).read_text())
+    return content
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_page_is_made_from_the_results(name: str) -> None:
+    module = importlib.import_module(f"tests.benchmarks.{BENCHMARKS[name]}")
+    results = results_of(name)
+    assert page_path(name).read_text() == module.table(results)
+    assert f"python -m {module.__name__}" in results["command"]
+
+
+def test_parts_of_a_load_case_add_up() -> None:
+    """No part is negative (no time counted twice), and their sum is the whole, in rounded ms."""
+    for result in results_of("equilibrium")["parts"]:
+        assert min(result["parts_ms"].values()) >= 0
+        assert sum(result["parts_ms"].values()) == pytest.approx(result["whole_ms"], abs=1e-3)
