@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,51 +20,20 @@ from datagen.regions import Region
 from datagen.work_plan import shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.errors import InputError
-from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
-
-TIMES = {"samples/wall_time"}  # the one thing that may differ
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
-
-
-def write_case(folder: Path, samples: int = 120, shard_size: int = 25, **load: Any) -> Path:
-    content = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
-    content["dataset"] |= {"samples": samples, "shard_size": shard_size}
-    content["load"] |= load
-    path = folder / "case.yaml"
-    path.write_text(yaml.safe_dump(content))
-    return path
-
-
-def command(ranks: int, case: Path, out: Path) -> list[str]:
-    run_it = [sys.executable, "-m", "datagen.command_line", "run", str(case), "--out", str(out)]
-    return ["mpirun", "--quiet", "--oversubscribe", "-n", str(ranks), *run_it] if ranks else run_it
-
-
-def execute(ranks: int, case: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*command(ranks, case, out), *more],
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-def assert_same(one: Path, other: Path) -> None:
-    """Every array of every shard equal to the last bit, times apart."""
-    shards = [entry.file for entry in read_manifest(one).shards]
-    assert shards == [entry.file for entry in read_manifest(other).shards]
-    for name in shards:
-        a, b = read_shard(one / name, "nodal"), read_shard(other / name, "nodal")
-        for layout in NODAL:
-            if layout.path not in TIMES:
-                assert np.array_equal(a[layout.path], b[layout.path]), (name, layout.path)
+from tests.datagen.farm_runs import (
+    ENVIRONMENT,
+    assert_near,
+    assert_same,
+    command,
+    execute,
+    pids_of,
+    recorded,
+    start,
+    wait_until,
+    write_case,
+)
 
 
 @pytest.fixture(scope="module")
@@ -134,12 +101,7 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     ) as process:
-        journal = killed / ".journal"
-        limit = time.monotonic() + 120
-        while len(list(journal.glob("shard-*.json"))) < 5:
-            assert process.poll() is None, "ended before it could be killed"
-            assert time.monotonic() < limit
-            time.sleep(0.01)
+        wait_until(lambda: recorded(killed) >= 5, process)
         os.killpg(process.pid, signal.SIGKILL)
     subprocess.run(["pkill", "-9", "-f", str(killed)], check=False)  # ranks in groups of their own
     time.sleep(0.2)
@@ -154,16 +116,6 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     assert check_dataset(killed) == []
     assert execute(2, case_file, whole).returncode == 0
     assert_same(whole, killed)
-
-
-def assert_near(one: Path, other: Path) -> None:
-    """The same mesh, numbers and loads; displacements equal to 1e-10 m."""
-    assert check_dataset(other) == []
-    for path in sorted(one.glob("shard-*.h5")):
-        a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")
-        for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):
-            assert np.array_equal(a[name], b[name])
-        assert np.abs(a["samples/displacement"] - b["samples/displacement"]).max() < 1e-10
 
 
 @pytest.mark.mpi
@@ -201,24 +153,25 @@ def test_ranks_that_make_no_groups(case_file: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
+def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
+    """What only the mesh can show to be wrong ends all ranks, and one says it."""
+    case_file = write_case(tmp_path, region={"y": 1.0})
+    result = execute(2, case_file, tmp_path / "nodal")
+    assert result.returncode == 2
+    assert "clamped node at 0,1" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "nodal").exists()
+
+
+@pytest.mark.mpi
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [0, 2])
 def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
     """SIGTERM to one rank ends all after their sample; what was solved is kept and not redone."""
     case_file = write_case(tmp_path, samples=4000, shard_size=500)
     out = tmp_path / "nodal"
-    with subprocess.Popen(
-        command(ranks, case_file, out),
-        env=ENVIRONMENT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        limit = time.monotonic() + 120
-        while not list((out / ".journal").glob("shard-*.json")):
-            assert process.poll() is None, "ended before it could be stopped"
-            assert time.monotonic() < limit
-            time.sleep(0.02)
+    with start(command(ranks, case_file, out)) as process:
+        wait_until(lambda: recorded(out) > 0, process)
         time.sleep(0.1)  # into the next shard
         os.kill(pids_of(out)[0], signal.SIGTERM)
         _, said = process.communicate(timeout=60)
@@ -236,19 +189,6 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
     whole = tmp_path / "whole"
     assert execute(2, case_file, whole).returncode == 0
     assert_same(whole, out)
-
-
-def pids_of(out: Path) -> list[int]:
-    """The processes of datagen that write to a folder, mpirun itself apart."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            words = path.read_bytes().split(b"\0")
-        except OSError:
-            continue
-        if str(out).encode() in words and b"mpirun" not in words[0]:
-            found.append(int(path.parent.name))
-    return sorted(found)
 
 
 def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:

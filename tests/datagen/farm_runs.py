@@ -1,0 +1,109 @@
+"""Running `datagen` as its users do, under mpirun or not, and comparing the datasets it makes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from datagen.case import SHIPPED
+from shared_schema.checker import check_dataset
+from shared_schema.layout import NODAL
+from shared_schema.manifest import read_manifest
+from shared_schema.shard import read_shard
+
+TIMES = {"samples/wall_time"}  # the one thing that may differ
+ENVIRONMENT = os.environ | {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMP_NUM_THREADS": "1",
+}
+
+
+def write_case(folder: Path, samples: int = 120, shard_size: int = 25, **load: Any) -> Path:
+    content = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
+    content["dataset"] |= {"samples": samples, "shard_size": shard_size}
+    content["load"] |= load
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def datagen(*words: str | Path, ranks: int = 0) -> list[str]:
+    program = [sys.executable, "-m", "datagen.command_line", *map(str, words)]
+    mpirun = ["mpirun", "--quiet", "--oversubscribe", "-n", str(ranks)]
+    return [*mpirun, *program] if ranks else program
+
+
+def command(ranks: int, case: Path, out: Path) -> list[str]:
+    return datagen("run", case, "--out", out, ranks=ranks)
+
+
+def finish(words: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        words, env=ENVIRONMENT, capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+def execute(ranks: int, case: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    return finish([*command(ranks, case, out), *more])
+
+
+def start(words: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        words, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[Any]) -> None:
+    limit = time.monotonic() + 120
+    while not condition():
+        assert process.poll() is None, "ended too early"
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+
+
+def recorded(folder: Path) -> int:
+    """How many shards the journal of a run counts as finished."""
+    return len(list((folder / ".journal").glob("shard-*.json")))
+
+
+def pids_of(out: Path) -> list[int]:
+    """The processes of datagen that write to a folder, mpirun itself apart."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = path.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if str(out).encode() in words and b"mpirun" not in words[0]:
+            found.append(int(path.parent.name))
+    return sorted(found)
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """Every array of every shard equal to the last bit, times apart."""
+    shards = [entry.file for entry in read_manifest(one).shards]
+    assert shards == [entry.file for entry in read_manifest(other).shards]
+    for name in shards:
+        a, b = read_shard(one / name, "nodal"), read_shard(other / name, "nodal")
+        for layout in NODAL:
+            if layout.path not in TIMES:
+                assert np.array_equal(a[layout.path], b[layout.path]), (name, layout.path)
+
+
+def assert_near(one: Path, other: Path) -> None:
+    """The same mesh, numbers and loads; displacements equal to 1e-10 m."""
+    assert check_dataset(other) == []
+    for path in sorted(one.glob("shard-*.h5")):
+        a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")
+        for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):
+            assert np.array_equal(a[name], b[name])
+        assert np.abs(a["samples/displacement"] - b["samples/displacement"]).max() < 1e-10
