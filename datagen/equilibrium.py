@@ -199,6 +199,12 @@ class EquilibriumProblem:
             residual_norm=residual_norm,
         )
 
+    def close(self) -> None:
+        """Give PETSc's memory back, which dropping the object does not; it is of no use then."""
+        for thing in (self.snes, self._direct_snes, self._assembly.matrix, self._residual, self._x):
+            if thing is not None:
+                thing.destroy()
+
     def reset(self) -> None:
         """Go back to the undeformed body."""
         self.u.x.array[:] = 0.0

@@ -22,6 +22,7 @@ from datagen.mesh_file import MeshFile
 from datagen.raw_mesh import RawMesh, raw_mesh
 from shared_schema.cells import NEIGHBOURS
 from shared_schema.errors import InputError
+from tests.datagen.farm_runs import assert_near, execute
 
 SQUARE = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 2, 1};
 Physical Curve("left") = {4}; Physical Curve("right") = {2}; Physical Curve(7) = {1, 2};
@@ -291,3 +292,14 @@ def test_the_shipped_plate() -> None:
     assert volume(mesh) == pytest.approx(area, rel=0.01)
     body = body_of(read_case("plate2d"))
     assert (body.clamped.sum(), body.loadable.sum()) == (11, 11)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell_type", ["triangle", "tetra"])
+def test_ranks_share_a_mesh_of_ones_own(cell_type: str, tmp_path: Path) -> None:
+    """Distributed over two ranks, groups and numbers are the same; displacements to 1e-10 m."""
+    path = write_case(tmp_path, SCRIPTS[cell_type])
+    run(read_case(path), tmp_path / "one", MPI.COMM_SELF)
+    result = execute(2, Path(path), tmp_path / "two", "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    assert_near(tmp_path / "one", tmp_path / "two")
