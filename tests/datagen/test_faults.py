@@ -39,8 +39,8 @@ DiskMaker = Callable[[str], SmallDisk]
 
 @pytest.fixture(scope="module")
 def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """30 shards of 58 KiB."""
-    return write_case(tmp_path_factory.mktemp("case"), samples=900, shard_size=30)
+    """30 shards of 48 KiB."""
+    return write_case(tmp_path_factory.mktemp("case"), samples=600, shard_size=20)
 
 
 @pytest.fixture(scope="module")
@@ -242,7 +242,7 @@ structure(pathlib.Path({str(whole)!r}), pathlib.Path({str(out)!r}))
 """
     assert finish([sys.executable, "-c", killed]).returncode == -signal.SIGKILL
     assert [path.name[:9] for path in out.iterdir()] == [".partial-"]
-    assert structure(whole, out).samples == 900
+    assert structure(whole, out).samples == 600
     assert check_dataset(out) == []
     assert not list(out.glob(".*"))
 
