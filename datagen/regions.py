@@ -6,10 +6,11 @@ import operator
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import field_validator
+from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer
 
 from shared_schema.configuration import Frozen
 
@@ -39,6 +40,12 @@ class Region(Frozen):
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_unused_group(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the group out where there is none, so that older datasets keep their case."""
+        content: dict[str, Any] = plain(self)
+        return {key: value for key, value in content.items() if (key, value) != ("group", None)}
 
     @field_validator("x", "y", "z")
     @classmethod
