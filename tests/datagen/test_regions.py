@@ -46,3 +46,18 @@ def test_what_is_no_condition(text: str) -> None:
 def test_unknown_axis() -> None:
     with pytest.raises(ValidationError, match="w"):
         Region.model_validate({"w": 1})
+
+
+def test_group_and_coordinates_together() -> None:
+    """The nodes of the group that meet the other conditions as well."""
+    groups = {"side": np.array([0, 1, 4])}
+    assert np.flatnonzero(Region(group="side").select(GRID, groups)).tolist() == [0, 1, 4]
+    assert np.flatnonzero(Region(group="side", x=0).select(GRID, groups)).tolist() == [0, 1]
+    with pytest.raises(ValueError, match="group 'top': the mesh has no such group, but side"):
+        Region(group="top").select(GRID, groups)
+
+
+def test_a_group_is_written_only_where_there_is_one() -> None:
+    """Datasets of cases without groups keep their digest."""
+    assert Region(x=0).model_dump(mode="json") == {"x": 0.0, "y": None, "z": None}
+    assert Region(group="a").model_dump(mode="json")["group"] == "a"
