@@ -63,10 +63,13 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input shows here, before anything is written
     on_rank_zero(comm, lambda: journal.open(case))
-    remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
-    if remaining:
-        _make_shards(case, journal, remaining, group, body or _body(case, group))
-    return on_rank_zero(comm, lambda: _finish(case, journal))
+    try:
+        remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+        if remaining:
+            _make_shards(case, journal, remaining, group, body or _body(case, group))
+        return on_rank_zero(comm, lambda: _finish(case, journal))
+    finally:
+        journal.close()
 
 
 def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
@@ -137,7 +140,6 @@ def _make_shards(
         interrupted = counters.read("interrupted") > 0
         counters.free()
     if interrupted:
-        journal.close(complete=False)
         raise StoppedError
 
 
@@ -213,5 +215,5 @@ def _finish(case: Case, journal: Journal) -> Manifest:
             shards=shards,
         ),
     )
-    journal.close(complete=True)
+    journal.remove()
     return manifest

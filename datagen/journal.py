@@ -12,6 +12,7 @@ import fcntl
 import json
 import os
 import shutil
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from shared_schema.manifest import (
 from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
 
 JOURNAL = ".journal"
+LOCK_WAIT = 3.0  # seconds that the last rank of a killed run may take to be gone
 
 
 class Journal:
@@ -61,26 +63,25 @@ class Journal:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"--out '{self.folder}': expected a folder, found a file")
-        found = None
-        if self.folder.is_dir():
-            found = self._case_found()
-            if found is None and any(self.folder.iterdir()) and not self._journal.exists():
-                raise InputError(f"--out '{self.folder}': the folder holds something else")
-            if found is None:
-                self._require_shards_of(case)
-            else:
-                _require_same(self.folder, found, case.plain())
-        self._journal.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(self.folder, os.O_RDONLY)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._lock = _locked(self.folder)
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"--out '{self.folder}': another run is working in it") from None
-        for folder in (self.folder, self._journal):
-            remove_partial_files(folder)
-        if found is None:
-            text = json.dumps(case.plain(), indent=1) + "\n"
-            write_text(self._journal / "case.json", text)
+            found = self._case_found()
+            if found is not None:
+                _require_same(self.folder, found, case.plain())
+            elif any(self.folder.iterdir()) and not self._journal.exists():
+                raise InputError(f"--out '{self.folder}': the folder holds something else")
+            else:
+                self._require_shards_of(case)
+            self._journal.mkdir(exist_ok=True)
+            for folder in (self.folder, self._journal):
+                remove_partial_files(folder)
+            if found is None:
+                text = json.dumps(case.plain(), indent=1) + "\n"
+                write_text(self._journal / "case.json", text)
+        except BaseException:
+            self.close()
+            raise
 
     def _case_found(self) -> dict[str, Any] | None:
         """The case that the folder belongs to, if it says one that can be read."""
@@ -145,13 +146,31 @@ class Journal:
         for path in self._journal.glob(f"part-{shard:05d}-*"):
             path.unlink(missing_ok=True)
 
-    def close(self, complete: bool) -> None:
-        """Unlock the folder, and remove the journal of a complete dataset."""
-        if complete:
-            shutil.rmtree(self._journal, ignore_errors=True)
+    def remove(self) -> None:
+        """Remove the journal of a dataset that is complete."""
+        shutil.rmtree(self._journal, ignore_errors=True)
+
+    def close(self) -> None:
+        """Unlock the folder."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def _locked(folder: Path) -> int:
+    """Lock a folder; InputError if another run does not give it free within `LOCK_WAIT`."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    limit = time.monotonic() + LOCK_WAIT
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > limit:
+                os.close(descriptor)
+                raise InputError(f"--out '{folder}': another run is working in it") from None
+            time.sleep(0.05)
+        else:
+            return descriptor
 
 
 def _json(path: Path) -> Any:

@@ -224,7 +224,7 @@ def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
     first.open(case)
     with pytest.raises(InputError, match="another run is working"):
         run(case, folder, MPI.COMM_SELF)
-    first.close(complete=False)
+    first.close()
     run(case, folder, MPI.COMM_SELF)
     assert check_dataset(folder) == []
 

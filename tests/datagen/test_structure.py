@@ -131,8 +131,8 @@ def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:
     assert check_dataset(folder) == []
 
 
-def test_mesh_without_order_writes_nothing(nodal: Path, tmp_path: Path) -> None:
-    """A node moved off its grid line: no structured order, and no folder left behind."""
+def test_mesh_without_order(nodal: Path, tmp_path: Path) -> None:
+    """Nodes moved off their grid lines: no other order, nothing left behind; an embedded grid."""
     crooked = tmp_path / "nodal"
     crooked.mkdir()
     manifest = read_manifest(nodal, "nodal")
@@ -145,8 +145,12 @@ def test_mesh_without_order_writes_nothing(nodal: Path, tmp_path: Path) -> None:
         entries.append(entry.model_copy(update={"sha256": digest}))
     write_manifest(crooked, manifest.model_copy(update={"shards": tuple(entries)}))
     with pytest.raises(InputError, match="no structured order"):
-        structure(crooked, tmp_path / "grid")
+        structure(crooked, tmp_path / "grid", order="gmsh")
     assert not (tmp_path / "grid").exists()
+    info = structure(crooked, tmp_path / "grid").structured
+    assert info is not None
+    assert info.embedding is not None
+    assert check_dataset(tmp_path / "grid") == []
 
 
 def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
