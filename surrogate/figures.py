@@ -50,18 +50,34 @@ def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, forc
 
 
 @styled
-def error_field(geometry: Geometry, predicted: Array, reference: Array) -> Figure:
-    """Nodal error ‖U − u‖₂, interpolated over the elements, on the network's deformed mesh."""
+def nodal_field(geometry: Geometry, displacement: Array, values: Array, label: str) -> Figure:
+    """Nodal values, interpolated over the elements, on a deformed mesh.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    displacement : array, (n_nodes, d)
+        In m.
+    values : array, (n_nodes,)
+    label : str
+        What the values are, and their unit.
+    """
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
-    x = geometry.coordinates + predicted
-    image = drawing.field(x, node_errors(predicted, reference) * 1e3)
+    x = geometry.coordinates + displacement
+    image = drawing.field(x, values)
     drawing.mesh(x, "white", None, linewidth=0.3)
     drawing.finish()
     bar = figure.colorbar(image, ax=figure.axes[0], shrink=0.8, pad=0.02)
-    bar.set_label(r"nodal error $\|U - u\|_2$ [mm]")
+    bar.set_label(label)
     bar.outline.set_visible(False)
     return figure
+
+
+def error_field(geometry: Geometry, predicted: Array, reference: Array) -> Figure:
+    """Nodal error ‖U − u‖₂, interpolated over the elements, on the network's deformed mesh."""
+    errors = node_errors(predicted, reference) * 1e3
+    return nodal_field(geometry, predicted, errors, r"nodal error $\|U - u\|_2$ [mm]")
 
 
 @styled
