@@ -6,9 +6,13 @@ import math
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
 from surrogate.geometry import Geometry
+from surrogate.likelihoods import Prediction
+
+SMALLEST_STD = 1e-6  # of the displacement's scale: float32 resolves no finer
 
 
 class FieldNetwork(nn.Module):
@@ -17,7 +21,8 @@ class FieldNetwork(nn.Module):
     Parameters
     ----------
     network : nn.Module
-        Between scaled fields, (N, d, nx, ny[, nz]) → (N, d, nx, ny[, nz]).
+        Between scaled fields, (N, d, nx, ny[, nz]) → (N, d, nx, ny[, nz]), or → (N, 2d, …) with
+        means first, then ρ of the standard deviations σ = ln(1 + e^ρ).
     geometry : Geometry
         Grid points that are clamped, or no nodes, are given zero displacement.
     info : StructuredInfo
@@ -33,12 +38,15 @@ class FieldNetwork(nn.Module):
         What the network's output is multiplied by, in m: `unit`, unless `scale_by_node` is called.
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes free to move, else 0.
+    free_points : Tensor of int, (n_free,)
+        Those, numbered as the flattened grid is.
     """
 
     force_scale: Tensor
     unit: Tensor
     displacement_scale: Tensor
     free: Tensor
+    free_points: Tensor
 
     def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
         super().__init__()
@@ -51,6 +59,7 @@ class FieldNetwork(nn.Module):
             "displacement_scale", torch.full((geometry.dimension, *free.shape), unit)
         )
         self.register_buffer("free", free)
+        self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
 
     def scale_by_node(self, displacement: Tensor) -> None:
         """Scale every component of every node by its own root mean square over some samples.
@@ -63,10 +72,14 @@ class FieldNetwork(nn.Module):
         scale = displacement.square().mean(dim=0).sqrt()
         self.displacement_scale.copy_(torch.where(scale > 0, scale, self.unit))
 
-    def forward(self, force: Tensor) -> Tensor:
+    def forward(self, force: Tensor) -> Prediction:
         """Predict displacements in m from forces in N."""
-        scaled: Tensor = self.network(force / self.force_scale)
-        return scaled * self.displacement_scale * self.free
+        output: Tensor = self.network(force / self.force_scale)
+        scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
+        if output.shape[1] == d:
+            return Prediction(output * scale, None)
+        std = functional.softplus(output[:, d:]) + SMALLEST_STD
+        return Prediction(output[:, :d] * scale, std * scale)
 
 
 def root_mean_square(info: StructuredInfo) -> float:

@@ -1,29 +1,47 @@
 r"""What a network's output means, and the loss that follows from it.
 
-Deterministic, by name:
+==================  ===============================================================================
+deterministic       :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_2^2` (Deshpande et al. 2022, Eq.
+                    lossDeterm), or its 1-norm, the measure ē itself
+maximum_likelihood  :math:`u ∼ N(d_μ(f), σ^2(f)),\ σ = \ln(1 + e^{d_ρ(f)})`: negative
+                    log-likelihood (Eq. MLE_loss)
+variational_bayes   the same with probabilistic weights: negative evidence lower bound (Eq. ELBO)
+==================  ===============================================================================
 
-====  ==========================================================================================
-mse   :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_2^2` (Deshpande et al. 2022, Eq. lossDeterm)
-mae   :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_1`, the measure ē itself
-====  ==========================================================================================
-
-Both are divided by the number of components, and the error by the displacement's root mean square,
-so that losses of different cases compare; the minimiser is the same.
+Every loss is divided by the number of data (samples times components), and displacements are
+measured in their root mean square, so that losses of different cases compare; the minimiser is
+the same.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+import math
+from typing import Literal, NamedTuple
 
 from torch import Tensor
 
-Likelihood = Literal["deterministic"]
+Likelihood = Literal["deterministic", "maximum_likelihood", "variational_bayes"]
 Loss = Literal["mse", "mae"]
 
 
+class Prediction(NamedTuple):
+    """Displacements as a network predicts them.
+
+    Attributes
+    ----------
+    mean : Tensor, (N, d, nx, ny[, nz])
+        In m.
+    std : Tensor of the same shape, or None
+        Standard deviation σ of every component in m; none of a deterministic network.
+    """
+
+    mean: Tensor
+    std: Tensor | None
+
+
 def output_channels(likelihood: Likelihood, dimension: int) -> int:
-    """Number of output channels: one a displacement component."""
-    return dimension
+    """Number of output channels: a mean and, unless deterministic, a ρ for every component."""
+    return dimension if likelihood == "deterministic" else 2 * dimension
 
 
 def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: Tensor) -> Tensor:
@@ -39,3 +57,36 @@ def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: T
     """
     error = (predicted - reference) / unit
     return error.square().mean() if loss == "mse" else error.abs().mean()
+
+
+def negative_log_likelihood(
+    prediction: Prediction, reference: Tensor, free: Tensor, unit: Tensor, beta: float = 0.0
+) -> Tensor:
+    r"""Mean over samples and free components of −ln N(u; μ, σ²), in nats, with lengths in `unit`.
+
+    .. math:: \frac{1}{2} \ln(2πσ^2) + \frac{(u - μ)^2}{2σ^2}
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of a network that is not deterministic.
+    reference : Tensor, (N, d, nx, ny[, nz])
+        u in m.
+    free : Tensor of int, (n_free,)
+        Grid points that can move, numbered as the flattened grid is.
+    unit : Tensor, ()
+        In m.
+    beta : float
+        Every term is weighted by σ^{2β}, held constant and divided by its mean: 0 is the
+        likelihood; towards 1 the means are fitted as by least squares (Seitzer et al. 2022).
+    """
+    assert prediction.std is not None
+    mean, std, u = (
+        field.flatten(2).index_select(2, free) / unit
+        for field in (prediction.mean, prediction.std, reference)
+    )
+    nll = std.log() + 0.5 * ((u - mean) / std).square() + 0.5 * math.log(2 * math.pi)
+    if beta:
+        weight = std.detach() ** (2 * beta)
+        nll = nll * (weight / weight.mean())
+    return nll.mean()

@@ -16,5 +16,6 @@ def make_network(description: RunDescription, geometry: Geometry) -> FieldNetwor
     """Build the network of a run with the initial weights that its seed gives."""
     config, data = description.run, description.data
     torch.manual_seed(stream(config.seed, INITIAL_WEIGHTS))
-    unet = UNet(data.dimension, output_channels(config.likelihood, data.dimension), config.network)
+    outputs = output_channels(config.likelihood, data.dimension)
+    unet = UNet(data.dimension, outputs, config.network, config.variational)
     return FieldNetwork(unet, geometry, data.info)

@@ -73,7 +73,11 @@ class ScheduleConfig(Frozen):
 def make_optimisers(network: nn.Module, config: OptimiserConfig) -> list[torch.optim.Optimizer]:
     """Make the optimisers of a network: one for each kind of parameter."""
     parameters = [p for p in network.parameters() if p.requires_grad]
-    kernels = [p for p in parameters if is_hidden_kernel(p)] if config.name == "muon" else []
+    kernels = (
+        [p for name, p in network.named_parameters() if is_hidden_kernel(name, p)]
+        if config.name == "muon"
+        else []
+    )
     of_muon = {id(p) for p in kernels}
     rest = [p for p in parameters if id(p) not in of_muon]
     optimisers: list[torch.optim.Optimizer] = []
@@ -92,9 +96,10 @@ def make_optimisers(network: nn.Module, config: OptimiserConfig) -> list[torch.o
     return optimisers
 
 
-def is_hidden_kernel(parameter: nn.Parameter) -> bool:
-    """Tell kernels between hidden layers from biases and from the first and last kernels."""
-    return parameter.ndim > 2 and min(parameter.shape[:2]) > 3
+def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
+    """Tell kernels between hidden layers, or their means, from all other parameters."""
+    is_kernel = name.endswith(("weight", "kernel.mean")) and not name.endswith("head.weight")
+    return is_kernel and parameter.ndim > 2 and parameter.shape[1] > 3
 
 
 def set_learning_rate(optimisers: list[torch.optim.Optimizer], learning_rate: float) -> None:

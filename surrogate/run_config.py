@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from shared_schema.configuration import Frozen, read_named, validate
+from surrogate.flipout import VariationalConfig
 from surrogate.likelihoods import Likelihood, Loss
 from surrogate.optimisation import OptimiserConfig, ScheduleConfig
 from surrogate.unet import UNetConfig
@@ -25,7 +26,10 @@ class TrainingConfig(Frozen):
     optimiser : OptimiserConfig
     schedule : ScheduleConfig
     loss : {"mse", "mae"}
-        Mean squared error, or mean absolute error.
+        Of deterministic networks: mean squared error, or mean absolute error.
+    beta : float
+        Of the others: exponent of the likelihood's weights (`negative_log_likelihood`); 0 is the
+        paper's.
     validation_fraction : float
         Part of the training split that is kept out of training, for the loss curve.
     checkpoint_seconds : float
@@ -37,6 +41,7 @@ class TrainingConfig(Frozen):
     optimiser: OptimiserConfig = OptimiserConfig()
     schedule: ScheduleConfig = ScheduleConfig()
     loss: Loss = "mse"
+    beta: float = Field(0.0, ge=0, le=1)
     validation_fraction: float = Field(0.0, ge=0, lt=1)
     checkpoint_seconds: float = Field(60.0, ge=0)
 
@@ -51,13 +56,15 @@ class RunConfig(Frozen):
         Name of the case whose dataset it is for.
     recipe : {"paper", "fast", "custom"}
         Whose recipe it is.
-    likelihood : {"deterministic"}
+    likelihood : {"deterministic", "maximum_likelihood", "variational_bayes"}
     network : UNetConfig
+    variational : VariationalConfig, optional
+        Of variational Bayes, and of it only: which weights are probabilistic, and their priors.
     displacement_scale : {"global", "node"}
         Scale of the network's output: one for all, or one for each component of each node.
     training : TrainingConfig
     seed : int
-        Of the initial weights, the validation part and the order of the samples.
+        Of the initial weights, the validation part, the order of the samples and the noise.
     """
 
     name: str
@@ -65,9 +72,17 @@ class RunConfig(Frozen):
     recipe: Literal["paper", "fast", "custom"] = "custom"
     likelihood: Likelihood = "deterministic"
     network: UNetConfig = UNetConfig()
+    variational: VariationalConfig | None = None
     displacement_scale: Literal["global", "node"] = "global"
     training: TrainingConfig = TrainingConfig()
     seed: int = Field(0, ge=0)
+
+    @model_validator(mode="after")
+    def _variational_if_bayes(self) -> Self:
+        if (self.variational is not None) != (self.likelihood == "variational_bayes"):
+            given = "given" if self.variational is not None else "missing"
+            raise ValueError(f"key 'variational' is {given}, but likelihood is '{self.likelihood}'")
+        return self
 
     def plain(self) -> dict[str, Any]:
         """The whole configuration as plain data."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-INITIAL_WEIGHTS, VALIDATION, ORDER = range(3)
+INITIAL_WEIGHTS, VALIDATION, ORDER, NOISE, PASS = range(5)
 
 
 def stream(*numbers: int) -> int:

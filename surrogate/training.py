@@ -19,13 +19,14 @@ from shared_schema.errors import InputError, WorkError
 from surrogate.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.dataset import Dataset, Samples
 from surrogate.field_network import FieldNetwork
-from surrogate.likelihoods import deterministic_loss
+from surrogate.flipout import flipouts
+from surrogate.likelihoods import Prediction, deterministic_loss, negative_log_likelihood
 from surrogate.network import make_network
 from surrogate.optimisation import make_optimisers, set_learning_rate
 from surrogate.run_config import RunConfig
 from surrogate.run_description import describe
 from surrogate.run_folder import RunFolder
-from surrogate.seeds import ORDER, VALIDATION, stream
+from surrogate.seeds import NOISE, ORDER, VALIDATION, stream
 from surrogate.unet import parameter_count
 
 
@@ -67,12 +68,25 @@ class Trainer:
         self.optimisers = make_optimisers(self.network, training.optimiser)
         self.steps_per_epoch = math.ceil(len(self.train) / training.batch_size)
         self.steps = self.steps_per_epoch * training.epochs
+        self.flipouts = list(flipouts(self.network))
 
-    def loss(self, samples: Samples) -> Tensor:
-        """Loss of the current network on some samples, in scaled units."""
-        predicted = self.network(samples.force)
-        name = self.config.training.loss
-        return deterministic_loss(name, predicted, samples.displacement, self.network.unit)
+    def loss(self, prediction: Prediction, reference: Tensor) -> Tensor:
+        """Loss per datum of a prediction, in scaled units; without the weights' divergence."""
+        training, network = self.config.training, self.network
+        if prediction.std is None:
+            return deterministic_loss(training.loss, prediction.mean, reference, network.unit)
+        return negative_log_likelihood(
+            prediction, reference, network.free_points, network.unit, training.beta
+        )
+
+    def divergence(self) -> Tensor:
+        """Divergence of the posterior from the prior, per datum of the training samples, in nats.
+
+        With it, N·F times the loss per datum is the paper's (Eq. ELBO_expand): the sum of the
+        negative log-likelihood over all N samples and F free components, plus the divergence.
+        """
+        data = len(self.train) * self.network.free_points.numel() * self.train.force.shape[1]
+        return torch.stack([layer.divergence() for layer in self.flipouts]).sum() / data
 
     def order(self, epoch: int) -> Tensor:
         """Order in which an epoch takes the training samples."""
@@ -81,14 +95,18 @@ class Trainer:
 
     def train_epoch(self, epoch: int, progress: Progress) -> float:
         """Train one epoch (counted from 0); return its mean loss."""
-        training = self.config.training
+        training, variational = self.config.training, self.config.variational
         self.network.train()
+        torch.manual_seed(stream(self.config.seed, NOISE, epoch))
         total = torch.zeros((), device=self.train.force.device)
         for number, batch in enumerate(torch.split(self.order(epoch), training.batch_size)):
             step = epoch * self.steps_per_epoch + number
             factor = training.schedule.factor(step, self.steps)
             set_learning_rate(self.optimisers, training.optimiser.learning_rate * factor)
-            loss = self.loss(self.train[batch])
+            samples = self.train[batch]
+            loss = self.loss(self.network(samples.force), samples.displacement)
+            if variational is not None:
+                loss = loss + variational.factor(step, self.steps) * self.divergence()
             self.network.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             if training.optimiser.gradient_clip is not None:
@@ -107,11 +125,9 @@ class Trainer:
         if len(self.validation) == 0:
             return {}
         self.network.eval()
-        predicted, reference = self.network(self.validation.force), self.validation.displacement
-        loss = deterministic_loss(
-            self.config.training.loss, predicted, reference, self.network.unit
-        )
-        error = (predicted - reference).abs().mean() / self.node_fraction
+        prediction, reference = self.network(self.validation.force), self.validation.displacement
+        loss = self.loss(prediction, reference)
+        error = (prediction.mean - reference).abs().mean() / self.node_fraction
         return {"validation_loss": float(loss), "validation_error": float(error)}
 
 

@@ -7,6 +7,7 @@ concatenated with what the way down had at that level; a 1×1 linear convolution
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import torch
@@ -15,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.configuration import Frozen
+from surrogate.flipout import FlipoutConvolution, VariationalConfig
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
@@ -52,12 +54,24 @@ class UNetConfig(Frozen):
 
 
 class DoubleConvolution(nn.Sequential):
-    """Two 3×3(×3) convolutions that keep the grid's size, each with batch norm and activation."""
+    """Two 3×3(×3) convolutions that keep the grid's size, each with batch norm and activation.
 
-    def __init__(self, dimension: int, inputs: int, outputs: int, config: UNetConfig) -> None:
+    `probabilistic` gives the configuration of convolution 1 or 2 if it is a probabilistic one.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        inputs: int,
+        outputs: int,
+        config: UNetConfig,
+        probabilistic: Callable[[int], VariationalConfig | None],
+    ) -> None:
         layers: list[nn.Module] = []
-        for channels in (inputs, outputs):
-            layers.append(start_as_he(CONVOLUTIONS[dimension](channels, outputs, 3, padding=1)))
+        for number, channels in enumerate((inputs, outputs), start=1):
+            kernel = start_as_he(CONVOLUTIONS[dimension](channels, outputs, 3, padding=1))
+            variational = probabilistic(number)
+            layers.append(FlipoutConvolution(kernel, variational) if variational else kernel)
             if config.batch_norm:
                 layers.append(BATCH_NORMS[dimension](outputs))
             layers.append(ACTIVATIONS[config.activation]())
@@ -74,21 +88,35 @@ class UNet(nn.Module):
     outputs : int
         Output channels.
     config : UNetConfig
+    variational : VariationalConfig, optional
+        Which convolutions are probabilistic; none if left out.
     """
 
-    def __init__(self, dimension: int, outputs: int, config: UNetConfig) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        outputs: int,
+        config: UNetConfig,
+        variational: VariationalConfig | None = None,
+    ) -> None:
         super().__init__()
         self.dimension = dimension
         self.padding = config.padding
         self.coarsening = 2 ** (config.levels - 1)
         channels = config.level_channels()
+
+        def double(level: int, inputs: int) -> DoubleConvolution:
+            def probabilistic(number: int) -> VariationalConfig | None:
+                return variational if variational and variational.covers(level, number) else None
+
+            return DoubleConvolution(dimension, inputs, channels[level], config, probabilistic)
+
         self.encoder = nn.ModuleList(
-            DoubleConvolution(dimension, inputs, here, config)
-            for inputs, here in zip([dimension, *channels[:-1]], channels, strict=True)
+            double(level, inputs) for level, inputs in enumerate([dimension, *channels[:-1]])
         )
         self.decoder = nn.ModuleList(
-            DoubleConvolution(dimension, coarser + here, here, config)
-            for coarser, here in zip(channels[:0:-1], channels[-2::-1], strict=True)
+            double(level, channels[level + 1] + channels[level])
+            for level in reversed(range(config.levels - 1))
         )
         self.pool = POOLINGS[dimension](2)
         self.head = CONVOLUTIONS[dimension](channels[0], outputs, kernel_size=1)
@@ -121,7 +149,7 @@ class UNet(nn.Module):
         return pads
 
 
-def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Module:
+def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
     """Start a kernel as He et al. (2015) propose for rectifiers, and the bias at zero."""
     nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
     assert convolution.bias is not None

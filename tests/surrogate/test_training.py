@@ -160,7 +160,7 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
     train(config, dataset, run, CPU, stop_after=2)
     before = run.checkpoint.read_bytes()
     loss = Trainer.loss
-    monkeypatch.setattr(Trainer, "loss", lambda self, samples: loss(self, samples) * torch.nan)
+    monkeypatch.setattr(Trainer, "loss", lambda self, *fields: loss(self, *fields) * torch.nan)
     with pytest.raises(
         WorkError, match="diverged in epoch 3, with a loss of nan; the checkpoint of epoch 2"
     ):

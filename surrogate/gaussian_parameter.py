@@ -1,0 +1,85 @@
+r"""A tensor of weights with a Gaussian posterior and a Gaussian prior for each of them.
+
+.. math:: q(w) = N(μ, σ^2),\quad σ = \ln(1 + e^ρ), \qquad p(w) = N(μ_p, σ_p^2)
+
+with trainable μ and ρ, constant σ_p, and μ_p trainable (empirical Bayes) or zero (Deshpande et al.
+2022, Section 2.4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+
+class GaussianParameter(nn.Module):
+    """Posterior and prior of a tensor of weights.
+
+    Parameters
+    ----------
+    mean : Tensor
+        Initial μ, of any shape; a trainable μ_p starts there as well.
+    std : float
+        Initial σ of every weight.
+    prior_std : float
+        σ_p of every weight.
+    trainable_prior : bool
+        Whether μ_p is trained; otherwise it is zero.
+
+    Attributes
+    ----------
+    mean, rho : nn.Parameter
+        μ and ρ.
+    prior_mean : nn.Parameter or Tensor
+        μ_p.
+    """
+
+    prior_mean: Tensor
+
+    def __init__(self, mean: Tensor, std: float, prior_std: float, trainable_prior: bool) -> None:
+        super().__init__()
+        self.prior_std = prior_std
+        self.mean = nn.Parameter(mean.detach().clone())
+        self.rho = nn.Parameter(torch.full_like(mean, inverse_softplus(std)))
+        if trainable_prior:
+            self.prior_mean = nn.Parameter(mean.detach().clone())
+        else:
+            self.register_buffer("prior_mean", torch.zeros_like(mean))
+
+    @property
+    def std(self) -> Tensor:
+        """σ = ln(1 + e^ρ)."""
+        return functional.softplus(self.rho)
+
+    def divergence(self) -> Tensor:
+        r"""Kullback–Leibler divergence from prior to posterior, summed over the weights, in nats.
+
+        .. math:: KL[q|p] = \sum \ln\frac{σ_p}{σ} + \frac{σ^2 + (μ - μ_p)^2}{2 σ_p^2} - \frac{1}{2}
+        """
+        ratio = self.std / self.prior_std
+        offset = (self.mean - self.prior_mean) / self.prior_std
+        return (0.5 * (ratio.square() + offset.square() - 1) - ratio.log()).sum()
+
+    def sampled_divergence(self, noise: Tensor) -> Tensor:
+        r"""Sum of ln q(w) − ln p(w) over the weights, at w = μ + σε: the form of the paper's loss.
+
+        Its expectation over the noise ε, of the weights' shape and standard normal, is
+        `divergence`.
+        """
+        ratio = self.std / self.prior_std
+        offset = (self.mean - self.prior_mean) / self.prior_std + ratio * noise
+        return (0.5 * (offset.square() - noise.square()) - ratio.log()).sum()
+
+    def draw(self, generators: Sequence[torch.Generator]) -> Tensor:
+        """Independent samples of the weights, one a generator of the CPU: (passes, *shape)."""
+        noise = torch.stack([torch.randn(self.mean.shape, generator=g) for g in generators])
+        return torch.addcmul(self.mean, self.std, noise.to(self.mean))
+
+
+def inverse_softplus(value: float) -> float:
+    """ρ of a standard deviation: ln(e^σ − 1)."""
+    return value + math.log(-math.expm1(-value))
