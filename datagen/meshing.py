@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from datagen.geometries import Geometry
 from datagen.ranks import on_rank_zero
+from datagen.raw_mesh import RawMesh
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,11 @@ def make_mesh(geometry: Geometry, comm: MPI.Comm) -> Mesh:
     InputError
         On every rank, if a mesh file cannot be used.
     """
-    raw = on_rank_zero(comm, geometry.raw_mesh)
+    return distributed(on_rank_zero(comm, geometry.raw_mesh), comm)
+
+
+def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
+    """Distribute a mesh that every rank of `comm` has over them (collective)."""
     dimension = raw.coordinates.shape[1]
     cell = ufl.Cell(UFL_NAMES[raw.cell_type], geometric_dimension=dimension)
     element = ufl.VectorElement("Lagrange", cell, 1)

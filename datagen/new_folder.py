@@ -7,6 +7,7 @@ from pathlib import Path
 from shared_schema.atomic_file import PARTIAL, remove_partial_files, require_writable
 from shared_schema.errors import InputError
 from shared_schema.manifest import MANIFEST, Manifest, read_manifest
+from shared_schema.stiffness import STIFFNESS_FILE
 
 
 def require_free(folder: Path, made: Manifest) -> None:
@@ -34,7 +35,7 @@ def require_free(folder: Path, made: Manifest) -> None:
             raise InputError(f"--out '{folder}': holds another dataset, '{old.name}'")
         (folder / MANIFEST).unlink()
     elif folder.is_dir():
-        ours = ("shard-", PARTIAL)  # of a step that was killed
+        ours = ("shard-", STIFFNESS_FILE, PARTIAL)  # of a step that was killed
         if not all(path.name.startswith(ours) for path in folder.iterdir()):
             raise InputError(f"--out '{folder}': the folder holds something else")
     remove_partial_files(folder)

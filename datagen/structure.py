@@ -1,4 +1,4 @@
-"""From a nodal dataset to a structured one: fields laid on the grid, split, statistics."""
+"""From a nodal dataset to a structured one: fields on the grid, split, statistics, stiffness."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from datagen.case import Case
 from datagen.embedding import embed
 from datagen.new_folder import require_free
+from datagen.raw_mesh import RawMesh
+from datagen.stiffness import stiffness_of
 from shared_schema.checker import require_intact
 from shared_schema.command_line import Progress
 from shared_schema.configuration import validate
@@ -30,6 +32,7 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+from shared_schema.stiffness import write_stiffness
 
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
@@ -100,6 +103,8 @@ def structure(
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
+    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
+    stiffness = stiffness_of(mesh, case.material)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
@@ -114,6 +119,7 @@ def structure(
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
         if isinstance(grid, EmbeddedGrid)
         else None,
+        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
     )
     update: dict[str, Any] = {
         "kind": "structured",

@@ -14,7 +14,7 @@ from shared_schema.cells import CELL_TYPES
 from shared_schema.errors import InputError
 from shared_schema.grid import grid_problems
 from shared_schema.grid_map import NO_NODE
-from shared_schema.manifest import Manifest, digest_of, read_manifest
+from shared_schema.manifest import Manifest, StructuredInfo, digest_of, read_manifest
 from shared_schema.shard import (
     Arrays,
     Attributes,
@@ -23,6 +23,7 @@ from shared_schema.shard import (
     read_attributes,
     sha256,
 )
+from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
 
 def check_dataset(folder: Path) -> list[str]:
@@ -84,7 +85,26 @@ def check_dataset(folder: Path) -> list[str]:
     info = manifest.structured
     if info is not None and not problems and test != info.test:
         problems.append(f"manifest: 'test' is {info.test}, the shards hold {test}")
+    if info is not None and info.stiffness is not None:
+        dofs = mesh["mesh/coordinates"].size if mesh else None
+        problems += [
+            f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, info, dofs)
+        ]
     return problems
+
+
+def _stiffness_problems(folder: Path, info: StructuredInfo, dofs: int | None) -> list[str]:
+    """What is wrong with the stiffness file; its size is that of the mesh, if that is known."""
+    path = folder / STIFFNESS_FILE
+    if not path.is_file():
+        return ["missing"]
+    if sha256(path) != info.stiffness:
+        return [_damage(path)]
+    try:
+        stiffness = read_stiffness(folder)
+    except InputError as error:
+        return [str(error).removeprefix(f"{path}: ")]
+    return stiffness_problems(stiffness, dofs) if dofs is not None else []
 
 
 def _attribute_problems(manifest: Manifest, attributes: Attributes) -> list[str]:
@@ -114,6 +134,8 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
         if path.name not in listed:
             problems.append(f"{path.name}: not in the manifest")
     info = manifest.structured
+    if (info is None or info.stiffness is None) and (folder / STIFFNESS_FILE).exists():
+        problems.append(f"{STIFFNESS_FILE}: not in the manifest")
     if (manifest.kind == "structured") != (info is not None):
         problems.append(f"manifest: 'structured' does not fit the kind '{manifest.kind}'")
     elif info is not None and info.train + info.test != manifest.samples:
@@ -145,10 +167,13 @@ def _damage(path: Path) -> str:
 
 
 def require_intact(folder: Path, manifest: Manifest) -> None:
-    """Raise InputError at the first shard of a dataset that is missing or damaged."""
-    for entry in manifest.shards:
-        path = folder / entry.file
+    """Raise InputError at the first file of a dataset that is missing or damaged."""
+    files = {entry.file: entry.sha256 for entry in manifest.shards}
+    if manifest.structured is not None and manifest.structured.stiffness is not None:
+        files[STIFFNESS_FILE] = manifest.structured.stiffness
+    for file, checksum in files.items():
+        path = folder / file
         if not path.is_file():
-            raise InputError(f"{path}: no such shard")
-        if sha256(path) != entry.sha256:
+            raise InputError(f"{path}: no such file")
+        if sha256(path) != checksum:
             raise InputError(f"{path}: {_damage(path)}")

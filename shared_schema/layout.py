@@ -1,8 +1,9 @@
-"""What is in a shard: one annotated tree for each kind of dataset.
+"""What is in a shard: one annotated tree for each kind of dataset, and one for the stiffness.
 
 Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
-``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's).
+``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
+``entry``, ``pointer`` (of a sparse matrix).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -15,7 +16,8 @@ from typing import Literal
 
 SCHEMA_VERSION = 1
 
-Kind = Literal["nodal", "structured"]
+Kind = Literal["nodal", "structured"]  # of datasets
+FileKind = Literal["nodal", "structured", "stiffness"]
 
 
 @dataclass(frozen=True)
@@ -206,11 +208,30 @@ EMBEDDED = (
     ),
 )
 
-LAYOUTS: dict[Kind, tuple[ArrayLayout, ...]] = {"nodal": NODAL, "structured": STRUCTURED}
+STIFFNESS = (
+    ArrayLayout(
+        "stiffness/data",
+        "float64",
+        ("entry",),
+        "N/m",
+        "entries of the stiffness of the undeformed body, no supports applied, row by row; "
+        "degree of freedom node * d + component",
+    ),
+    ArrayLayout("stiffness/indices", "int64", ("entry",), "1", "column of each entry"),
+    ArrayLayout(
+        "stiffness/indptr", "int64", ("pointer",), "1", "where each row begins, and the last ends"
+    ),
+)
+
+LAYOUTS: dict[FileKind, tuple[ArrayLayout, ...]] = {
+    "nodal": NODAL,
+    "structured": STRUCTURED,
+    "stiffness": STIFFNESS,
+}
 SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
 
 
-def layout_for(kind: Kind, paths: Container[str]) -> tuple[ArrayLayout, ...]:
+def layout_for(kind: FileKind, paths: Container[str]) -> tuple[ArrayLayout, ...]:
     """The layout of a shard that has datasets at some paths.
 
     A structured shard that has ``grid/sources`` has a grid embedded on a mesh without a structured

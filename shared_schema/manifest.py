@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from shared_schema.atomic_file import write_text
 from shared_schema.configuration import Frozen, validate
@@ -93,6 +93,8 @@ class StructuredInfo(Frozen):
         Digest of the nodal dataset that it was made from.
     embedding : EmbeddingInfo or None
         Only if the mesh has no structured order.
+    stiffness : str or None
+        SHA-256 of the stiffness file; not written of a dataset that has none.
     """
 
     grid_shape: tuple[int, ...]
@@ -105,6 +107,14 @@ class StructuredInfo(Frozen):
     displacement: ComponentStatistics
     source_digest: str
     embedding: EmbeddingInfo | None = None
+    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
+
+    @model_serializer(mode="wrap")
+    def _without_absent_stiffness(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if self.stiffness is None:
+            del content["stiffness"]
+        return content
 
 
 class Manifest(Frozen):

@@ -23,7 +23,7 @@ from shared_schema.layout import (
     SCHEMA_VERSION,
     SHARD_ATTRIBUTES,
     ArrayLayout,
-    Kind,
+    FileKind,
     layout_for,
     shape_problem,
 )
@@ -33,7 +33,7 @@ Attributes = dict[str, int | str]
 
 
 def write_shard(
-    path: Path, kind: Kind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+    path: Path, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
 ) -> str:
     """Write a shard atomically.
 
@@ -41,7 +41,7 @@ def write_shard(
     ----------
     path : Path
         Where the shard shall appear.
-    kind : {"nodal", "structured"}
+    kind : {"nodal", "structured", "stiffness"}
     arrays : mapping of str to array
         Every dataset of the kind's layout, by path, of the layout's shape and type.
     case_digest : str
@@ -94,13 +94,13 @@ def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
 
 
 def array_problems(
-    kind: Kind, arrays: Mapping[str, NDArray[Any]], lengths: dict[str, tuple[int, ...]]
+    kind: FileKind, arrays: Mapping[str, NDArray[Any]], lengths: dict[str, tuple[int, ...]]
 ) -> list[str]:
     """List what is wrong with the arrays of a shard: missing, unknown, shape, type, NaN.
 
     Parameters
     ----------
-    kind : {"nodal", "structured"}
+    kind : {"nodal", "structured", "stiffness"}
     arrays : mapping of str to array
     lengths : dict
         Axis lengths known so far (see `shared_schema.layout.shape_problem`); extended.
@@ -126,7 +126,7 @@ def array_problems(
     return problems
 
 
-def read_shard(path: Path, kind: Kind) -> Arrays:
+def read_shard(path: Path, kind: FileKind) -> Arrays:
     """Read every dataset of a shard into memory.
 
     Raises
@@ -142,7 +142,7 @@ def read_shard(path: Path, kind: Kind) -> Arrays:
     return arrays
 
 
-def read_arrays(path: Path, kind: Kind) -> Arrays:
+def read_arrays(path: Path, kind: FileKind) -> Arrays:
     """Read a shard's datasets as they are, having seen that they are there and inside the file.
 
     Raises
@@ -154,13 +154,13 @@ def read_arrays(path: Path, kind: Kind) -> Arrays:
         return {layout.path: _read(file[layout.path]) for layout in layout_for(kind, _paths(file))}
 
 
-def read_attributes(path: Path, kind: Kind) -> Attributes:
+def read_attributes(path: Path, kind: FileKind) -> Attributes:
     """Read the attributes of the file itself: schema version, kind, case digest, cell type."""
     with _open(path, kind) as file, _damage_named(path):
         return {name: plain(file.attrs[name]) for name in SHARD_ATTRIBUTES}
 
 
-def _open(path: Path, kind: Kind) -> h5py.File:
+def _open(path: Path, kind: FileKind) -> h5py.File:
     if not path.is_file():
         raise InputError(f"{path}: no such shard")
     if path.stat().st_size == 0:
@@ -189,7 +189,7 @@ def _damage_named(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: not a readable HDF5 file ({first_line(error)})") from None
 
 
-def structure_problems(file: h5py.File, kind: Kind) -> list[str]:
+def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
     """List what is wrong with attributes, links and datasets of an open file, data unread."""
     problems = []
     for name in SHARD_ATTRIBUTES:

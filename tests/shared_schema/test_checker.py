@@ -230,5 +230,5 @@ def test_require_intact_names_a_missing_shard(nodal: Path) -> None:
     manifest = read_manifest(nodal)
     require_intact(nodal, manifest)
     (nodal / "shard-00001.h5").unlink()
-    with pytest.raises(InputError, match=r"shard-00001\.h5: no such shard"):
+    with pytest.raises(InputError, match=r"shard-00001\.h5: no such file"):
         require_intact(nodal, manifest)

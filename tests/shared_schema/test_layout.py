@@ -3,22 +3,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.layout import LAYOUTS, ArrayLayout, Kind, shape_problem
+from shared_schema.layout import LAYOUTS, ArrayLayout, FileKind, shape_problem
 
-KINDS: list[Kind] = ["nodal", "structured"]
+KINDS: list[FileKind] = ["nodal", "structured", "stiffness"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_paths_are_unique(kind: Kind) -> None:
+def test_paths_are_unique(kind: FileKind) -> None:
     paths = [layout.path for layout in LAYOUTS[kind]]
     assert len(set(paths)) == len(paths)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_types_units_and_descriptions(kind: Kind) -> None:
+def test_types_units_and_descriptions(kind: FileKind) -> None:
     for layout in LAYOUTS[kind]:
         assert layout.dtype == "str" or np.dtype(layout.dtype).name == layout.dtype
-        assert layout.units in ("1", "m", "N", "s")
+        assert layout.units in ("1", "m", "N", "N/m", "s")
         assert layout.description
         assert layout.axes
 
