@@ -92,4 +92,5 @@ debian-packages:
 	$(DEBIAN_PYTHON) -m venv .venv-surrogate
 	.venv-surrogate/bin/pip install -q '$(TORCH)'
 	.venv-surrogate/bin/pip install -q -e shared_schema -e 'surrogate[test]'
+	.venv-surrogate/bin/pip install -q --no-deps 'bayesian-torch==0.5.*' # needs PyTorch only
 	touch $@
