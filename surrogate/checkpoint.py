@@ -1,24 +1,39 @@
 """Checkpoints: everything that the next epoch depends on, in one safetensors file.
 
-The order of the samples is a pure function of seed and epoch, and the learning rate one of the
-step, so weights and optimiser states are all there is to keep.
+The order of the samples and the noise are pure functions of seed and epoch, and the learning rate
+one of the step, so weights and the states of what changes them are all there is to keep.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from shared_schema.errors import InputError, first_line
 from surrogate.tensor_file import load_tensors, save_atomically
 
 
+class Stateful(Protocol):
+    """Something whose state is named tensors, as a network's is."""
+
+    def state_dict(self) -> Mapping[str, Tensor]:
+        """Give the state."""
+
+    def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> Any:
+        """Take a state up."""
+
+
 def save_checkpoint(
-    path: Path, epoch: int, seconds: float, network: nn.Module, optimisers: list[Any]
+    path: Path,
+    epoch: int,
+    seconds: float,
+    parts: Mapping[str, Stateful],
+    optimisers: list[Any],
 ) -> None:
     """Write a checkpoint atomically.
 
@@ -29,11 +44,14 @@ def save_checkpoint(
         Number of finished epochs.
     seconds : float
         Training time so far.
-    network : nn.Module
+    parts : dict of Stateful
+        The network, and what else changes from epoch to epoch, by name.
     optimisers : list of torch.optim.Optimizer
     """
     tensors: dict[str, Tensor] = {
-        f"network.{name}": value for name, value in network.state_dict().items()
+        f"{part}.{name}": value
+        for part, stateful in parts.items()
+        for name, value in stateful.state_dict().items()
     }
     for number, optimiser in enumerate(optimisers):
         for index, state in optimiser.state_dict()["state"].items():
@@ -43,7 +61,9 @@ def save_checkpoint(
     save_atomically(tensors, path, {"status": status})
 
 
-def load_checkpoint(path: Path, network: nn.Module, optimisers: list[Any]) -> tuple[int, float]:
+def load_checkpoint(
+    path: Path, parts: Mapping[str, Stateful], optimisers: list[Any]
+) -> tuple[int, float]:
     """Take up a checkpoint in place.
 
     Returns
@@ -61,7 +81,8 @@ def load_checkpoint(path: Path, network: nn.Module, optimisers: list[Any]) -> tu
     tensors, metadata = load_tensors(path)
     try:
         status = json.loads(metadata["status"])
-        network.load_state_dict(_below("network.", tensors))
+        for part, stateful in parts.items():
+            stateful.load_state_dict(_below(f"{part}.", tensors))
         for number, optimiser in enumerate(optimisers):
             _restore(optimiser, _below(f"optimiser.{number}.", tensors))
         return int(status["epoch"]), float(status["seconds"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +15,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
-    return run_command("surrogate", lambda: command(options))
+    speaks = os.environ.get("RANK", "0") == "0"  # torchrun's
+    return run_command("surrogate", lambda: command(options), speaks)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -38,6 +40,9 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         metavar="EPOCH",
         help="stop there, with a checkpoint to go on from",
+    )
+    train.add_argument(
+        "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
     )
     train.set_defaults(command=_train)
 
@@ -66,16 +71,19 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _train(options: argparse.Namespace) -> None:
+    from surrogate.data_parallel import joined
     from surrogate.dataset import read_dataset
-    from surrogate.device import choose_device
     from surrogate.run_config import read_config
     from surrogate.run_folder import RunFolder
     from surrogate.training import train
 
     config = read_config(options.config)
-    device = choose_device(options.device)
     run = RunFolder(options.out)
-    train(config, read_dataset(options.data), run, device, options.stop_after)
+    with joined(options.device) as (ranks, device):
+        dataset = read_dataset(options.data)
+        train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
+    if not ranks.is_first:
+        return
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
     state = "trained" if run.model.is_file() else "stopped, to be gone on with"

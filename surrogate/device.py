@@ -1,10 +1,15 @@
-"""The device that tensors live on."""
+"""The device that tensors live on, and how a network is laid out and computes there."""
 
 from __future__ import annotations
 
+from typing import Literal
+
 import torch
+from torch import nn
 
 from shared_schema.errors import InputError
+
+Precision = Literal["float32", "bfloat16"]
 
 
 def choose_device(name: str) -> torch.device:
@@ -14,3 +19,20 @@ def choose_device(name: str) -> torch.device:
     if name == "cuda" and not torch.cuda.is_available():
         raise InputError("--device 'cuda': none here, expected 'cpu' or 'auto'")
     return torch.device(name)
+
+
+def lay_out(network: nn.Module, dimension: int, precision: Precision, device: torch.device) -> None:
+    """Move a network to a device, in the memory layout that its convolutions are fastest in.
+
+    Channels come last in the plane; in space only where tensor cores take them so.
+    """
+    network.to(device)
+    if dimension == 2:
+        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    elif device.type == "cuda" and precision == "bfloat16":
+        network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
+
+
+def autocast(precision: Precision, device: torch.device) -> torch.autocast:
+    """Context in which convolutions compute in a precision; it changes nothing in float32."""
+    return torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16")

@@ -74,7 +74,7 @@ class FieldNetwork(nn.Module):
 
     def forward(self, force: Tensor) -> Prediction:
         """Predict displacements in m from forces in N."""
-        output: Tensor = self.network(force / self.force_scale)
+        output: Tensor = self.network(force / self.force_scale).to(force.dtype)
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
         if output.shape[1] == d:
             return Prediction(output * scale, None)

@@ -30,7 +30,7 @@ class Muon(torch.optim.Optimizer):
     ----------
     parameters : iterable of Tensor
         Each of two dimensions at least, the outputs first.
-    lr : float
+    lr : float or Tensor, ()
         η.
     momentum : float
     weight_decay : float
@@ -40,7 +40,7 @@ class Muon(torch.optim.Optimizer):
     def __init__(
         self,
         parameters: Iterable[Tensor],
-        lr: float,
+        lr: float | Tensor,
         momentum: float = 0.95,
         weight_decay: float = 0.0,
     ) -> None:
@@ -69,8 +69,13 @@ class Muon(torch.optim.Optimizer):
         nesterov = gradient.lerp(momentum, group["momentum"])
         matrix = nesterov.flatten(1)
         direction = orthogonalise(matrix).view_as(nesterov)
-        parameter.mul_(1 - group["lr"] * group["weight_decay"])
-        parameter.add_(direction, alpha=-group["lr"] * 0.2 * max(matrix.shape) ** 0.5)
+        rate = group["lr"]
+        parameter.mul_(1 - rate * group["weight_decay"])
+        factor = -rate * 0.2 * max(matrix.shape) ** 0.5
+        if isinstance(factor, Tensor):
+            parameter.addcmul_(direction, factor)
+        else:
+            parameter.add_(direction, alpha=factor)
 
 
 def orthogonalise(matrix: Tensor) -> Tensor:

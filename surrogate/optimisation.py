@@ -7,10 +7,12 @@ from typing import Literal
 
 import torch
 from pydantic import Field
-from torch import nn
+from torch import Tensor, nn
 
 from shared_schema.configuration import Frozen
 from surrogate.muon import Muon
+
+ONE_CYCLE_START = 1 / 25  # torch's default
 
 
 class OptimiserConfig(Frozen):
@@ -45,20 +47,24 @@ class ScheduleConfig(Frozen):
 
     Attributes
     ----------
-    name : {"constant", "linear", "cosine"}
-        What follows the warm-up: the peak, or a decay to `final`.
+    name : {"constant", "linear", "cosine", "one_cycle"}
+        What follows the warm-up: the peak, or a decay to `final`. ``one_cycle``: half a cosine up,
+        half a cosine down, as torch's OneCycleLR (Smith and Topin 2018).
     warmup : float
-        Part of all steps over which the rate grows linearly from zero.
+        Part of all steps over which the rate grows: linearly from zero, with ``one_cycle`` from a
+        25th.
     final : float
         Factor at the end.
     """
 
-    name: Literal["constant", "linear", "cosine"] = "constant"
+    name: Literal["constant", "linear", "cosine", "one_cycle"] = "constant"
     warmup: float = Field(0.0, ge=0, lt=1)
     final: float = Field(0.0, ge=0, le=1)
 
     def factor(self, step: int, steps: int) -> float:
         """Factor on the learning rate at a step (0 … steps − 1): a pure function of both."""
+        if self.name == "one_cycle":
+            return self._one_cycle(step, steps)
         done = (step + 1) / steps
         if done < self.warmup:
             return done / self.warmup
@@ -69,28 +75,49 @@ class ScheduleConfig(Frozen):
         decay = left if self.name == "linear" else 0.5 * (1 - math.cos(math.pi * left))
         return self.final + (1 - self.final) * decay
 
+    def _one_cycle(self, step: int, steps: int) -> float:
+        peak = self.warmup * steps - 1
+        if step < peak:
+            return cosine_between(ONE_CYCLE_START, 1.0, step / peak)
+        peak = max(peak, 0.0)
+        return cosine_between(1.0, self.final, (step - peak) / max(steps - 1 - peak, 1.0))
 
-def make_optimisers(network: nn.Module, config: OptimiserConfig) -> list[torch.optim.Optimizer]:
-    """Make the optimisers of a network: one for each kind of parameter."""
+
+def cosine_between(start: float, end: float, done: float) -> float:
+    """Go from start (done = 0) to end (done = 1) by half a cosine."""
+    return end + (start - end) * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def make_optimisers(
+    network: nn.Module, config: OptimiserConfig, capturable: bool = False
+) -> list[torch.optim.Optimizer]:
+    """Make the optimisers of a network: one for each kind of parameter.
+
+    With `capturable`, for CUDA graphs, the learning rate is a tensor on the network's device.
+    """
     parameters = [p for p in network.parameters() if p.requires_grad]
     kernels = (
         [p for name, p in network.named_parameters() if is_hidden_kernel(name, p)]
         if config.name == "muon"
         else []
     )
+    rate: float | Tensor = config.learning_rate
+    if capturable:
+        rate = torch.tensor(rate, device=parameters[0].device)
     of_muon = {id(p) for p in kernels}
     rest = [p for p in parameters if id(p) not in of_muon]
     optimisers: list[torch.optim.Optimizer] = []
     if kernels:
-        optimisers.append(Muon(kernels, config.learning_rate, config.momentum, config.weight_decay))
+        optimisers.append(Muon(kernels, rate, config.momentum, config.weight_decay))
     if rest:
         optimisers.append(
             torch.optim.AdamW(
                 rest,
-                config.learning_rate,
+                rate,
                 betas=config.betas,
                 weight_decay=config.weight_decay,
                 fused=True,
+                capturable=capturable,
             )
         )
     return optimisers
@@ -106,4 +133,7 @@ def set_learning_rate(optimisers: list[torch.optim.Optimizer], learning_rate: fl
     """Set the learning rate of every group of every optimiser."""
     for optimiser in optimisers:
         for group in optimiser.param_groups:
-            group["lr"] = learning_rate
+            if isinstance(group["lr"], Tensor):
+                group["lr"].fill_(learning_rate)
+            else:
+                group["lr"] = learning_rate

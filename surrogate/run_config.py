@@ -8,9 +8,12 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from shared_schema.configuration import Frozen, read_named, validate
+from surrogate.device import Precision
+from surrogate.early_stopping import EarlyStoppingConfig
 from surrogate.flipout import VariationalConfig
 from surrogate.likelihoods import Likelihood, Loss
 from surrogate.optimisation import OptimiserConfig, ScheduleConfig
+from surrogate.residency import Residency
 from surrogate.unet import UNetConfig
 
 SHIPPED = Path(__file__).parent / "configs"
@@ -31,7 +34,21 @@ class TrainingConfig(Frozen):
         Of the others: exponent of the likelihood's weights (`negative_log_likelihood`); 0 is the
         paper's.
     validation_fraction : float
-        Part of the training split that is kept out of training, for the loss curve.
+        Part of the training split that is kept out of training, for the loss curve and for
+        `early_stopping`.
+    early_stopping : EarlyStoppingConfig, optional
+        With it the model is that of the epoch with the smallest validation loss.
+    ema : float, optional
+        Decay of the exponential moving average of the weights; with it that average is what is
+        validated and becomes the model.
+    precision : {"float32", "bfloat16"}
+        Of the convolutions; weights, losses and validation are in float32 in any case.
+    compile : bool
+        Whether the network is compiled by `torch.compile`.
+    cuda_graphs : bool
+        Whether a whole step is launched as one CUDA graph: for small batches on a GPU.
+    residency : {"auto", "device", "host"}
+        Where the samples live; ``auto``: on the device, if they fit.
     checkpoint_seconds : float
         Time between two checkpoints; one is written at the end in any case.
     """
@@ -43,7 +60,19 @@ class TrainingConfig(Frozen):
     loss: Loss = "mse"
     beta: float = Field(0.0, ge=0, le=1)
     validation_fraction: float = Field(0.0, ge=0, lt=1)
+    early_stopping: EarlyStoppingConfig | None = None
+    ema: float | None = Field(None, gt=0, lt=1)
+    precision: Precision = "float32"
+    compile: bool = False
+    cuda_graphs: bool = False
+    residency: Residency = "auto"
     checkpoint_seconds: float = Field(60.0, ge=0)
+
+    @model_validator(mode="after")
+    def _validation_part_if_early_stopping(self) -> Self:
+        if self.early_stopping is not None and self.validation_fraction == 0:
+            raise ValueError("early_stopping expects validation_fraction > 0, found 0")
+        return self
 
 
 class RunConfig(Frozen):
@@ -81,7 +110,17 @@ class RunConfig(Frozen):
     def _variational_if_bayes(self) -> Self:
         if (self.variational is not None) != (self.likelihood == "variational_bayes"):
             given = "given" if self.variational is not None else "missing"
-            raise ValueError(f"key 'variational' is {given}, but likelihood is '{self.likelihood}'")
+            raise ValueError(f"'variational' is {given}, but 'likelihood' is '{self.likelihood}'")
+        return self
+
+    @model_validator(mode="after")
+    def _variational_levels_of_the_network(self) -> Self:
+        levels = self.variational.levels if self.variational else None
+        if not set(levels or ()) <= set(range(self.network.levels)):
+            raise ValueError(
+                f"'variational.levels' = {list(levels or ())}, expected levels of the network, "
+                f"0 to {self.network.levels - 1}"
+            )
         return self
 
     def plain(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@
     evaluation.json     errors on the test split
     figures/            pictures
     checkpoint/         last.safetensors, to resume from
+    tensorboard/        event files of TensorBoard, on demand
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ class RunFolder:
         self.evaluation = folder / "evaluation.json"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
+        self.tensorboard = folder / "tensorboard"
 
     def start(self, description: RunDescription) -> None:
         """Make the folder, or see that it belongs to the same configuration and dataset.

@@ -34,9 +34,9 @@ def test_next_step_is_the_same(tmp_path: Path, memory_format: torch.memory_forma
     path = tmp_path / "last.safetensors"
     network, optimisers = make(0, memory_format)
     step(network, optimisers, 1)
-    save_checkpoint(path, 7, 12.5, network, optimisers)
+    save_checkpoint(path, 7, 12.5, {"network": network}, optimisers)
     other, other_optimisers = make(99, memory_format)
-    assert load_checkpoint(path, other, other_optimisers) == (7, 12.5)
+    assert load_checkpoint(path, {"network": other}, other_optimisers) == (7, 12.5)
     step(network, optimisers, 2)
     step(other, other_optimisers, 2)
     expected = network.state_dict()
@@ -50,13 +50,13 @@ def test_damaged_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     network, optimisers = make(0, torch.contiguous_format)
     with pytest.raises(InputError, match=r"last\.safetensors: damaged"):
-        load_checkpoint(path, network, optimisers)
+        load_checkpoint(path, {"network": network}, optimisers)
 
 
 def test_truncated_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "last.safetensors"
     network, optimisers = make(0, torch.contiguous_format)
-    save_checkpoint(path, 1, 1.0, network, optimisers)
+    save_checkpoint(path, 1, 1.0, {"network": network}, optimisers)
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(InputError, match="damaged"):
-        load_checkpoint(path, network, optimisers)
+        load_checkpoint(path, {"network": network}, optimisers)

@@ -22,14 +22,16 @@ from surrogate.device import choose_device
 from surrogate.run_config import RunConfig
 from surrogate.run_folder import RunFolder
 from surrogate.seeds import stream
-from surrogate.training import Trainer, split_validation, train
+from surrogate.trainer import Trainer
+from surrogate.training import split_validation, train
 
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., RunConfig]
 
 
 def untimed(run: RunFolder) -> list[dict[str, Any]]:
-    return [{k: v for k, v in line.items() if k != "seconds"} for line in run.metric_lines()]
+    times = ("seconds", "samples_per_second")
+    return [{k: v for k, v in line.items() if k not in times} for line in run.metric_lines()]
 
 
 def assert_same_run(first: RunFolder, second: RunFolder) -> None:
