@@ -48,8 +48,8 @@ class VariationalConfig(Frozen):
         Part of all steps over which that factor grows linearly from zero.
     """
 
-    convolutions: tuple[Literal[1, 2], ...] = (2,)
-    levels: tuple[int, ...] | None = None
+    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
+    levels: tuple[int, ...] | None = Field(None, min_length=1)
     biases: bool = False
     prior_std: float = Field(0.1, gt=0)
     prior_mean: Literal["trainable", "zero"] = "trainable"

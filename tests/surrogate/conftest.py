@@ -27,6 +27,8 @@ from shared_schema.manifest import (
 from shared_schema.shard import Arrays, write_shard
 from surrogate.dataset import Dataset, read_dataset
 from surrogate.evaluation import evaluate
+from surrogate.flipout import VariationalConfig
+from surrogate.likelihoods import Likelihood
 from surrogate.run_config import RunConfig, TrainingConfig
 from surrogate.run_folder import RunFolder
 from surrogate.training import train
@@ -187,12 +189,17 @@ def small_config(
     dimension: int = 2,
     learning_rate: float = 5e-3,
     gradient_clip: float | None = None,
+    likelihood: Likelihood = "deterministic",
+    variational: dict[str, Any] | None = None,
     **training: Any,
 ) -> RunConfig:
-    """A network that trains in a second."""
+    """A network that trains in a second; `variational` is for variational Bayes only."""
+    bayes = likelihood == "variational_bayes"
     return RunConfig(
         name="small",
         case=CASES[dimension]["name"],
+        likelihood=likelihood,
+        variational=VariationalConfig.model_validate(variational or {}) if bayes else None,
         network=UNetConfig(levels=2, channels=8, padding=1, batch_norm=batch_norm),
         training=TrainingConfig.model_validate(
             {

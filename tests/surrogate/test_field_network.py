@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import ComponentStatistics, StructuredInfo
 from surrogate.dataset import Dataset
-from surrogate.field_network import FieldNetwork
+from surrogate.field_network import SMALLEST_STD, FieldNetwork
 from surrogate.geometry import Geometry
 
 NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])
@@ -95,6 +95,52 @@ def test_zero_at_clamped_nodes_in_3d(dataset_3d: Dataset) -> None:
     output = network(dataset_3d.test.force).mean
     assert not output[:, :, 0].any()
     assert bool((output[:, :, 1:] != 0).all())
+
+
+class MeansAndSpreads(nn.Module):
+    """Gives a mean of 2 everywhere, and a ρ."""
+
+    def __init__(self, rho: float) -> None:
+        super().__init__()
+        self.rho = rho
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.cat((torch.full_like(x, 2.0), torch.full_like(x, self.rho)), dim=1)
+
+
+@pytest.mark.parametrize("rho", [0.0, -3.0, 30.0, -200.0])
+def test_spread_by_hand(rho: float) -> None:
+    """σ = ln(1 + e^ρ) of the displacement's scale, √0.39 m, and never less than a millionth."""
+    mean, std = FieldNetwork(MeansAndSpreads(rho), GEOMETRY, INFO)(torch.zeros(4, 2, 3, 3))
+    softplus = math.log1p(math.exp(rho)) + SMALLEST_STD
+    assert mean.shape == std.shape == (4, 2, 3, 3)
+    assert mean[3, 1, 1, 2].item() == pytest.approx(2 * math.sqrt(0.39))
+    assert std[3, 1, 1, 2].item() == pytest.approx(softplus * math.sqrt(0.39), rel=1e-6)
+    assert std[3, 1, 1, 2] > 0
+    moving = torch.tensor([[False] * 3, [True] * 3, [True, True, False]]).expand(4, 2, 3, 3)
+    assert torch.equal(std != 0, moving)
+    assert torch.equal(mean != 0, moving)
+
+
+def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
+    """Root mean squares of 3 and 5 m at two nodes: σ = ln 2 of each."""
+    network = FieldNetwork(MeansAndSpreads(0.0), GEOMETRY, INFO)
+    displacement = torch.zeros(1, 2, 3, 3)
+    displacement[0, 0, 1, 0], displacement[0, 1, 2, 1] = 3.0, 5.0
+    network.scale_by_node(displacement)
+    std = network(torch.zeros(1, 2, 3, 3)).std[0]
+    assert std[0, 1, 0].item() == pytest.approx(3 * math.log(2), rel=1e-5)
+    assert std[1, 2, 1].item() == pytest.approx(5 * math.log(2), rel=1e-5)
+
+
+def test_deterministic_network_has_no_spread() -> None:
+    assert FieldNetwork(Constant(), GEOMETRY, INFO)(torch.zeros(1, 2, 3, 3)).std is None
+
+
+def test_free_points_by_hand() -> None:
+    """Nodes 3 to 7, which stand at the grid points of the same numbers; point 8 is no node."""
+    network = FieldNetwork(Constant(), GEOMETRY, INFO)
+    assert network.free_points.tolist() == [3, 4, 5, 6, 7]
 
 
 def test_scales_are_saved_with_the_weights() -> None:

@@ -4,6 +4,7 @@ import pytest
 import torch
 from pydantic import ValidationError
 
+from surrogate.flipout import VariationalConfig
 from surrogate.muon import Muon
 from surrogate.optimisation import (
     OptimiserConfig,
@@ -69,6 +70,38 @@ def test_muon_leaves_first_and_last_kernel_in_3d() -> None:
     muon, _ = make_optimisers(network, OptimiserConfig(name="muon"))
     assert not {"encoder.0.0.weight", "head.weight"} & names_of(muon, network)
     assert len(names_of(muon, network)) == 5
+
+
+@pytest.mark.parametrize("prior_mean", ["trainable", "zero"])
+def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> None:
+    """Never ρ or the prior means, which are kernel-shaped as well, nor anything of a bias."""
+    config = VariationalConfig.model_validate(
+        {"convolutions": [1, 2], "biases": True, "prior_mean": prior_mean}
+    )
+    network = UNet(2, 4, UNetConfig(levels=2, channels=8), config)
+    muon, adam = make_optimisers(network, OptimiserConfig(name="muon"))
+    assert names_of(muon, network) == {
+        "encoder.0.3.kernel.mean",
+        "encoder.1.0.kernel.mean",
+        "encoder.1.3.kernel.mean",
+        "decoder.0.0.kernel.mean",
+        "decoder.0.3.kernel.mean",
+    }
+    every = {name for name, _ in network.named_parameters()}
+    assert names_of(adam, network) == every - names_of(muon, network)
+    assert ("encoder.1.0.kernel.prior_mean" in every) == (prior_mean == "trainable")
+
+
+def test_muon_takes_weights_and_means_side_by_side() -> None:
+    network = UNet(3, 6, UNetConfig(levels=2, channels=8), VariationalConfig(levels=(1,)))
+    muon, _ = make_optimisers(network, OptimiserConfig(name="muon"))
+    assert names_of(muon, network) == {
+        "encoder.0.3.weight",
+        "encoder.1.0.weight",
+        "encoder.1.3.kernel.mean",
+        "decoder.0.0.weight",
+        "decoder.0.3.weight",
+    }
 
 
 def test_adam_takes_all() -> None:
