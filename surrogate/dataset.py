@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.checker import require_intact
 from shared_schema.errors import InputError
-from shared_schema.grid_map import NO_NODE, GridMap
+from shared_schema.grid_map import GridMap
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
 from shared_schema.shard import read_attributes, read_shard
+from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.geometry import Geometry
+from surrogate.nodal_dataset import NodalSamples, scatter
 
 
 @dataclass(frozen=True)
@@ -45,22 +46,6 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class NodalSamples:
-    """The same by nodes, as the finite elements have them.
-
-    Attributes
-    ----------
-    force : array, (N, n_nodes, d)
-        In N.
-    displacement : array, (N, n_nodes, d)
-        In m.
-    """
-
-    force: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
 class Dataset:
     """A structured dataset, whole.
 
@@ -72,6 +57,8 @@ class Dataset:
         In ascending order of the sample number.
     nodal_test : NodalSamples
         The test split by nodes.
+    stiffness : Stiffness or None
+        Of the undeformed body without supports, if the dataset has it.
     """
 
     manifest: Manifest
@@ -79,6 +66,7 @@ class Dataset:
     train: Samples
     test: Samples
     nodal_test: NodalSamples
+    stiffness: Stiffness | None = None
 
     @property
     def info(self) -> StructuredInfo:
@@ -120,9 +108,10 @@ def read_dataset(folder: Path) -> Dataset:
     else:
         chosen = order[is_test.numpy()]
         displacement = joined("samples/nodal_displacement")[chosen]
-        loads = joined("samples/nodal_force")[chosen]
-        force = np.zeros_like(displacement)
-        sample, load = np.nonzero((nodes := joined("samples/loaded_nodes")[chosen]) != NO_NODE)
-        force[sample, nodes[sample, load]] = loads[sample, load]
+        nodes, loads = joined("samples/loaded_nodes"), joined("samples/nodal_force")
+        force = scatter(nodes[chosen], loads[chosen], len(geometry.coordinates))
     nodal_test = NodalSamples(force.astype(np.float64), displacement.astype(np.float64))
-    return Dataset(manifest, geometry, samples[~is_test], samples[is_test], nodal_test)
+    dataset = Dataset(manifest, geometry, samples[~is_test], samples[is_test], nodal_test)
+    if dataset.info.stiffness is None:
+        return dataset
+    return replace(dataset, stiffness=read_stiffness(folder))

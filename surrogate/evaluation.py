@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from shared_schema.atomic_file import write_text
 from shared_schema.errors import InputError
 from shared_schema.figure_style import save
-from surrogate import figures
+from surrogate import figures, uncertainty_figures
+from surrogate.calibration import CalibrationMeasures, judge
 from surrogate.dataset import Dataset, read_dataset
+from surrogate.extrapolation import Extrapolation, extrapolate
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
-from surrogate.prediction import Surrogate, load
+from surrogate.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.published import PUBLISHED
 from surrogate.run_folder import RunFolder
 from surrogate.unet import parameter_count
@@ -33,16 +35,30 @@ class Evaluation:
     Attributes
     ----------
     surrogate : Surrogate
-    force, predicted, reference : array, (M, n_nodes, d)
+    force, reference : array, (M, n_nodes, d)
         Forces in N, displacements in m.
+    distribution : Distribution
+        As predicted.
     measures : ErrorMeasures
+        Of its means.
+    calibration : CalibrationMeasures or None
+        Of a probabilistic surrogate.
+    extrapolation : Extrapolation or None
+        Predictions under other loads.
     """
 
     surrogate: Surrogate
     force: NDArray[np.float64]
-    predicted: NDArray[np.float64]
     reference: NDArray[np.float64]
+    distribution: Distribution
     measures: ErrorMeasures
+    calibration: CalibrationMeasures | None
+    extrapolation: Extrapolation | None
+
+    @property
+    def predicted(self) -> NDArray[np.float64]:
+        """Predicted displacements in m, (M, n_nodes, d)."""
+        return self.distribution.mean
 
     @property
     def example(self) -> int:
@@ -65,8 +81,26 @@ class Evaluation:
         return {"tip_displacement": moved, "relative_tip_error": error / moved if moved else 0.0}
 
 
-def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
+def evaluate(
+    run_folder: Path,
+    data: Path,
+    device: str = "cpu",
+    passes: int = PASSES,
+    seed: int = 0,
+    loads: Path | None = None,
+) -> Evaluation:
     """Evaluate a run on the test split of a dataset and write measures and figures into it.
+
+    Parameters
+    ----------
+    run_folder : Path
+    data : Path
+        Structured dataset.
+    device : str
+    passes, seed : int
+        Stochastic passes, of networks that are stochastic.
+    loads : Path, optional
+        Nodal dataset of the same body under other loads, to predict as well.
 
     Raises
     ------
@@ -83,9 +117,16 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
     if len(dataset.test) == 0:
         raise InputError(f"{data}: no test samples in it")
     force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
-    predicted = surrogate.predict(force)
-    measures = measure(force, predicted, reference, surrogate.geometry.tip)
-    evaluation = Evaluation(surrogate, force, predicted, reference, measures)
+    distribution = surrogate.predict_distribution(force, passes, seed)
+    evaluation = Evaluation(
+        surrogate,
+        force,
+        reference,
+        distribution,
+        measure(force, distribution.mean, reference, surrogate.geometry.tip),
+        _calibration(surrogate, distribution, reference),
+        None if loads is None else extrapolate(surrogate, loads, passes, seed),
+    )
     lines = run.metric_lines()
     content: dict[str, Any] = {
         "run": description.run.name,
@@ -98,16 +139,29 @@ def evaluate(run_folder: Path, data: Path, device: str = "cpu") -> Evaluation:
         "trainable_parameters": parameter_count(surrogate.network),
         "training_seconds": lines[-1]["seconds"] if lines else 0.0,
         "epochs": lines[-1]["epoch"] if lines else 0,
-        "test": measures.plain(),
+        "test": evaluation.measures.plain(),
         "example": evaluation.example_measures(),
         "torch": torch.__version__,
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
     }
     if dataset.info.embedding is not None:
         content["embedding_error"] = embedding_error(dataset)
+    if evaluation.calibration is not None:
+        drawn = {"passes": passes, "passes_seed": seed} if surrogate.is_stochastic else {}
+        content["uncertainty"] = {**drawn, **evaluation.calibration.plain()}
+    if evaluation.extrapolation is not None:
+        content["extrapolation"] = evaluation.extrapolation.plain()
     write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     write_figures(evaluation, run)
     return evaluation
+
+
+def _calibration(
+    surrogate: Surrogate, predicted: Distribution, reference: NDArray[np.float64]
+) -> CalibrationMeasures | None:
+    if not surrogate.is_probabilistic:
+        return None
+    return judge(predicted.mean, predicted.std, reference, ~surrogate.geometry.clamped)
 
 
 def embedding_error(dataset: Dataset) -> float:
@@ -131,6 +185,31 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     moved = displacement_at_load(evaluation.force, evaluation.reference)
     save(figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png")
     lines = run.metric_lines()
-    loss = run.description().run.training.loss
     if lines:
-        save(figures.loss_curves(lines, loss), run.figures / "loss.png")
+        name = figures.loss_name(run.description().run)
+        save(figures.loss_curves(lines, name), run.figures / "loss.png")
+    if evaluation.calibration is not None:
+        _write_uncertainty_figures(evaluation, evaluation.calibration, run)
+
+
+def _write_uncertainty_figures(
+    evaluation: Evaluation, calibration: CalibrationMeasures, run: RunFolder
+) -> None:
+    geometry, distribution = evaluation.surrogate.geometry, evaluation.distribution
+    free, example = ~geometry.clamped, evaluation.example
+    error = evaluation.predicted - evaluation.reference
+    name = run.description().run.name
+    drawn = {
+        "calibration": uncertainty_figures.calibration_curve({name: calibration}),
+        "error_against_uncertainty": uncertainty_figures.error_against_uncertainty(
+            distribution.std[:, free], error[:, free]
+        ),
+        "uncertainty_field": uncertainty_figures.uncertainty_field(
+            geometry, distribution.mean[example], distribution.std[example]
+        ),
+    }
+    extrapolation = evaluation.extrapolation
+    if extrapolation is not None and extrapolation.node is not None:
+        drawn["sweep"] = uncertainty_figures.sweep(extrapolation)
+    for file, figure in drawn.items():
+        save(figure, run.figures / f"{file}.png")

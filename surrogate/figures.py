@@ -18,10 +18,15 @@ from shared_schema.figure_style import (
 )
 from shared_schema.mesh_drawing import make_drawing
 from surrogate.geometry import Geometry
-from surrogate.likelihoods import Loss
 from surrogate.metrics import ErrorMeasures, node_errors
+from surrogate.run_config import RunConfig
 
-LOSS_NAMES: dict[Loss, str] = {"mse": "mean squared error", "mae": "mean absolute error"}
+LOSS_NAMES = {
+    "mse": "mean squared error",
+    "mae": "mean absolute error",
+    "maximum_likelihood": "negative log-likelihood",
+    "variational_bayes": "negative evidence lower bound",
+}
 Array = NDArray[np.float64]
 
 
@@ -118,18 +123,28 @@ def sorted_errors(moved: Array, errors: Array, measures: ErrorMeasures) -> Figur
     return figure
 
 
+def loss_name(config: RunConfig) -> str:
+    """What a run's loss is called."""
+    if config.likelihood == "deterministic":
+        return LOSS_NAMES[config.training.loss]
+    return LOSS_NAMES[config.likelihood]
+
+
 @styled
-def loss_curves(lines: list[dict[str, Any]], loss: Loss) -> Figure:
-    """Training and validation loss over the epochs, logarithmic."""
+def loss_curves(lines: list[dict[str, Any]], name: str) -> Figure:
+    """Training and validation loss over the epochs; logarithmic unless it becomes negative."""
     figure = make_figure(5.6, 3.2)
     axes = figure.subplots()
     epochs = [line["epoch"] for line in lines]
-    axes.semilogy(epochs, [line["train_loss"] for line in lines], color=NETWORK, label="training")
-    if "validation_loss" in lines[0]:
-        values = [line["validation_loss"] for line in lines]
-        axes.semilogy(epochs, values, color=REFERENCE, label="validation")
+    training = [line["train_loss"] for line in lines]
+    axes.plot(epochs, training, color=NETWORK, label="training")
+    validation = [line["validation_loss"] for line in lines if "validation_loss" in line]
+    if validation:
+        axes.plot(epochs, validation, color=REFERENCE, label="validation")
+    if min(training + validation) > 0:
+        axes.set_yscale("log")
     axes.set_xlabel("epoch")
-    axes.set_ylabel(f"{LOSS_NAMES[loss]}, scaled")
+    axes.set_ylabel(f"{name}, scaled")
     axes.set_xlim(0, epochs[-1])
     axes.grid(axis="y", which="major", color="0.9", lw=0.6)
     axes.legend()

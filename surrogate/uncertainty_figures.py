@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.figure_style import NETWORK, REFERENCE, legend_below, make_figure, styled
-from surrogate.calibration import CalibrationMeasures
+from surrogate.calibration import CalibrationMeasures, half_width
+from surrogate.extrapolation import BAND, Extrapolation
 from surrogate.figures import nodal_field
 from surrogate.geometry import Geometry
 
@@ -84,3 +85,46 @@ def uncertainty_field(geometry: Geometry, mean: Array, std: Array) -> Figure:
         μ and σ in m.
     """
     return nodal_field(geometry, mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
+
+
+@styled
+def sweep(extrapolation: Extrapolation) -> Figure:
+    """Displacement under a sweep of forces at one node, beside its uncertainty and error.
+
+    Both at the loaded node, in the direction of the force; grey, the forces of the training.
+    """
+    surrogate, node = extrapolation.surrogate, extrapolation.node
+    assert node is not None
+    force = extrapolation.samples.force[:, node]
+    axis = int(np.abs(force).max(axis=0).argmax())
+    order = np.argsort(force[:, axis])
+    x = force[order, axis]
+    mean, std, epistemic, reference = (
+        values[order, node, axis]
+        for values in (
+            extrapolation.predicted.mean,
+            extrapolation.predicted.std,
+            extrapolation.predicted.std_epistemic,
+            extrapolation.samples.displacement,
+        )
+    )
+    band = half_width(BAND)
+    figure = make_figure(8.0, 3.2)
+    left, right = figure.subplots(1, 2)
+    limit = surrogate.description.data.info.force.max_abs[axis]
+    for axes in (left, right):
+        axes.axvspan(-limit, limit, color="0.93", lw=0)
+        axes.set_xlabel(f"force component {'xyz'[axis]} at the node [N]")
+    left.plot(x, reference, color=REFERENCE, lw=1.8, label="finite elements")
+    left.plot(x, mean, color=NETWORK, lw=0.9, label="U-Net")
+    left.fill_between(
+        x, mean - band * std, mean + band * std, color=NETWORK, alpha=0.2, lw=0, label="95 % band"
+    )
+    left.set_ylabel(f"displacement component {'xyz'[axis]} [m]")
+    left.legend()
+    right.fill_between(x, -band * std * 1e3, band * std * 1e3, color=NETWORK, alpha=0.2, lw=0)
+    right.plot(x, epistemic * 1e3, color=NETWORK, ls="dashed", lw=0.9, label="epistemic σ")
+    right.plot(x, (mean - reference) * 1e3, color=REFERENCE, label="error")
+    right.set_ylabel("error and 95 % band [mm]")
+    right.legend()
+    return figure

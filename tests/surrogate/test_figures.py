@@ -35,7 +35,7 @@ def draw(name: str, dataset: Dataset) -> Figure:
         return figures.error_field(dataset.geometry, predicted[0], reference[0])
     if name == "errors":
         return figures.sorted_errors(np.arange(12.0), np.arange(12.0) / 1e3, measures)
-    return figures.loss_curves(LINES, "mae")
+    return figures.loss_curves(LINES, "mean absolute error")
 
 
 @pytest.mark.parametrize("name", ["deformed", "error_field", "errors", "loss"])
@@ -57,5 +57,5 @@ def test_axes_are_labelled_with_units(dataset: Dataset) -> None:
 
 def test_loss_without_validation() -> None:
     lines = [{"epoch": 1, "train_loss": 1.0}, {"epoch": 2, "train_loss": 0.5}]
-    assert len(figures.loss_curves(lines, "mse").axes[0].lines) == 1
-    assert len(figures.loss_curves(LINES, "mse").axes[0].lines) == 2
+    assert len(figures.loss_curves(lines, "loss").axes[0].lines) == 1
+    assert len(figures.loss_curves(LINES, "loss").axes[0].lines) == 2
