@@ -91,6 +91,6 @@ debian-packages:
 	rm -rf .venv-surrogate
 	$(DEBIAN_PYTHON) -m venv .venv-surrogate
 	.venv-surrogate/bin/pip install -q '$(TORCH)'
-	.venv-surrogate/bin/pip install -q -e shared_schema -e 'surrogate[test]'
+	.venv-surrogate/bin/pip install -q -e shared_schema -e 'surrogate[test,export]'
 	.venv-surrogate/bin/pip install -q --no-deps 'bayesian-torch==0.5.*' # needs PyTorch only
 	touch $@

@@ -5,8 +5,7 @@ Pass t of a seed is a pure function of both, whatever the device and however man
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -31,15 +30,36 @@ def drawables(network: nn.Module) -> list[Drawable]:
     return [module for module in network.modules() if isinstance(module, Drawable)]
 
 
-@contextmanager
-def drawn(network: nn.Module, seed: int, passes: Sequence[int]) -> Iterator[None]:
-    """Make a network take its batch as equal parts, one for each of some passes of a seed."""
-    modules = drawables(network)
-    generators = [torch.Generator().manual_seed(stream(seed, PASS, number)) for number in passes]
-    try:
-        for module in modules:
+class Passes:
+    """The passes of a network; those last drawn stay, so that drawing them again costs nothing.
+
+    Parameters
+    ----------
+    network : nn.Module
+    """
+
+    def __init__(self, network: nn.Module) -> None:
+        self._modules = drawables(network)
+        self._drawn: tuple[int, range] | None = None
+
+    @property
+    def differ(self) -> bool:
+        """Whether passes differ: not in a network that is not stochastic."""
+        return bool(self._modules)
+
+    @torch.no_grad()
+    def draw(self, seed: int, passes: range) -> None:
+        """Make the network take its batch as equal parts, one for each of some passes of a seed."""
+        if self._drawn == (seed, passes):
+            return
+        self.forget()  # the old samples make room
+        generators = [torch.Generator().manual_seed(stream(seed, PASS, t)) for t in passes]
+        for module in self._modules:
             module.draw(generators)
-        yield
-    finally:
-        for module in modules:
+        self._drawn = seed, passes
+
+    def forget(self) -> None:
+        """Make the network take its batch as one part, by its mean weights."""
+        for module in self._modules:
             module.forget()
+        self._drawn = None

@@ -1,18 +1,9 @@
-r"""Prediction with a trained network: nodal forces in, distributions of nodal displacements out.
-
-Of T stochastic passes with means :math:`μ_t` and standard deviations :math:`σ_t`,
-
-.. math:: \bar μ = \frac{1}{T} \sum_t μ_t, \qquad
-   σ^2 = \underbrace{\frac{1}{T-1} \sum_t (μ_t - \bar μ)^2}_{\text{epistemic}}
-       + \underbrace{\frac{1}{T} \sum_t σ_t^2}_{\text{aleatoric}}
-
-(Deshpande et al. 2022, Section 2.5; Kendall and Gal 2017).
-"""
+"""Prediction with a trained network: nodal forces in, distributions of nodal displacements out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +14,11 @@ from torch import Tensor
 from shared_schema.errors import InputError, first_line
 from surrogate.field_network import FieldNetwork
 from surrogate.geometry import PREFIX, Geometry
+from surrogate.likelihoods import Prediction
+from surrogate.moments import Moments
 from surrogate.network import make_network
-from surrogate.passes import drawables, drawn
+from surrogate.nodal_network import NodalNetwork
+from surrogate.passes import Passes
 from surrogate.run_description import RunDescription
 from surrogate.run_folder import RunFolder
 
@@ -67,6 +61,11 @@ class Surrogate:
 
     Attributes
     ----------
+    network : FieldNetwork
+    nodal_network : NodalNetwork
+        The same between the nodes of the mesh.
+    passes : Passes
+        Of the network; those of the last prediction stay drawn.
     geometry : Geometry
         Mesh, supports and grid; forces and displacements are numbered as its nodes are.
     description : RunDescription
@@ -77,18 +76,21 @@ class Surrogate:
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         self.network = network.eval()
+        self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
         self.geometry = geometry
         self.description = description
+        self.passes = Passes(network)
 
     @property
     def is_probabilistic(self) -> bool:
         """Whether it predicts standard deviations."""
-        return self.is_stochastic or self.description.run.likelihood != "deterministic"
+        run = self.description.run
+        return self.is_stochastic or run.ensemble > 1 or run.likelihood != "deterministic"
 
     @property
     def is_stochastic(self) -> bool:
         """Whether passes differ."""
-        return bool(drawables(self.network))
+        return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
         """Predict displacements: the mean of `predict_distribution`.
@@ -120,17 +122,16 @@ class Surrogate:
         forces : array, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N.
         passes : int
-            T; a network that is not stochastic makes one.
+            T; a network that is not stochastic makes one. Of an ensemble every member makes them.
         seed : int
-            Of the passes. The same passes serve all samples.
+            Of the passes, 0 or more. The same passes serve all samples.
 
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, or there is no pass.
+            If the shape is wrong, a force is not finite, there is no pass or the seed is negative.
         """
-        if passes < 1:
-            raise InputError(f"passes = {passes}, expected 1 at least")
+        require_passes(passes, seed)
         nodal = self._checked(forces)
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         passes = passes if self.is_stochastic else 1
@@ -141,6 +142,8 @@ class Surrogate:
         mean, epistemic, aleatoric = (
             np.concatenate(fields).reshape(nodal.shape) for fields in zip(*parts, strict=True)
         )
+        if self.description.run.model == "pod":  # a Gaussian process's is its lack of data
+            epistemic, aleatoric = aleatoric, epistemic
         return Distribution(mean, epistemic, aleatoric)
 
     def _checked(self, forces: ArrayLike) -> Array:
@@ -155,38 +158,33 @@ class Surrogate:
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
         return nodal
 
+    @torch.inference_mode()
     def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
         """Mean, epistemic and aleatoric standard deviation of one batch, over all passes."""
-        grid = self.geometry.grid.forces_to_grid(nodal).astype(np.float32)
-        force = torch.from_numpy(grid).to(self.network.free.device)
+        force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)
         at_once = max(1, BATCH // max(len(nodal), 1))
-        mean, squares, variance = (np.zeros(nodal.shape) for _ in range(3))
-        for start in range(0, passes, at_once):
-            chunk = range(start, min(start + at_once, passes))
-            means, stds = self._pass(force, seed, chunk)
-            here = means.mean(axis=0)
-            offset = here - mean
-            done = start + len(chunk)
-            squares += ((means - here) ** 2).sum(axis=0)
-            squares += offset**2 * (start * len(chunk) / done)
-            mean += offset * (len(chunk) / done)
-            variance += (stds**2).sum(axis=0) / passes
-        return mean, np.sqrt(squares / max(passes - 1, 1)), np.sqrt(variance)
+        chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
+        moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
+        mean, epistemic, aleatoric = (
+            field.cpu().numpy()
+            for field in (moments.mean, moments.std_epistemic, moments.std_aleatoric)
+        )
+        return mean, epistemic, aleatoric
 
-    @torch.no_grad()
-    def _pass(self, force: Tensor, seed: int, passes: Sequence[int]) -> tuple[Array, Array]:
-        """Means and aleatoric standard deviations of some passes, (passes, N, n_nodes, d) each."""
-        tiled = force.repeat(len(passes), *[1] * (force.ndim - 1))
-        with drawn(self.network, seed, passes):
-            prediction = self.network(tiled)
-        shape = (len(passes), len(force), *self.geometry.coordinates.shape)
+    def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
+        """Of some passes, in double precision."""
+        self.passes.draw(seed, passes)
+        mean, std = self.nodal_network(force, len(passes))
+        return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
 
-        def at_nodes(field: Tensor | None) -> Array:
-            if field is None:
-                return np.zeros(shape)
-            return self.geometry.grid.to_nodes(field.cpu().double().numpy()).reshape(shape)
-
-        return at_nodes(prediction.mean), at_nodes(prediction.std)
+    def require_stochastic(self, **options: int) -> None:
+        """Raise InputError if there are options of passes, but passes do not differ."""
+        for name, value in options.items():
+            if not self.is_stochastic:
+                raise InputError(
+                    f"--{name} {value}: only for networks with probabilistic weights, the "
+                    f"likelihood of this one is '{self.description.run.likelihood}'"
+                )
 
     def outside_training(self, forces: NDArray[np.float64]) -> str | None:
         """Say in which way forces leave what the network was trained on, if they do.
@@ -205,6 +203,13 @@ class Surrogate:
         if np.any(loaded & ~self.geometry.loadable):
             return "a loaded node was never loaded in the training data"
         return None
+
+
+def require_passes(passes: int, seed: int) -> None:
+    """Raise InputError unless there is a pass at least, and the seed is not negative."""
+    for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
+        if value < least:
+            raise InputError(f"{name} = {value}, expected {least} at least")
 
 
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
