@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, report."""
+"""The command ``surrogate``: train, evaluate, predict, export, report."""
 
 from __future__ import annotations
 
@@ -50,6 +50,13 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("run", type=Path, metavar="RUN")
     evaluate.add_argument("--data", type=Path, required=True, metavar="DIR")
     evaluate.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    _add_passes(evaluate, "stochastic passes, of networks with probabilistic weights (default 300)")
+    evaluate.add_argument(
+        "--loads",
+        type=Path,
+        metavar="NODAL_DIR",
+        help="predict the samples of this nodal dataset as well: other loads on the same body",
+    )
     evaluate.set_defaults(command=_evaluate)
 
     predict = commands.add_parser("predict", help="predict one load case and write the fields")
@@ -58,7 +65,18 @@ def _parser() -> argparse.ArgumentParser:
         "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
     )
     predict.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    _add_passes(predict, "stochastic passes, of networks with probabilistic weights (default 300)")
+    predict.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     predict.set_defaults(command=_predict)
+
+    export = commands.add_parser(
+        "export", help="write the network as a file that needs no surrogate"
+    )
+    export.add_argument("run", type=Path, metavar="RUN")
+    export.add_argument("--format", choices=("onnx", "pt2"), required=True)
+    export.add_argument("--out", type=Path, required=True, metavar="FILE.(onnx|pt2)")
+    _add_passes(export, "stochastic passes to put into the file (default: the mean weights)")
+    export.set_defaults(command=_export)
 
     report = commands.add_parser("report", help="write a run's results as one HTML page")
     report.add_argument("run", type=Path, metavar="RUN", help="an evaluated run")
@@ -68,6 +86,17 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
     return parser
+
+
+def _add_passes(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--passes", type=int, metavar="T", help=what)
+    parser.add_argument("--seed", type=int, metavar="S", help="of the passes (default 0)")
+
+
+def _passes(options: argparse.Namespace) -> dict[str, int]:
+    """The options of passes that are given."""
+    given = {"passes": options.passes, "seed": options.seed}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _train(options: argparse.Namespace) -> None:
@@ -97,22 +126,36 @@ def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
     from surrogate.evaluation import evaluate
 
-    measures = evaluate(options.run, options.data, choose_device(options.device).type).measures
+    device = choose_device(options.device).type
+    evaluation = evaluate(
+        options.run, options.data, device, loads=options.loads, **_passes(options)
+    )
+    measures, calibration = evaluation.measures, evaluation.calibration
     print(
         f"{options.run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
         f"standard deviation {measures.std_error:.3e} m, largest {measures.max_error:.3e} m"
     )
+    if calibration is not None:
+        shares = ", ".join(f"{i.coverage:.1%} of {i.level:.0%}" for i in calibration.intervals)
+        print(
+            f"{options.run}: mean predicted standard deviation {calibration.mean_std:.3e} m, "
+            f"intervals cover {shares}"
+        )
 
 
 def _predict(options: argparse.Namespace) -> None:
     from shared_schema.point_load import nodal_forces
     from shared_schema.solution_file import require_suffix, write_solution
+    from surrogate.device import choose_device
     from surrogate.prediction import load
 
     require_suffix(options.out)
-    surrogate = load(options.run)
+    surrogate = load(options.run, choose_device(options.device).type)
+    surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
     forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
+    predicted = surrogate.predict_distribution(forces, **_passes(options))
+    fields = predicted.fields() if surrogate.is_probabilistic else {"displacement": predicted.mean}
     warning = surrogate.outside_training(forces)
     if warning:
         print(f"surrogate: warning: {warning}", file=sys.stderr)
@@ -121,9 +164,16 @@ def _predict(options: argparse.Namespace) -> None:
         geometry.coordinates,
         geometry.cells,
         geometry.cell_type,
-        {"force": forces, "displacement": surrogate.predict(forces)},
+        {"force": forces, **fields},
     )
     print(f"{options.out}: predicted")
+
+
+def _export(options: argparse.Namespace) -> None:
+    from surrogate.export import export
+
+    difference = export(options.run, options.format, options.out, **_passes(options))
+    print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")
 
 
 def _report(options: argparse.Namespace) -> None:
