@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
 from shared_schema.atomic_file import complete_or_absent
-from shared_schema.errors import InputError, WorkError
+from shared_schema.errors import InputError, WorkError, first_line
 from shared_schema.solution_file import require_suffix
 from surrogate.moments import Moments
 from surrogate.nodal_network import NodalNetwork
@@ -44,7 +44,7 @@ class NodalFunction(nn.Module):
     ----------
     network : NodalNetwork
     passes : int, optional
-        T, if passes are drawn; otherwise the mean weights serve.
+        T, if passes are drawn; otherwise the mean weights serve, of every member of an ensemble.
     """
 
     def __init__(self, network: NodalNetwork, passes: int | None) -> None:
@@ -95,7 +95,8 @@ def export(
         If there is no finished run, the file's name or the passes are wrong, ONNX cannot hold as
         many, or a package is missing.
     WorkError
-        If the file does not give what the network does; none is left then.
+        If the format cannot express the network, or the file does not give what it does; none is
+        left then.
     """
     require_suffix(path, (f".{kind}",))
     _require_packages(kind)
@@ -110,13 +111,17 @@ def export(
     function = NodalFunction(surrogate.nodal_network, passes)
     force = random_loads(surrogate, 2)
     with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
-        program = torch.export.export(
-            function, (force,), dynamic_shapes={"force": {0: Dim("samples")}}
-        )
-        if kind == "onnx":
-            _save_onnx(program, list(function(force)), partial)
-        else:
-            _save_pt2(program, partial)
+        try:
+            program = torch.export.export(
+                function, (force,), dynamic_shapes={"force": {0: Dim("samples")}}
+            )
+            if kind == "onnx":
+                _save_onnx(program, list(function(force)), partial)
+            else:
+                _save_pt2(program, partial)
+        except RuntimeError as error:
+            reason = first_line(error)
+            raise WorkError(f"{path}: {kind} cannot express this network ({reason})") from error
         exported = load_exported(partial)
         difference = max(
             largest_difference(exported(force), function(force))

@@ -182,8 +182,8 @@ class Surrogate:
         for name, value in options.items():
             if not self.is_stochastic:
                 raise InputError(
-                    f"--{name} {value}: only for networks with probabilistic weights, the "
-                    f"likelihood of this one is '{self.description.run.likelihood}'"
+                    f"--{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout"
                 )
 
     def outside_training(self, forces: NDArray[np.float64]) -> str | None:

@@ -8,11 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
 
 import surrogate
 from surrogate.command_line import main
+from surrogate.dataset import Dataset
 from surrogate.run_config import RunConfig
+from surrogate.run_folder import RunFolder
+from surrogate.training import train
 
 
 @pytest.fixture
@@ -20,6 +24,18 @@ def config(tmp_path: Path, make_config: Callable[..., RunConfig]) -> Path:
     path = tmp_path / "small.yaml"
     path.write_text(yaml.safe_dump(make_config(epochs=2).plain()))
     return path
+
+
+@pytest.fixture(scope="module")
+def trained_bayes(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "bayes"
+    config = make_config(epochs=1, likelihood="variational_bayes")
+    train(config, dataset, RunFolder(folder), torch.device("cpu"))
+    return folder
 
 
 @pytest.fixture
@@ -86,6 +102,54 @@ def test_predict(trained: Path, out: Path, suffix: str, capsys: pytest.CaptureFi
             np.testing.assert_array_equal(found["force"], expected)
             predicted = surrogate.load(trained).predict(expected)
             np.testing.assert_array_equal(found["displacement"], predicted)
+
+
+def test_predict_with_standard_deviations(
+    trained_bayes: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    load, path = ["--load", "3.5,1.5:0.5,-1"], out / "u.npz"
+    passes = ["--passes", "7", "--seed", "2", "--device", "cpu"]
+    assert main(["predict", str(trained_bayes), *load, *passes, "--out", str(path)]) == 0
+    with np.load(path) as found:
+        assert set(found.files) == {
+            *("coordinates", "force", "displacement"),
+            *("std", "std_epistemic", "std_aleatoric"),
+        }
+        model = surrogate.load(trained_bayes)
+        expected = model.predict_distribution(found["force"], passes=7, seed=2).fields()
+        for name, field in expected.items():
+            np.testing.assert_array_equal(found[name], field)
+        free = ~model.geometry.clamped
+        assert (found["std_epistemic"][free] > 0).all()
+        assert (found["std"] >= found["std_aleatoric"]).all()
+    assert main(["predict", str(trained_bayes), *load, "--out", str(out / "u.vtu")]) == 0
+    assert "std_epistemic" in (out / "u.vtu").read_text()
+
+
+def test_export(
+    trained: Path, trained_bayes: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = out / "model.pt2"
+    command = ["export", str(trained), "--format", "pt2", "--out", str(path)]
+    assert main(command) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"{path}: exported, differs from the network by ")
+    assert captured.err == ""
+    passes = ["--passes", "3", "--seed", "5"]
+    assert main(["export", str(trained_bayes), *command[2:], *passes]) == 0
+    assert [p.name for p in out.iterdir()] == ["model.pt2"]
+
+
+def test_export_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    onnx = ["--format", "onnx", "--out", out / "model.onnx"]
+    cases: list[tuple[str, list[object]]] = [
+        ("no run there", [out / "nowhere", *onnx]),
+        ("expected a file name ending in .onnx", [trained, *onnx[:3], out / "model.pt2"]),
+        ("--passes 3: passes of this network do not differ", [trained, *onnx, "--passes", 3]),
+        ("--seed 3: expected beside --passes", [trained, *onnx, "--seed", 3]),
+    ]
+    for part, arguments in cases:
+        assert_refused(["export", *arguments], part, out, capsys)
 
 
 def test_predict_warns_outside_training(
@@ -164,6 +228,10 @@ def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixtur
     ]
     for run, load, path, part in cases:
         assert_refused(["predict", run, "--load", load, "--out", path], part, out, capsys)
+    arguments = ["predict", trained, "--load", "3.5,1.5:0,1", "--out", out / "u.npz"]
+    for option in ("--passes", "--seed"):
+        part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
+        assert_refused([*arguments, option, 3], part, out, capsys)
 
 
 def test_report_refusals(
