@@ -104,6 +104,25 @@ def test_weights_of_a_pass_are_a_function_of_seed_and_number(dataset: Dataset) -
     assert len({tuple(row.tolist()) for row in torch.cat((seen[0], seen[3]))}) == 8
 
 
+def test_passes_stay_drawn() -> None:
+    """Until others are asked for, or they are forgotten: four draws of six are new."""
+    draws: list[int] = []
+
+    class Counter(nn.Module):
+        def draw(self, generators: Any) -> None:
+            draws.append(len(generators))
+
+        def forget(self) -> None:
+            pass
+
+    passes = Passes(Counter())
+    for seed, number in ((0, 3), (0, 3), (1, 3), (1, 4), (1, 4)):
+        passes.draw(seed, range(number))
+    passes.forget()
+    passes.draw(1, range(4))
+    assert draws == [3, 3, 4, 4]
+
+
 def test_every_layer_is_drawn_and_forgotten(dataset: Dataset) -> None:
     """Two convolutions at each of 2 + 1 levels; after that the mean weights are back."""
     model, force = untrained(dataset), dataset.test.force[:2]
