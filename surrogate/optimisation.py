@@ -30,6 +30,10 @@ class OptimiserConfig(Frozen):
         Muon's.
     weight_decay : float
         Decoupled.
+    rho_factor : float
+        Factor on the learning rate of the ρ of Gaussian posteriors. Their best values follow the
+        likelihood's σ, which falls by orders of magnitude; a ρ that lags behind leaves bands too
+        wide.
     gradient_clip : float or None
         Largest 2-norm of the gradient of all parameters.
     """
@@ -39,6 +43,7 @@ class OptimiserConfig(Frozen):
     betas: tuple[float, float] = (0.9, 0.999)
     momentum: float = Field(0.95, ge=0, lt=1)
     weight_decay: float = Field(0.0, ge=0)
+    rho_factor: float = Field(1.0, gt=0)
     gradient_clip: float | None = Field(None, gt=0)
 
 
@@ -104,22 +109,27 @@ def make_optimisers(
     rate: float | Tensor = config.learning_rate
     if capturable:
         rate = torch.tensor(rate, device=parameters[0].device)
-    of_muon = {id(p) for p in kernels}
-    rest = [p for p in parameters if id(p) not in of_muon]
+    spreads = [p for name, p in network.named_parameters() if name.endswith("rho")]
+    taken = {id(p) for p in (*kernels, *spreads)}
+    rest = [p for p in parameters if id(p) not in taken]
     optimisers: list[torch.optim.Optimizer] = []
     if kernels:
         optimisers.append(Muon(kernels, rate, config.momentum, config.weight_decay))
-    if rest:
-        optimisers.append(
-            torch.optim.AdamW(
-                rest,
-                rate,
+    for group, decay, factor in (
+        (rest, config.weight_decay, 1.0),
+        (spreads, 0.0, config.rho_factor),
+    ):
+        if group:
+            optimiser = torch.optim.AdamW(
+                group,
+                rate.clone() if isinstance(rate, Tensor) else rate,
                 betas=config.betas,
-                weight_decay=config.weight_decay,
+                weight_decay=decay,
                 fused=True,
                 capturable=capturable,
             )
-        )
+            optimiser.param_groups[0]["factor"] = factor
+            optimisers.append(optimiser)
     return optimisers
 
 
@@ -130,10 +140,11 @@ def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
 
 
 def set_learning_rate(optimisers: list[torch.optim.Optimizer], learning_rate: float) -> None:
-    """Set the learning rate of every group of every optimiser."""
+    """Set the learning rate of every group of every optimiser, times the group's own factor."""
     for optimiser in optimisers:
         for group in optimiser.param_groups:
+            rate = learning_rate * group.get("factor", 1.0)
             if isinstance(group["lr"], Tensor):
-                group["lr"].fill_(learning_rate)
+                group["lr"].fill_(rate)
             else:
-                group["lr"] = learning_rate
+                group["lr"] = rate

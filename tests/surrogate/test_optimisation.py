@@ -79,7 +79,7 @@ def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> 
         {"convolutions": [1, 2], "biases": True, "prior_mean": prior_mean}
     )
     network = UNet(2, 4, UNetConfig(levels=2, channels=8), config)
-    muon, adam = make_optimisers(network, OptimiserConfig(name="muon"))
+    muon, adam, spread = make_optimisers(network, OptimiserConfig(name="muon"))
     assert names_of(muon, network) == {
         "encoder.0.3.kernel.mean",
         "encoder.1.0.kernel.mean",
@@ -88,13 +88,14 @@ def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> 
         "decoder.0.3.kernel.mean",
     }
     every = {name for name, _ in network.named_parameters()}
-    assert names_of(adam, network) == every - names_of(muon, network)
+    assert names_of(spread, network) == {name for name in every if name.endswith("rho")}
+    assert names_of(adam, network) == every - names_of(muon, network) - names_of(spread, network)
     assert ("encoder.1.0.kernel.prior_mean" in every) == (prior_mean == "trainable")
 
 
 def test_muon_takes_weights_and_means_side_by_side() -> None:
     network = UNet(3, 6, UNetConfig(levels=2, channels=8), VariationalConfig(levels=(1,)))
-    muon, _ = make_optimisers(network, OptimiserConfig(name="muon"))
+    muon, *_ = make_optimisers(network, OptimiserConfig(name="muon"))
     assert names_of(muon, network) == {
         "encoder.0.3.weight",
         "encoder.1.0.weight",
@@ -102,6 +103,17 @@ def test_muon_takes_weights_and_means_side_by_side() -> None:
         "decoder.0.0.weight",
         "decoder.0.3.weight",
     }
+
+
+def test_rho_has_a_learning_rate_of_its_own_and_no_weight_decay() -> None:
+    """Decay would pull σ = ln(1 + e^ρ) towards ln 2."""
+    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConfig())
+    config = OptimiserConfig(name="adam", weight_decay=0.1, rho_factor=10)
+    rest, spread = make_optimisers(network, config)
+    set_learning_rate([rest, spread], 2e-3)
+    assert rest.param_groups[0]["lr"] == 2e-3
+    assert spread.param_groups[0]["lr"] == pytest.approx(2e-2)
+    assert [o.param_groups[0]["weight_decay"] for o in (rest, spread)] == [0.1, 0.0]
 
 
 def test_adam_takes_all() -> None:
