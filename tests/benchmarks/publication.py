@@ -9,10 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import dolfinx
-from mpi4py import MPI
-from petsc4py import PETSc
-
 from shared_schema.atomic_file import write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -38,19 +34,33 @@ def publish(name: str, results: Results, table: Callable[[Results], str]) -> Non
     write_text(page_path(name), table(results))
 
 
-def command(module: str, options: Sequence[str]) -> str:
+def command(module: str, options: Sequence[str], environment: str = ".venv-datagen") -> str:
     """How the benchmark is run again, from the root of the repository."""
-    words = ["OMP_NUM_THREADS=1 .venv-datagen/bin/python -m", f"tests.benchmarks.{module}"]
+    words = [f"OMP_NUM_THREADS=1 {environment}/bin/python -m", f"tests.benchmarks.{module}"]
     return " ".join([*words, *options])
 
 
-def machine() -> Results:
-    """Describe the machine and the software that is timed; called before anything is."""
-    mpi, version = MPI.get_vendor()
+def machine(software: Callable[[], Results] | None = None) -> Results:
+    """Describe the machine and the software that is timed; called before anything is.
+
+    `software` gives the versions; those of the solver if left out.
+    """
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
         "load_averages": [_load_average()],
+        **(software or _solver)(),
+    }
+
+
+def _solver() -> Results:
+    """Versions of what finite elements are solved with."""
+    import dolfinx
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    mpi, version = MPI.get_vendor()
+    return {
         "dolfinx": dolfinx.__version__,
         "petsc": ".".join(str(part) for part in PETSc.Sys.getVersion()),
         "mpi": f"{mpi} {'.'.join(str(part) for part in version)}",
@@ -73,9 +83,14 @@ def footer(results: Results) -> str:
     """Machine and command, to end a page with."""
     m = results["machine"]
     before, after = m["load_averages"]
+    software = (
+        f"PyTorch {m['torch']}"
+        if "torch" in m
+        else f"dolfinx {m['dolfinx']}, PETSc {m['petsc']}, {m['mpi']}"
+    )
     return (
         f"{m['processor']}, {m['cores']} cores, load average {before:.1f} before and {after:.1f} "
-        f"after;\ndolfinx {m['dolfinx']}, PETSc {m['petsc']}, {m['mpi']}. Made by\n\n"
+        f"after;\n{software}. Made by\n\n"
         f"```\n{results['command']}\n```\n"
     )
 

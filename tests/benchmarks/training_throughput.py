@@ -1,0 +1,219 @@
+"""How fast networks are trained: our loop against a plain PyTorch one.
+
+The plain loop is that of the tutorials: a DataLoader, one sample after another collated to batches,
+the network as it comes, Adam, and the loss asked for after every step. Both train the same network
+on the same samples in batches of 4, by Adam on the mean squared error. They take turns, epoch by
+epoch, in several rounds, so that a busy machine hits both; ratios are formed in each round. Run by
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m tests.benchmarks.training_throughput
+
+after `make data`, which writes `docs/results/benchmark-training.json` and
+`docs/benchmark-training.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.nn import functional
+from torch.utils.data import DataLoader, TensorDataset
+
+from shared_schema.command_line import Progress
+from surrogate.dataset import Dataset, Samples, read_dataset
+from surrogate.device import lay_out
+from surrogate.field_network import FieldNetwork
+from surrogate.network import make_network
+from surrogate.run_config import RunConfig, read_config
+from surrogate.run_description import describe
+from surrogate.trainer import Trainer
+from surrogate.unet import parameter_count
+from tests.benchmarks.publication import (
+    Results,
+    command,
+    footer,
+    machine,
+    markdown_table,
+    publish,
+)
+
+BATCH = 4  # the paper's
+NETWORKS = {"paper": "beam2d-det-paper", "fast": "beam2d-det-fast"}
+WAYS: dict[str, dict[str, dict[str, Any]]] = {
+    "cpu": {"float32": {}},
+    "cuda": {
+        "float32, CUDA graphs": {"cuda_graphs": True},
+        "bfloat16, CUDA graphs": {"cuda_graphs": True, "precision": "bfloat16"},
+    },
+}
+Epoch = Callable[[], object]
+
+
+def configuration(recipe: str, case: str, changes: dict[str, Any]) -> RunConfig:
+    """The network of a recipe, trained as the paper's is, but for some changes."""
+    paper, of_recipe = read_config(NETWORKS["paper"]), read_config(recipe)
+    training = paper.training.model_copy(update={"batch_size": BATCH, **changes})
+    update = {"case": case, "network": of_recipe.network, "training": training}
+    return paper.model_copy(update=update)
+
+
+def our_epochs(
+    config: RunConfig, dataset: Dataset, samples: Samples, device: torch.device
+) -> Epoch:
+    """Epochs of our loop, one at every call."""
+    network = make_network(describe(config, dataset), dataset.geometry)
+    lay_out(network, dataset.geometry.dimension, config.training.precision, device)
+    trainer = Trainer(config, network, samples, samples[:0], 1.0)
+    numbers = iter(range(config.training.epochs))
+    silent = Progress(trainer.steps, silent=True)
+    return lambda: trainer.train_epoch(next(numbers), silent)
+
+
+def plain_epochs(
+    config: RunConfig, dataset: Dataset, samples: Samples, device: torch.device
+) -> Epoch:
+    """Epochs of the plain loop, one at every call."""
+    network = make_network(describe(config, dataset), dataset.geometry).to(device).train()
+    optimiser = torch.optim.Adam(network.parameters(), config.training.optimiser.learning_rate)
+    loader = DataLoader(
+        TensorDataset(samples.force, samples.displacement),
+        batch_size=BATCH,
+        shuffle=True,
+        pin_memory=device.type == "cuda",
+    )
+    return lambda: plain_epoch(network, optimiser, loader, device)
+
+
+def plain_epoch(
+    network: FieldNetwork,
+    optimiser: torch.optim.Optimizer,
+    loader: DataLoader[tuple[torch.Tensor, ...]],
+    device: torch.device,
+) -> float:
+    """One epoch, as the tutorials write it; its mean loss."""
+    total = 0.0
+    for force, displacement in loader:
+        force, displacement = force.to(device), displacement.to(device)
+        optimiser.zero_grad()
+        predicted = network(force).mean
+        loss = functional.mse_loss(predicted / network.unit, displacement / network.unit)
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        total += loss.item()
+    return total / len(loader)
+
+
+def seconds(epoch: Epoch, device: torch.device) -> float:
+    """Wall time of an epoch, to the end of its last kernel."""
+    began = time.perf_counter()
+    epoch()
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+    return time.perf_counter() - began
+
+
+def compare(
+    name: str, recipe: str, dataset: Dataset, device: torch.device, batches: int, rounds: int
+) -> list[Results]:
+    """Time the epochs of a network, by the plain loop and by all ways of ours on a device."""
+    case, samples = dataset.manifest.name, dataset.train[: batches * BATCH]
+    ways = WAYS[device.type]
+    configs = [configuration(recipe, case, changes) for changes in ways.values()]
+    epochs = [
+        plain_epochs(configs[0], dataset, samples, device),
+        *(our_epochs(config, dataset, samples, device) for config in configs),
+    ]
+    for epoch in epochs:
+        seconds(epoch, device)  # warms up
+    times = np.array([[seconds(epoch, device) for epoch in epochs] for _ in range(rounds)])
+    rates = len(samples) / times  # (rounds, plain and ours)
+    return [
+        {
+            "device": device_name(device),
+            "network": name,
+            "channels": configs[0].network.channels,
+            "parameters": parameter_count(
+                make_network(describe(configs[0], dataset), dataset.geometry)
+            ),
+            "way": way,
+            "plain_samples_per_second": round(float(np.median(rates[:, 0])), 2),
+            "samples_per_second": round(float(np.median(rates[:, i])), 2),
+            "ratio": round(float(np.median(rates[:, i] / rates[:, 0])), 3),
+            "rounds_s": times[:, [0, i]].round(4).tolist(),
+        }
+        for i, way in enumerate(ways, start=1)
+    ]
+
+
+def device_name(device: torch.device) -> str:
+    """What a device is called on the page."""
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    threads = torch.get_num_threads()
+    return f"CPU, {threads} thread{'s' if threads > 1 else ''}"
+
+
+def table(results: Results) -> str:
+    """The results as a page."""
+    rows = markdown_table(
+        ("device", "network", "parameters", "our loop", "samples / s", "plain loop", "ratio"),
+        (
+            (
+                r["device"],
+                f"{r['network']}, c = {r['channels']}",
+                f"{r['parameters'] / 1e6:.2f} M",
+                r["way"],
+                f"{r['samples_per_second']:.4g}",
+                f"{r['plain_samples_per_second']:.4g}",
+                f"**{r['ratio']:.2f}**",
+            )
+            for r in results["training"]
+        ),
+    )
+    return (
+        "# How fast networks are trained\n\n"
+        f"Our training loop against a plain PyTorch loop (DataLoader, eager, Adam, float32), "
+        f"`{results['case']}`,\nbatches of {results['batch']}, {results['batches']} of them an "
+        f"epoch: epochs in turn, {results['rounds']} rounds, medians.\nThe same network, loss and "
+        f"optimiser in both.\n\n{rows}\n{footer(results)}"
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Time both networks on all devices here, and write the result."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--data", type=Path, default=Path("data/beam2d/structured"))
+    parser.add_argument("--batches", type=int, default=100, help="of an epoch")
+    parser.add_argument("--rounds", type=int, default=10)
+    options = parser.parse_args(arguments)
+    described = machine(lambda: {"torch": torch.__version__})
+    dataset = read_dataset(options.data)
+    devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
+    results: Results = {
+        "command": command("training_throughput", arguments, ".venv-surrogate"),
+        "machine": described,
+        "case": dataset.manifest.name,
+        "batch": BATCH,
+        "batches": min(options.batches, len(dataset.train) // BATCH),
+        "rounds": options.rounds,
+        "training": [
+            result
+            for device in devices
+            for name, recipe in NETWORKS.items()
+            for result in compare(
+                name, recipe, dataset, torch.device(device), options.batches, options.rounds
+            )
+        ],
+    }
+    publish("training", results, table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""The benchmark of the training loop runs, and its page is what its committed results give."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+from surrogate.dataset import Dataset
+from surrogate.run_config import RunConfig
+from surrogate.unet import UNetConfig
+from tests.benchmarks import training_throughput
+from tests.benchmarks.publication import machine, page_path, result_path
+
+NAME = "training"
+
+
+def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two batches an epoch, three rounds, of a network of four channels."""
+    configuration = training_throughput.configuration
+
+    def small(*arguments: object) -> RunConfig:
+        network = UNetConfig(levels=2, channels=4)
+        return configuration(*arguments).model_copy(update={"network": network})  # type: ignore[arg-type]
+
+    monkeypatch.setattr(training_throughput, "configuration", small)
+    (result,) = training_throughput.compare(
+        "paper", "beam2d-det-paper", dataset, torch.device("cpu"), batches=2, rounds=3
+    )
+    assert len(result["rounds_s"]) == 3
+    plain, ours = (sorted(times)[1] for times in zip(*result["rounds_s"], strict=True))
+    # 8 samples in the median time, which is rounded to 0.1 ms
+    assert result["plain_samples_per_second"] == pytest.approx(8 / plain, rel=0.05)
+    assert result["samples_per_second"] == pytest.approx(8 / ours, rel=0.05)
+    described = machine(lambda: {"torch": "2.13"})
+    described["load_averages"] *= 2
+    page = training_throughput.table(
+        {
+            "command": "a",
+            "machine": described,
+            "case": "beam2d",
+            "batch": 4,
+            "batches": 2,
+            "rounds": 3,
+            "training": [{**result, "parameters": 1e4, "samples_per_second": 30, "ratio": 1.5}],
+        }
+    )
+    assert "| paper, c = 4 | 0.01 M | float32 | 30 |" in page
+    assert "| **1.50** |" in page
+    assert "PyTorch 2.13. Made by" in page
+
+
+@pytest.mark.skipif(not result_path(NAME).is_file(), reason="not measured yet")
+def test_page_is_made_from_the_results() -> None:
+    results = json.loads(result_path(NAME).read_text())
+    assert page_path(NAME).read_text() == training_throughput.table(results)
+    assert f"python -m {training_throughput.__name__}" in results["command"]
