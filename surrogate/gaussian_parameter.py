@@ -76,8 +76,10 @@ class GaussianParameter(nn.Module):
 
     def draw(self, generators: Sequence[torch.Generator]) -> Tensor:
         """Independent samples of the weights, one a generator of the CPU: (passes, *shape)."""
-        noise = torch.stack([torch.randn(self.mean.shape, generator=g) for g in generators])
-        return torch.addcmul(self.mean, self.std, noise.to(self.mean))
+        noise = torch.empty(len(generators), *self.mean.shape)
+        for sample, generator in zip(noise, generators, strict=True):
+            sample.normal_(generator=generator)
+        return noise.to(self.mean).mul_(self.std).add_(self.mean)
 
 
 def inverse_softplus(value: float) -> float:

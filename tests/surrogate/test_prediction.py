@@ -14,6 +14,7 @@ from safetensors.torch import load_file
 import surrogate
 from shared_schema.errors import InputError
 from surrogate.dataset import Dataset
+from surrogate.prediction import Distribution
 from surrogate.run_config import RunConfig
 from surrogate.run_folder import RunFolder
 from surrogate.tensor_file import save_atomically
@@ -85,6 +86,120 @@ def test_force_that_is_not_finite(model: surrogate.Surrogate, value: float) -> N
 
 def test_no_samples(model: surrogate.Surrogate) -> None:
     assert model.predict(np.zeros((0, 32, 2))).shape == (0, 32, 2)
+
+
+@pytest.fixture(scope="module")
+def likely(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> surrogate.Surrogate:
+    run = RunFolder(tmp_path_factory.mktemp("runs") / "likely")
+    config = make_config(epochs=2, likelihood="maximum_likelihood")
+    train(config, dataset, run, torch.device("cpu"))
+    return surrogate.load(run.folder)
+
+
+@pytest.fixture(scope="module")
+def bayes(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> surrogate.Surrogate:
+    run = RunFolder(tmp_path_factory.mktemp("runs") / "bayes")
+    variational = {"biases": True, "initial_std": 0.1}
+    config = make_config(epochs=2, likelihood="variational_bayes", variational=variational)
+    train(config, dataset, run, torch.device("cpu"))
+    return surrogate.load(run.folder)
+
+
+FORCES = np.random.default_rng(0).normal(size=(3, 32, 2))
+
+
+def assert_equal(one: Distribution, other: Distribution) -> None:
+    for name, field in one.fields().items():
+        np.testing.assert_array_equal(field, other.fields()[name], err_msg=name)
+
+
+def test_deterministic_network_has_no_spread_and_one_pass(model: surrogate.Surrogate) -> None:
+    assert not model.is_probabilistic
+    assert not model.is_stochastic
+    found = model.predict_distribution(FORCES, passes=7, seed=1)
+    assert not found.std.any()
+    assert_equal(found, model.predict_distribution(FORCES))
+    np.testing.assert_array_equal(found.mean, model.predict(FORCES))
+
+
+def test_maximum_likelihood_has_aleatoric_spread_only(
+    likely: surrogate.Surrogate, dataset: Dataset
+) -> None:
+    """Its own σ; exactly none between passes, however many are asked for."""
+    assert likely.is_probabilistic
+    assert not likely.is_stochastic
+    found = likely.predict_distribution(FORCES, passes=7, seed=1)
+    assert not found.std_epistemic.any()
+    np.testing.assert_array_equal(found.std, found.std_aleatoric)
+    free = ~likely.geometry.clamped
+    assert (found.std_aleatoric[:, free] > 0).all()
+    assert not found.std_aleatoric[:, ~free].any()
+    assert_equal(found, likely.predict_distribution(FORCES))
+    force = dataset.test.force
+    with torch.no_grad():
+        std = likely.network(force).std
+    assert std is not None
+    nodal = force.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    expected = std.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    np.testing.assert_allclose(likely.predict_distribution(nodal).std, expected, rtol=1e-6)
+
+
+def test_variational_network_has_both_spreads(bayes: surrogate.Surrogate) -> None:
+    assert bayes.is_probabilistic
+    assert bayes.is_stochastic
+    found = bayes.predict_distribution(FORCES, passes=20)
+    free = ~bayes.geometry.clamped
+    for field in (found.std_epistemic, found.std_aleatoric):
+        assert (field[:, free] > 0).all()
+        assert not field[:, ~free].any()
+    np.testing.assert_allclose(
+        found.std**2, found.std_epistemic**2 + found.std_aleatoric**2, rtol=1e-12
+    )
+    assert set(found.fields()) == {"displacement", "std", "std_epistemic", "std_aleatoric"}
+
+
+def test_one_pass_has_no_epistemic_spread(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(FORCES, passes=1)
+    assert not found.std_epistemic.any()
+    assert found.std_aleatoric.any()
+
+
+def test_passes_are_those_of_their_seed(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(FORCES, passes=5, seed=3)
+    other = bayes.predict_distribution(FORCES, passes=5, seed=4)
+    assert_equal(bayes.predict_distribution(FORCES, passes=5, seed=3), found)
+    free = ~bayes.geometry.clamped
+    assert (found.mean[:, free] != other.mean[:, free]).mean() > 0.99
+    # of one sample as of several: the same passes serve all
+    alone = bayes.predict_distribution(FORCES[1], passes=5, seed=3)
+    np.testing.assert_allclose(alone.mean, found.mean[1], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(alone.std_epistemic, found.std_epistemic[1], rtol=1e-3, atol=1e-6)
+
+
+def test_prediction_is_the_mean_of_300_passes(bayes: surrogate.Surrogate) -> None:
+    """The paper's number, Section 3; it takes 2 batches of 4096 here, for 20 samples."""
+    forces = np.random.default_rng(1).normal(size=(20, 32, 2))
+    expected = bayes.predict_distribution(forces, passes=300, seed=0).mean
+    np.testing.assert_array_equal(bayes.predict(forces), expected)
+
+
+@pytest.mark.parametrize("passes", [0, -1])
+def test_wrong_number_of_passes(bayes: surrogate.Surrogate, passes: int) -> None:
+    with pytest.raises(InputError, match=f"passes = {passes}, expected 1 at least"):
+        bayes.predict_distribution(FORCES, passes=passes)
+
+
+def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(np.zeros((0, 32, 2)), passes=3)
+    assert found.mean.shape == found.std.shape == (0, 32, 2)
 
 
 def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:

@@ -51,7 +51,25 @@ RECIPES: list[Any] = [
 ]
 
 
-@pytest.mark.parametrize("recipe", RECIPES)
+PROBABILISTIC: list[Any] = [
+    pytest.param({"likelihood": "maximum_likelihood", "beta": 0.5}, id="maximum-likelihood"),
+    pytest.param(
+        {"likelihood": "variational_bayes", "variational": {"biases": True, "warmup": 0.6}},
+        id="closed-divergence",
+    ),
+    pytest.param(
+        {
+            "likelihood": "variational_bayes",
+            "variational": {"divergence": "sampled", "biases": True, "prior_mean": "zero"},
+            "optimiser": "adam",
+            "batch_norm": True,
+        },
+        id="sampled-divergence",
+    ),
+]
+
+
+@pytest.mark.parametrize("recipe", RECIPES + PROBABILISTIC)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_k_and_k_epochs_are_2k(
     tmp_path: Path,
@@ -278,8 +296,9 @@ def test_validation_part(dataset: Dataset) -> None:
 
 
 def test_streams_of_one_seed_differ() -> None:
-    """Initial weights, validation part, and the order of every epoch."""
-    used = [(7, 0), (7, 1), *((7, 2, epoch) for epoch in range(100)), (8, 0), (8, 1), (8, 2, 0)]
+    """Initial weights, validation part, order and noise of every epoch, and every pass."""
+    counted = [(7, kind, number) for kind in (2, 3, 4) for number in range(100)]
+    used = [(7, 0), (7, 1), *counted, (8, 0), (8, 1), (8, 2, 0), (8, 3, 0), (8, 4, 0)]
     assert len({stream(*numbers) for numbers in used}) == len(used)
     assert stream(7, 2, 5) == stream(7, 2, 5)
 
