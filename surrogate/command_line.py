@@ -116,10 +116,9 @@ def _train(options: argparse.Namespace) -> None:
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
     state = "trained" if run.model.is_file() else "stopped, to be gone on with"
-    print(
-        f"{options.out}: {state}, {last['epoch']} of {config.training.epochs} epochs, "
-        f"{last['seconds']:.0f} s"
-    )
+    epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
+    fitted = config.model == "pod"
+    print(f"{options.out}: {state}, {'' if fitted else epochs}{last['seconds']:.0f} s")
 
 
 def _evaluate(options: argparse.Namespace) -> None:

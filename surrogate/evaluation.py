@@ -70,7 +70,9 @@ class Evaluation:
             candidates = np.arange(len(moved))
         run = self.surrogate.description.run
         published = PUBLISHED.get((run.case, run.likelihood))
-        aim = published.tip_displacement if published else EXAMPLE * moved[candidates].max()
+        aim = published.tip_displacement if published else None
+        if aim is None:
+            aim = EXAMPLE * float(moved[candidates].max())
         return int(candidates[np.abs(moved[candidates] - aim).argmin()])
 
     def example_measures(self) -> dict[str, float]:
@@ -185,7 +187,7 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     moved = displacement_at_load(evaluation.force, evaluation.reference)
     save(figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png")
     lines = run.metric_lines()
-    if lines:
+    if lines and lines[-1]["epoch"] > 0:  # what is fitted has no epochs
         name = figures.loss_name(run.description().run)
         save(figures.loss_curves(lines, name), run.figures / "loss.png")
     if evaluation.calibration is not None:

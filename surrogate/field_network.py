@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
+from surrogate.ensemble import Ensemble
 from surrogate.geometry import Geometry
 from surrogate.likelihoods import Prediction
 
@@ -22,7 +23,8 @@ class FieldNetwork(nn.Module):
     ----------
     network : nn.Module
         Between scaled fields, (N, d, nx, ny[, nz]) → (N, d, nx, ny[, nz]), or → (N, 2d, …) with
-        means first, then ρ of the standard deviations σ = ln(1 + e^ρ).
+        means first, then ρ of the standard deviations σ = ln(1 + e^ρ); or → a `Prediction`. An
+        `Ensemble` makes K·N of N.
     geometry : Geometry
         Grid points that are clamped, or no nodes, are given zero displacement.
     info : StructuredInfo
@@ -72,10 +74,19 @@ class FieldNetwork(nn.Module):
         scale = displacement.square().mean(dim=0).sqrt()
         self.displacement_scale.copy_(torch.where(scale > 0, scale, self.unit))
 
+    @property
+    def members(self) -> int:
+        """K, the number of networks in it."""
+        return len(self.network.members) if isinstance(self.network, Ensemble) else 1
+
     def forward(self, force: Tensor) -> Prediction:
-        """Predict displacements in m from forces in N."""
-        output: Tensor = self.network(force / self.force_scale).to(force.dtype)
+        """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
+        output: Tensor | Prediction = self.network(force / self.force_scale)
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
+        if isinstance(output, Prediction):
+            mean, std = output
+            return Prediction(mean * scale, None if std is None else std * scale)
+        output = output.to(force.dtype)
         if output.shape[1] == d:
             return Prediction(output * scale, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD

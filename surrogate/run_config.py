@@ -13,6 +13,7 @@ from surrogate.early_stopping import EarlyStoppingConfig
 from surrogate.flipout import VariationalConfig
 from surrogate.likelihoods import Likelihood, Loss
 from surrogate.optimisation import OptimiserConfig, ScheduleConfig
+from surrogate.pod import PODConfig
 from surrogate.residency import Residency
 from surrogate.unet import UNetConfig
 
@@ -85,8 +86,16 @@ class RunConfig(Frozen):
         Name of the case whose dataset it is for.
     recipe : {"paper", "fast", "custom"}
         Whose recipe it is.
+    model : {"unet", "linear", "pod"}
+        The paper's U-Net, or what it is compared with: one linear layer that starts at K⁻¹, or
+        proper orthogonal decomposition and regression, which is fitted rather than trained.
     likelihood : {"deterministic", "maximum_likelihood", "variational_bayes"}
     network : UNetConfig
+        Of the U-Net.
+    pod : PODConfig, optional
+        Of the model of that name, and of it only.
+    ensemble : int
+        Number of U-Nets, trained together from different initial weights.
     variational : VariationalConfig, optional
         Of variational Bayes, and of it only: which weights are probabilistic, and their priors.
     displacement_scale : {"global", "node"}
@@ -99,8 +108,11 @@ class RunConfig(Frozen):
     name: str
     case: str
     recipe: Literal["paper", "fast", "custom"] = "custom"
+    model: Literal["unet", "linear", "pod"] = "unet"
     likelihood: Likelihood = "deterministic"
     network: UNetConfig = UNetConfig()
+    pod: PODConfig | None = None
+    ensemble: int = Field(1, ge=1)
     variational: VariationalConfig | None = None
     displacement_scale: Literal["global", "node"] = "global"
     training: TrainingConfig = TrainingConfig()
@@ -111,6 +123,28 @@ class RunConfig(Frozen):
         if (self.variational is not None) != (self.likelihood == "variational_bayes"):
             given = "given" if self.variational is not None else "missing"
             raise ValueError(f"'variational' is {given}, but 'likelihood' is '{self.likelihood}'")
+        return self
+
+    @model_validator(mode="after")
+    def _keys_of_the_model(self) -> Self:
+        if (self.pod is not None) != (self.model == "pod"):
+            given = "given" if self.pod is not None else "missing"
+            raise ValueError(f"'pod' is {given}, but 'model' is '{self.model}'")
+        if self.model == "unet":
+            return self
+        for key, is_given in (
+            ("network", self.network != UNetConfig()),
+            ("ensemble", self.ensemble != 1),
+        ):
+            if is_given:
+                raise ValueError(f"'{key}' is given, but 'model' is '{self.model}'")
+        is_gaussian = self.pod is not None and self.pod.regression == "gp"
+        expected = "maximum_likelihood" if is_gaussian else "deterministic"
+        if self.likelihood != expected:
+            kind = f"'{self.model}'" + (f" by '{self.pod.regression}'" if self.pod else "")
+            raise ValueError(
+                f"'likelihood' is '{self.likelihood}', expected '{expected}' of model {kind}"
+            )
         return self
 
     @model_validator(mode="after")

@@ -83,8 +83,13 @@ class Trainer:
         return self.average.network if self.average else self.network
 
     def loss(self, prediction: Prediction, reference: Tensor) -> Tensor:
-        """Loss per datum of a prediction, in scaled units; without the weights' divergence."""
+        """Loss per datum of a prediction, in scaled units; without the weights' divergence.
+
+        Of an ensemble: the mean of its members' losses.
+        """
         training, network = self.config.training, self.network
+        if network.members > 1:
+            reference = reference.repeat(network.members, *[1] * (reference.ndim - 1))
         if prediction.std is None:
             return deterministic_loss(training.loss, prediction.mean, reference, network.unit)
         return negative_log_likelihood(
@@ -178,7 +183,8 @@ class Trainer:
         for samples in self.validation_store.batches(torch.split(numbers, VALIDATION_BATCH)):
             prediction, weight = model(samples.force), len(samples) / count
             loss += weight * float(self.loss(prediction, samples.displacement))
-            error += weight * float((prediction.mean - samples.displacement).abs().mean())
+            mean = prediction.mean.unflatten(0, (self.network.members, -1)).mean(dim=0)
+            error += weight * float((mean - samples.displacement).abs().mean())
         return {"validation_loss": loss, "validation_error": error / self.node_fraction}
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:

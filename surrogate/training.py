@@ -20,7 +20,8 @@ from surrogate.cuda_graph import can_capture
 from surrogate.data_parallel import ALONE, Ranks
 from surrogate.dataset import Dataset, Samples
 from surrogate.device import lay_out
-from surrogate.network import make_network
+from surrogate.geometry import Geometry
+from surrogate.network import make_network, require_suitable, start_from_data
 from surrogate.run_config import RunConfig
 from surrogate.run_description import describe
 from surrogate.run_folder import RunFolder
@@ -102,12 +103,14 @@ def train(
         dataset.train, training.validation_fraction, config.seed
     )
     check_parts(config, train_part, validation_part, ranks)
+    require_suitable(config, dataset, train_part)
     ranks.from_first(lambda: run.start(description))
     if run.model.is_file():
         return
+    began = time.perf_counter()
     network = make_network(description, dataset.geometry)
-    if config.displacement_scale == "node":
-        network.scale_by_node(train_part.displacement)
+    if not run.checkpoint.is_file():
+        start_from_data(network, config, dataset, train_part)
     lay_out(network, dataset.geometry.dimension, training.precision, device)
     if training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         print(
@@ -117,6 +120,9 @@ def train(
         )
     node_fraction = float(dataset.geometry.grid.mask.mean())
     trainer = Trainer(config, network, train_part, validation_part, node_fraction, ranks)
+    if config.model == "pod":
+        _finish_fit(trainer, dataset.geometry, run, time.perf_counter() - began)
+        return
     start, seconds = 0, 0.0
     if run.checkpoint.is_file():
         start, seconds = load_checkpoint(run.checkpoint, trainer.parts(), trainer.optimisers)
@@ -158,3 +164,11 @@ def train(
     progress.close(f"{seconds:.0f} s")
     if ranks.is_first and trainer.is_over(epoch):
         run.write_tensors({**trainer.result(), **dataset.geometry.tensors()})
+
+
+def _finish_fit(trainer: Trainer, geometry: Geometry, run: RunFolder, seconds: float) -> None:
+    """Write what is fitted rather than trained: one line of measures, of epoch 0, and the model."""
+    if trainer.ranks.is_first:
+        with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
+            log.write({"epoch": 0, **trainer.validate(), "seconds": seconds})
+        run.write_tensors({**trainer.network.state_dict(), **geometry.tensors()})

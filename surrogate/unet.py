@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.configuration import Frozen
+from surrogate.dropout import ChannelDropout
 from surrogate.flipout import FlipoutConvolution, VariationalConfig
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
@@ -39,6 +40,9 @@ class UNetConfig(Frozen):
         Rows of zeros put around the grid on every side.
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
+    dropout : float
+        Probability with which a channel is dropped behind the second convolution of every level,
+        in training and in stochastic passes.
     """
 
     levels: int = Field(3, ge=1)
@@ -47,6 +51,7 @@ class UNetConfig(Frozen):
     padding: int = Field(2, ge=0)
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
+    dropout: float = Field(0.0, ge=0, lt=1)
 
     def level_channels(self) -> list[int]:
         """Channels of every level, finest first."""
@@ -75,6 +80,8 @@ class DoubleConvolution(nn.Sequential):
             if config.batch_norm:
                 layers.append(BATCH_NORMS[dimension](outputs))
             layers.append(ACTIVATIONS[config.activation]())
+        if config.dropout:
+            layers.append(ChannelDropout(outputs, config.dropout))
         super().__init__(*layers)
 
 

@@ -1,0 +1,51 @@
+"""Monte Carlo dropout: networks thinned out at random, in prediction as in training.
+
+Every pass sees other channels of the same network; their spread is taken for the epistemic
+uncertainty (Gal and Ghahramani 2016; of whole channels: Tompson et al. 2015).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+
+class ChannelDropout(nn.Module):
+    """Sets channels to zero with probability p, and multiplies the others by 1 / (1 − p).
+
+    In training every sample of a batch has a mask of its own. In evaluation nothing is dropped, or,
+    after `draw`, the batch is as many equal parts as there were draws, each with one mask.
+
+    Parameters
+    ----------
+    channels : int
+    rate : float
+        p.
+    """
+
+    def __init__(self, channels: int, rate: float) -> None:
+        super().__init__()
+        self.channels, self.rate = channels, rate
+        self._masks: Tensor | None = None
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Mask: (N, channels, nx, ny[, nz]) → the same shape."""
+        extra = (1,) * (x.ndim - 2)
+        if self._masks is not None:
+            masks = self._masks.to(x).reshape(-1, 1, self.channels, *extra)
+            return (x.reshape(len(masks), -1, *x.shape[1:]) * masks).reshape(x.shape)
+        if not self.training:
+            return x
+        return x * functional.dropout(x.new_ones(*x.shape[:2], *extra), self.rate)
+
+    def draw(self, generators: Sequence[torch.Generator]) -> None:
+        """Draw independent masks, one a generator of the CPU, to evaluate with."""
+        kept = [torch.rand(self.channels, generator=g) >= self.rate for g in generators]
+        self._masks = torch.stack(kept) / (1 - self.rate)
+
+    def forget(self) -> None:
+        """Evaluate with nothing dropped again."""
+        self._masks = None

@@ -1,0 +1,31 @@
+"""Modules that are fitted to the data in one go, rather than trained."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+
+class Fitted(nn.Module):
+    """A module whose tensors come from a fit, and have the shapes that it gives them.
+
+    Parameters
+    ----------
+    names : str
+        Of the tensors, which are empty until they are fitted or loaded.
+    """
+
+    def __init__(self, *names: str) -> None:
+        super().__init__()
+        self._names = names
+        for name in names:
+            self.register_buffer(name, torch.empty(0))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
+        for name in self._names:
+            if prefix + name in state:
+                stored: Tensor = state[prefix + name]
+                setattr(self, name, torch.empty_like(stored))
+        super()._load_from_state_dict(state, prefix, *others)

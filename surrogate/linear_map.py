@@ -1,0 +1,86 @@
+r"""The linear surrogate of Deshpande et al. (2022), Table "CNN_MLP": one dense layer, no bias.
+
+.. math:: u = W f, \qquad W_0 = K^{-1}
+
+over the degrees of freedom that can move, K being the stiffness of the undeformed body: before
+training it is linear elasticity. (The paper's layer has the clamped ones too, whose rows and
+columns are zero.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import splu
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.grid_map import GridMap
+from shared_schema.stiffness import Stiffness
+
+
+class LinearMap(nn.Module):
+    """Scaled force grid in, scaled displacement grid out: (N, d, nx, ny[, nz]) both.
+
+    Parameters
+    ----------
+    dimension : int
+        d.
+    free : Tensor of bool, (nx, ny[, nz])
+        Grid points that can move.
+
+    Attributes
+    ----------
+    weight : nn.Parameter, (d · n_free, d · n_free)
+        W, component by component; zero until `start_at`.
+    """
+
+    points: Tensor
+
+    def __init__(self, dimension: int, free: Tensor) -> None:
+        super().__init__()
+        points = free.flatten().nonzero().squeeze(1)
+        self.register_buffer("points", points, persistent=False)
+        self.weight = nn.Parameter(torch.zeros(2 * (dimension * len(points),)))
+
+    @torch.no_grad()
+    def start_at(self, compliance: Tensor, force_unit: Tensor, displacement_unit: Tensor) -> None:
+        """Start at a compliance.
+
+        Parameters
+        ----------
+        compliance : Tensor, (d · n_free, d · n_free)
+            In m/N.
+        force_unit : Tensor, ()
+            What scaled forces are measured in, in N.
+        displacement_unit : Tensor, (d, nx, ny[, nz])
+            What scaled displacements are measured in, in m.
+        """
+        units = displacement_unit.flatten(1)[:, self.points].flatten().double()
+        self.weight.copy_(compliance * (force_unit.double() / units)[:, None])
+
+    def forward(self, force: Tensor) -> Tensor:
+        """Predict scaled displacements from scaled forces."""
+        f = force.flatten(2).index_select(2, self.points)
+        u = functional.linear(f.flatten(1), self.weight).reshape(f.shape)
+        grid = torch.zeros_like(force, dtype=u.dtype).flatten(2)
+        return grid.index_copy(2, self.points, u).reshape(force.shape)
+
+
+def compliance_of(stiffness: Stiffness, grid: GridMap, clamped: NDArray[np.bool_]) -> Tensor:
+    """K⁻¹ in m/N over the free degrees of freedom, component by component in the grid's order.
+
+    Parameters
+    ----------
+    stiffness : Stiffness
+        Of the whole body, without supports.
+    grid : GridMap
+    clamped : array of bool, (n_nodes,)
+    """
+    d = (len(stiffness.indptr) - 1) // grid.nodes
+    nodes = grid.node_at[grid.moved_by(~clamped)]
+    dofs = (nodes * d + np.arange(d)[:, None]).ravel()
+    k = csr_array((stiffness.data, stiffness.indices, stiffness.indptr))[dofs][:, dofs]
+    return torch.from_numpy(splu(k.tocsc()).solve(np.eye(len(dofs))))
