@@ -36,8 +36,28 @@ FIGURES = (
         "Mean error of every test sample over the displacement magnitude at its loaded node, with "
         "the least-squares line; dashed, the mean over the test split.",
     ),
+    (
+        "uncertainty_field.png",
+        "The same load: predicted standard deviation of every node's position.",
+    ),
+    (
+        "calibration.png",
+        "Share of the test split's displacement components that predicted central intervals of "
+        "every level cover; on the dashed line they are as wide as they should be.",
+    ),
+    (
+        "error_against_uncertainty.png",
+        "Error of every node of every test sample over its predicted standard deviation.",
+    ),
+    (
+        "sweep.png",
+        "Forces of a sweep at one node, those of the training shaded: displacement there with its "
+        "95 % band, and the error within it.",
+    ),
     ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
 )
+
+MODELS = {"unet": "U-Net", "linear": "linear layer", "pod": "POD regression"}
 
 STYLE = """
 body { font: 16px/1.5 Georgia, 'Times New Roman', serif; max-width: 46rem; margin: 2rem auto;
@@ -85,8 +105,9 @@ def _page(
     info = description.data.info
     test = evaluation["test"]
     grid = " × ".join(str(n) for n in info.grid_shape)
+    kind = description.run.likelihood.replace("_", " ")
     summary = (
-        f"A {description.run.likelihood} U-Net of {evaluation['trainable_parameters']:,} "
+        f"A {kind} {MODELS[description.run.model]} of {evaluation['trainable_parameters']:,} "
         f"parameters, trained on {info.train} finite-element solutions of case <b>{case}</b> in "
         f"{evaluation['training_seconds'] / 60:.1f} minutes, predicts the {info.test} "
         f"test solutions with a mean error ē = {test['mean_error'] * 1e3:.3f} mm."
@@ -148,13 +169,16 @@ def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
         ),
         ("largest error of a component [10⁻³ m]", f"{test['max_error'] * 1e3:.2f}"),
         ("test samples M", str(test["samples"])),
+        *_uncertainty_rows(evaluation.get("uncertainty")),
     ]
     theirs = (
         [
             f"{paper.mean_error * 1e3:.1f}",
             f"{paper.std_error * 1e3:.1f}",
             f"{paper.slope}",
-            f"{paper.relative_tip_error:.1%} at {paper.tip_displacement} m",
+            "–"
+            if paper.relative_tip_error is None
+            else f"{paper.relative_tip_error:.1%} at {paper.tip_displacement} m",
             f"{paper.parameters / 1e6:.1f} M",
             f"{paper.training_minutes:.0f} min, one V100",
         ]
@@ -163,6 +187,29 @@ def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
     )
     return [
         (name, ours, theirs[i] if i < len(theirs) else "–") for i, (name, ours) in enumerate(rows)
+    ]
+
+
+def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if uncertainty is None:
+        return []
+    covered = [
+        (
+            f"coverage of {interval['level']:.0%} intervals",
+            f"{interval['coverage']:.1%}, mean width {interval['width'] * 1e3:.2f} mm",
+        )
+        for interval in uncertainty["intervals"]
+    ]
+    return [
+        *covered,
+        ("miscalibration area", f"{uncertainty['miscalibration_area']:.3f}"),
+        ("negative log-likelihood [nats]", f"{uncertainty['negative_log_likelihood']:.2f}"),
+        ("continuous ranked probability score [10⁻³ m]", f"{uncertainty['crps'] * 1e3:.4f}"),
+        (
+            "rank correlation of error and σ, over nodes / over samples",
+            f"{uncertainty['node_rank_correlation']:.2f} / "
+            f"{uncertainty['sample_rank_correlation']:.2f}",
+        ),
     ]
 
 
