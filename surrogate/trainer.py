@@ -101,9 +101,11 @@ class Trainer:
 
         With it, N·F times the loss per datum is the paper's (Eq. ELBO_expand): the sum of the
         negative log-likelihood over all N samples and F free components, plus the divergence.
+        Of an ensemble: the mean of its members' divergences.
         """
         data = len(self.train) * self.network.free_points.numel() * self.train.force.shape[1]
-        return torch.stack([layer.divergence() for layer in self.flipouts]).sum() / data
+        total = torch.stack([layer.divergence() for layer in self.flipouts]).sum()
+        return total / (data * self.network.members)
 
     def order(self, epoch: int) -> Tensor:
         """Order in which an epoch takes the training samples."""

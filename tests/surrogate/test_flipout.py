@@ -27,7 +27,7 @@ from surrogate.flipout import (
 from surrogate.gaussian_parameter import GaussianParameter
 from surrogate.unet import UNet, UNetConfig
 
-PASSES = 2000
+PASSES = 1000
 GRIDS: dict[int, tuple[int, ...]] = {2: (4, 3), 3: (3, 2, 2)}
 INPUTS, OUTPUTS = 3, 2
 

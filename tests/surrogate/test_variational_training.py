@@ -112,6 +112,23 @@ def test_maximum_likelihood_loss_is_the_papers(dataset: Dataset, make_config: Ma
     assert loss + units == pytest.approx(nll / (8 * 56), rel=1e-4)
 
 
+def test_divergence_of_an_ensemble_is_the_mean_of_its_members(
+    dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """Half of the sum of two, as the loss is the mean of the losses."""
+    config = make_config(likelihood="variational_bayes").model_copy(update={"ensemble": 2})
+    trainer = trainer_of(config, dataset)
+    for parameter in posteriors(trainer):
+        torch.nn.init.normal_(parameter.mean, std=0.1)
+    with torch.no_grad():
+        kl = sum(
+            kl_divergence(Normal(p.mean, p.std), Normal(p.prior_mean, 0.1)).sum()
+            for p in posteriors(trainer)
+        )
+        assert len(posteriors(trainer)) == 2 * 3
+        torch.testing.assert_close(trainer.divergence(), kl / 2 / (48 * 56))
+
+
 def test_sampled_divergence_averages_to_the_closed_one(
     dataset: Dataset, make_config: MakeConfig
 ) -> None:
