@@ -120,5 +120,5 @@ class PODNetwork(Fitted):
     def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
         """Lay values of free degrees of freedom on the grid, zero elsewhere."""
         grid = torch.zeros_like(like).flatten(2)
-        fields = values.to(like).reshape(len(like), -1, len(self.free))
+        fields = values.to(like).reshape(*like.shape[:2], -1)
         return grid.index_copy(2, self.free, fields).reshape(like.shape)
