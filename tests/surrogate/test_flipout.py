@@ -164,6 +164,24 @@ def test_perturbations_of_different_samples_are_uncorrelated(passes: Passes) -> 
     assert within.abs().max() > 0.5
 
 
+def test_every_output_channel_has_a_sign_of_its_own() -> None:
+    """Of two equal samples with one input channel, outputs differ by signs only.
+
+    Whether the signs are the same is one half for each of two channels, and for each independently
+    of the other: over T passes within five standard errors 1 / (2√T).
+    """
+    torch.manual_seed(0)
+    layer = FlipoutConvolution(nn.Conv2d(1, 2, 3, padding=1), VariationalConfig(initial_std=0.5))
+    x = torch.randn(1, 1, *GRIDS[2])
+    perturbation = outputs(layer, x.expand(2, -1, -1, -1)) - exact(layer, x)[0]
+    one, other = perturbation.reshape(PASSES, 2, 2, -1).unbind(1)
+    torch.testing.assert_close(one.abs(), other.abs())
+    same = (one * other).sum(2) > 0
+    bound = 5 / (2 * math.sqrt(PASSES))
+    assert (same.float().mean(0) - 0.5).abs().max() < bound
+    assert abs((same[:, 0] == same[:, 1]).float().mean() - 0.5) < bound
+
+
 def test_probabilistic_biases_move_a_channel_as_a_whole() -> None:
     """With a zero input only the bias is left: the same at all points, other in every sample."""
     layer = layer_of(2, biases=True)

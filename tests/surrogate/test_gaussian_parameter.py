@@ -47,10 +47,11 @@ def test_inverse_softplus(std: float) -> None:
 
 
 def test_inverse_softplus_of_known_values() -> None:
-    """ln(1 + e⁰) = ln 2; far from zero ρ is ln σ below and σ above."""
+    """ln(1 + e⁰) = ln 2; far from zero ρ is ln σ below and σ above, where e^σ is 1 or too large."""
     assert inverse_softplus(math.log(2)) == pytest.approx(0.0, abs=1e-15)
-    assert inverse_softplus(1e-6) == pytest.approx(math.log(1e-6), abs=1e-6)
-    assert inverse_softplus(50.0) == 50.0
+    assert inverse_softplus(1e-6) == pytest.approx(math.log(1e-6) + 0.5e-6, abs=1e-12)
+    assert inverse_softplus(1e-15) == pytest.approx(math.log(1e-15), abs=1e-12)
+    assert inverse_softplus(1000.0) == 1000.0
 
 
 @pytest.mark.parametrize("trainable", [True, False])
