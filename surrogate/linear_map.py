@@ -13,7 +13,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import splu
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -83,4 +82,4 @@ def compliance_of(stiffness: Stiffness, grid: GridMap, clamped: NDArray[np.bool_
     nodes = grid.node_at[grid.moved_by(~clamped)]
     dofs = (nodes * d + np.arange(d)[:, None]).ravel()
     k = csr_array((stiffness.data, stiffness.indices, stiffness.indptr))[dofs][:, dofs]
-    return torch.from_numpy(splu(k.tocsc()).solve(np.eye(len(dofs))))
+    return torch.cholesky_inverse(torch.linalg.cholesky(torch.from_numpy(k.toarray())))
