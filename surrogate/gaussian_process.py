@@ -79,8 +79,9 @@ class GaussianProcess(Fitted):
         The latter are of what would be observed, σ_n² included.
         """
         amplitude, length, noise = self.kernel
-        distance = torch.cdist(force.flatten(1), self.inputs)
-        covariance = amplitude * torch.exp(-0.5 * (distance / length).square())
+        x, y = force.flatten(1) / length, self.inputs / length
+        half_square = 0.5 * (x.square().sum(dim=1)[:, None] + y.square().sum(dim=1)) - x @ y.T
+        covariance = amplitude * torch.exp(-half_square)
         mean = covariance @ self.alpha * self.std + self.mean
         explained = torch.linalg.solve_triangular(self.cholesky, covariance.T, upper=False)
         variance = (amplitude + noise - explained.square().sum(dim=0)).clamp(min=0.0)
