@@ -40,6 +40,9 @@ class VariationalConfig(Frozen):
         μ_p: trained (empirical Bayes), or fixed at zero.
     initial_std : float
         σ at the start.
+    spread : {"gradient", "gauss_newton"}
+        How σ is found: by gradients of the bound, as in the paper, or from the Fisher information
+        (`gauss_newton`), which reaches the bound's maximum where gradients are lost in noise.
     divergence : {"closed", "sampled"}
         Closed form of the Kullback–Leibler divergence, or the paper's Monte Carlo form.
     weight : float
@@ -54,6 +57,7 @@ class VariationalConfig(Frozen):
     prior_std: float = Field(0.1, gt=0)
     prior_mean: Literal["trainable", "zero"] = "trainable"
     initial_std: float = Field(0.01, gt=0)
+    spread: Literal["gradient", "gauss_newton"] = "gradient"
     divergence: Literal["closed", "sampled"] = "closed"
     weight: float = Field(1.0, gt=0)
     warmup: float = Field(0.0, ge=0, le=1)

@@ -55,6 +55,11 @@ class GaussianParameter(nn.Module):
         """σ = ln(1 + e^ρ)."""
         return functional.softplus(self.rho)
 
+    @torch.no_grad()
+    def set_std(self, std: Tensor) -> None:
+        """Set σ: ρ = ln(e^σ − 1)."""
+        self.rho.copy_(std + torch.log(-torch.expm1(-std)))
+
     def divergence(self) -> Tensor:
         r"""Kullback–Leibler divergence from prior to posterior, summed over the weights, in nats.
 

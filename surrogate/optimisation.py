@@ -109,7 +109,9 @@ def make_optimisers(
     rate: float | Tensor = config.learning_rate
     if capturable:
         rate = torch.tensor(rate, device=parameters[0].device)
-    spreads = [p for name, p in network.named_parameters() if name.endswith("rho")]
+    spreads = [
+        p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad
+    ]
     taken = {id(p) for p in (*kernels, *spreads)}
     rest = [p for p in parameters if id(p) not in taken]
     optimisers: list[torch.optim.Optimizer] = []

@@ -25,6 +25,7 @@ from surrogate.device import autocast
 from surrogate.early_stopping import EarlyStopping
 from surrogate.field_network import FieldNetwork
 from surrogate.flipout import flipouts
+from surrogate.gauss_newton import EVERY, GaussNewtonSpreads
 from surrogate.likelihoods import Prediction, deterministic_loss, negative_log_likelihood
 from surrogate.optimisation import make_optimisers, set_learning_rate
 from surrogate.residency import store_samples
@@ -64,6 +65,12 @@ class Trainer:
         self.steps = self.steps_per_epoch * training.epochs
         self.flipouts = list(flipouts(self.network))
         self.divergence_factor = torch.zeros((), device=self.device)
+        variational = self.config.variational
+        self.spreads = (
+            GaussNewtonSpreads(self.network, len(self.train))
+            if variational is not None and variational.spread == "gauss_newton"
+            else None
+        )
         self.train_store, self.validation_store = (
             store_samples(samples, training.residency, self.device)
             for samples in (self.train, self.validation)
@@ -166,6 +173,9 @@ class Trainer:
                 terms = self.captured_step(samples)
             else:
                 terms = self.step(samples, len(batch))
+            if self.spreads is not None and step % EVERY == 0:
+                factor = float(self.divergence_factor)
+                self.spreads.update(samples.force, len(batch), factor, self.ranks)
             if self.average is not None:
                 self.average.update(step)
             total = total + terms * len(batch)
@@ -202,6 +212,8 @@ class Trainer:
     def parts(self) -> dict[str, Stateful]:
         """What a checkpoint holds beside the states of the optimisers, by name."""
         parts: dict[str, Stateful] = {"network": self.network}
+        if self.spreads is not None:
+            parts["spreads"] = self.spreads
         if self.average is not None:
             parts["average"] = self.average.network
         if self.stopping is not None:
