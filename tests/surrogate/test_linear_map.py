@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.errors import InputError
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import read_manifest, write_manifest
@@ -167,4 +168,15 @@ def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) 
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="'model' = 'linear': the dataset has no stiffness; make"):
         train(linear_config(), dataset, run, CPU)
+    assert not run.folder.exists()
+
+
+def test_embedded_grid_is_refused(tmp_path: Path, with_stiffness: Dataset) -> None:
+    """Its points are no nodes, so that K⁻¹ is no map between its fields."""
+    points = np.arange(32)[:, None]
+    grid = EmbeddedGrid(points.reshape(8, 4, 1), np.ones((8, 4, 1)), points, np.ones((32, 1)))
+    embedded = replace(with_stiffness, geometry=replace(with_stiffness.geometry, grid=grid))
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(InputError, match="'model' = 'linear': the dataset's grid is embedded"):
+        train(linear_config(), embedded, run, CPU)
     assert not run.folder.exists()
