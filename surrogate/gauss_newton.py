@@ -8,8 +8,8 @@ With the network linearised in its weights about their means, the bound is great
 
 h being the diagonal of the Fisher information of the N·F data (generalised Gauss–Newton; Khan et
 al. 2018) and κ the factor on the divergence. Stochastic gradients would find the same σ in the end,
-were their noise in ρ not so much larger than their mean. The sum over a batch has an
-estimate of relative standard deviation √2: the square of the gradient, for random signs v and v', of
+were their noise in ρ not so much larger than their mean. The sum over a batch has an estimate of
+relative standard deviation √2: the square of the gradient, for random signs v and v', of
 
 .. math:: \sum_{ij} v_{ij} \frac{μ_{ij}}{\bar σ_{ij}}
    + \sqrt{2} v'_{ij} \frac{σ_{ij}}{\bar σ_{ij}}, \qquad \bar σ = σ \text{ held constant.}
