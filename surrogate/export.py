@@ -57,7 +57,8 @@ class NodalFunction(nn.Module):
         if self.passes is None and self.network.network.members == 1:
             mean, std = self.network(force)
             return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
-        moments = Moments.of(self.network(force, self.passes or 1))
+        factor = self.network.network.epistemic_factor
+        moments = Moments.of(self.network(force, self.passes or 1)).scaled(factor)
         return {
             "displacement": moments.mean,
             "std": moments.std,

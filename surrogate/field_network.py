@@ -42,6 +42,8 @@ class FieldNetwork(nn.Module):
         1 at grid points that are nodes free to move, else 0.
     free_points : Tensor of int, (n_free,)
         Those, numbered as the flattened grid is.
+    aleatoric_factor, epistemic_factor : Tensor, ()
+        Factors a and b on standard deviations (`surrogate.recalibration`); 1 in training.
     """
 
     force_scale: Tensor
@@ -49,6 +51,8 @@ class FieldNetwork(nn.Module):
     displacement_scale: Tensor
     free: Tensor
     free_points: Tensor
+    aleatoric_factor: Tensor
+    epistemic_factor: Tensor
 
     def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
         super().__init__()
@@ -62,6 +66,8 @@ class FieldNetwork(nn.Module):
         )
         self.register_buffer("free", free)
         self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
+        self.register_buffer("aleatoric_factor", torch.ones(()))
+        self.register_buffer("epistemic_factor", torch.ones(()))
 
     def scale_by_node(self, displacement: Tensor) -> None:
         """Scale every component of every node by its own root mean square over some samples.
@@ -89,7 +95,7 @@ class FieldNetwork(nn.Module):
         output = output.to(force.dtype)
         if output.shape[1] == d:
             return Prediction(output * scale, None)
-        std = functional.softplus(output[:, d:]) + SMALLEST_STD
+        std = (functional.softplus(output[:, d:]) + SMALLEST_STD) * self.aleatoric_factor
         return Prediction(output[:, :d] * scale, std * scale)
 
 

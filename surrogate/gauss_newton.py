@@ -1,15 +1,16 @@
 r"""Spreads of Gaussian posteriors that maximise the evidence lower bound of a linearised network.
 
-With the network linearised in its weights about their means, the bound is greatest at
+With the network linearised in its weights, the bound is greatest at
 
 .. math:: \frac{1}{σ_w^2} = \frac{1}{σ_p^2} + \frac{h_w}{κ}, \qquad
    h_w = \sum_{i=1}^{N} \sum_{j=1}^{F} \frac{1}{σ_{ij}^2} \Big(\frac{∂μ_{ij}}{∂w}\Big)^2
        + 2 \Big(\frac{∂ \ln σ_{ij}}{∂w}\Big)^2
 
-h being the diagonal of the Fisher information of the N·F data (generalised Gauss–Newton; Khan et
-al. 2018) and κ the factor on the divergence. Stochastic gradients would find the same σ in the end,
-were their noise in ρ not so much larger than their mean. The sum over a batch has an estimate of
-relative standard deviation √2: the square of the gradient, for random signs v and v', of
+h being the diagonal of the Fisher information of the N·F data, in the mean over weights drawn from
+the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ the factor on the divergence.
+Stochastic gradients would find the same σ in the end, were their noise in ρ not so much larger
+than their mean. The sum over a batch has an estimate of relative standard deviation √2: the square
+of the gradient, for random signs v and v', of
 
 .. math:: \sum_{ij} v_{ij} \frac{μ_{ij}}{\bar σ_{ij}}
    + \sqrt{2} v'_{ij} \frac{σ_{ij}}{\bar σ_{ij}}, \qquad \bar σ = σ \text{ held constant.}
@@ -76,10 +77,7 @@ class GaussNewtonSpreads:
         """Estimate the sum over some samples, (weights,)."""
         if len(force) == 0:
             return torch.zeros_like(self.information)
-        was_training = self.network.training
-        self.network.eval()
         prediction = self.network(force)
-        self.network.train(was_training)
         assert prediction.std is not None
         mean, std = (
             field.flatten(2).index_select(2, self.network.free_points)

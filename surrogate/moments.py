@@ -45,6 +45,10 @@ class Moments(NamedTuple):
         std = torch.zeros_like(prediction.mean) if prediction.std is None else prediction.std
         return cls(len(prediction.mean), mean, squares, std.square().sum(dim=0))
 
+    def scaled(self, epistemic_factor: Tensor) -> Moments:
+        """Those with a factor on the epistemic standard deviation."""
+        return self._replace(squares=self.squares * epistemic_factor.square())
+
     def joined(self, other: Moments) -> Moments:
         """Those of both sets of passes (Chan, Golub and LeVeque 1983)."""
         passes, offset = self.passes + other.passes, other.mean - self.mean

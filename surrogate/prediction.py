@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -165,6 +166,7 @@ class Surrogate:
         at_once = max(1, BATCH // max(len(nodal), 1))
         chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
         moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
+        moments = moments.scaled(self.network.epistemic_factor.double())
         mean, epistemic, aleatoric = (
             field.cpu().numpy()
             for field in (moments.mean, moments.std_epistemic, moments.std_aleatoric)
@@ -212,6 +214,23 @@ def require_passes(passes: int, seed: int) -> None:
             raise InputError(f"{name} = {value}, expected {least} at least")
 
 
+def make_surrogate(
+    tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
+) -> Surrogate:
+    """Make a surrogate of the tensors of ``model.safetensors``.
+
+    Raises
+    ------
+    KeyError, IndexError, RuntimeError, ValueError
+        If they are not those of such a run.
+    """
+    on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
+    geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
+    network = make_network(description, geometry)
+    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
+    return Surrogate(network.to(device), geometry, description)
+
+
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
     """Load a trained network from its run folder; nothing is unpickled.
 
@@ -224,12 +243,8 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     description = folder.description()
     tensors = folder.read_tensors()
     try:
-        geometry = Geometry.from_tensors(tensors, description.data.cell_type)
-        network = make_network(description, geometry)
-        weights = {k: v for k, v in tensors.items() if not k.startswith(PREFIX)}
-        network.load_state_dict(weights)
+        return make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
         ) from None
-    return Surrogate(network.to(device), geometry, description)

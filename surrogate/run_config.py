@@ -35,8 +35,10 @@ class TrainingConfig(Frozen):
         Of the others: exponent of the likelihood's weights (`negative_log_likelihood`); 0 is the
         paper's.
     validation_fraction : float
-        Part of the training split that is kept out of training, for the loss curve and for
-        `early_stopping`.
+        Part of the training split that is kept out of training, for the loss curve, for
+        `early_stopping` and for `recalibrate`.
+    recalibrate : bool
+        Whether predicted standard deviations get factors fitted to that part.
     early_stopping : EarlyStoppingConfig, optional
         With it the model is that of the epoch with the smallest validation loss.
     ema : float, optional
@@ -61,6 +63,7 @@ class TrainingConfig(Frozen):
     loss: Loss = "mse"
     beta: float = Field(0.0, ge=0, le=1)
     validation_fraction: float = Field(0.0, ge=0, lt=1)
+    recalibrate: bool = False
     early_stopping: EarlyStoppingConfig | None = None
     ema: float | None = Field(None, gt=0, lt=1)
     precision: Precision = "float32"
@@ -70,9 +73,13 @@ class TrainingConfig(Frozen):
     checkpoint_seconds: float = Field(60.0, ge=0)
 
     @model_validator(mode="after")
-    def _validation_part_if_early_stopping(self) -> Self:
-        if self.early_stopping is not None and self.validation_fraction == 0:
-            raise ValueError("early_stopping expects validation_fraction > 0, found 0")
+    def _validation_part_if_needed(self) -> Self:
+        for key, is_given in (
+            ("early_stopping", self.early_stopping is not None),
+            ("recalibrate", self.recalibrate),
+        ):
+            if is_given and self.validation_fraction == 0:
+                raise ValueError(f"{key} expects validation_fraction > 0, found 0")
         return self
 
 

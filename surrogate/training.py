@@ -22,6 +22,8 @@ from surrogate.dataset import Dataset, Samples
 from surrogate.device import lay_out
 from surrogate.geometry import Geometry
 from surrogate.network import make_network, require_suitable, start_from_data
+from surrogate.prediction import make_surrogate
+from surrogate.recalibration import recalibrate
 from surrogate.run_config import RunConfig
 from surrogate.run_description import describe
 from surrogate.run_folder import RunFolder
@@ -163,7 +165,12 @@ def train(
                 start, saved = epoch, time.perf_counter()
     progress.close(f"{seconds:.0f} s")
     if ranks.is_first and trainer.is_over(epoch):
-        run.write_tensors({**trainer.result(), **dataset.geometry.tensors()})
+        tensors = {**trainer.result(), **dataset.geometry.tensors()}
+        if training.recalibrate:
+            surrogate = make_surrogate(tensors, description)
+            recalibrate(surrogate, validation_part)
+            tensors |= surrogate.network.state_dict()
+        run.write_tensors(tensors)
 
 
 def _finish_fit(trainer: Trainer, geometry: Geometry, run: RunFolder, seconds: float) -> None:

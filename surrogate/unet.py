@@ -40,6 +40,9 @@ class UNetConfig(Frozen):
         Rows of zeros put around the grid on every side.
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
+    input : {"linear", "asinh"}
+        What the first convolution is given: the scaled forces, or their inverse hyperbolic sines,
+        which are as good for small forces and grow as a logarithm beyond the training range.
     dropout : float
         Probability with which a channel is dropped behind the second convolution of every level,
         in training and in stochastic passes.
@@ -51,6 +54,7 @@ class UNetConfig(Frozen):
     padding: int = Field(2, ge=0)
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
+    input: Literal["linear", "asinh"] = "linear"
     dropout: float = Field(0.0, ge=0, lt=1)
 
     def level_channels(self) -> list[int]:
@@ -109,6 +113,7 @@ class UNet(nn.Module):
         super().__init__()
         self.dimension = dimension
         self.padding = config.padding
+        self.input = config.input
         self.coarsening = 2 ** (config.levels - 1)
         channels = config.level_channels()
 
@@ -131,7 +136,7 @@ class UNet(nn.Module):
     def forward(self, force: Tensor) -> Tensor:
         """Predict the displacement grid from the force grid, both in scaled units."""
         size = force.shape[2:]
-        x = functional.pad(force, self._pads(size))
+        x = functional.pad(torch.asinh(force) if self.input == "asinh" else force, self._pads(size))
         skipped = []
         for level in self.encoder[:-1]:
             x = level(x)

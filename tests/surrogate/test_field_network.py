@@ -145,4 +145,11 @@ def test_free_points_by_hand() -> None:
 
 def test_scales_are_saved_with_the_weights() -> None:
     state = FieldNetwork(Constant(), GEOMETRY, INFO).state_dict()
-    assert set(state) == {"force_scale", "unit", "displacement_scale", "free"}
+    assert set(state) == {
+        "force_scale",
+        "unit",
+        "displacement_scale",
+        "free",
+        "aleatoric_factor",
+        "epistemic_factor",
+    }

@@ -40,14 +40,13 @@ class Linear(nn.Module):
 
 def field_network(dataset: Dataset, rho: float) -> FieldNetwork:
     torch.manual_seed(0)
-    return FieldNetwork(Linear(rho), dataset.geometry, dataset.info)
+    return FieldNetwork(Linear(rho), dataset.geometry, dataset.info).eval()
 
 
 def fisher_information(network: FieldNetwork, force: Tensor) -> Tensor:
     """h by one gradient a datum: of the means over σ, and of ln σ."""
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
-    network.eval()
     prediction = network(force)
     assert prediction.std is not None
     total = torch.zeros_like(layer.kernel.mean)
