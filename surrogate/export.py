@@ -57,7 +57,7 @@ class NodalFunction(nn.Module):
         if self.passes is None and self.network.network.members == 1:
             mean, std = self.network(force)
             return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
-        factor = self.network.network.epistemic_factor
+        _, factor = self.network.factors(force)
         moments = Moments.of(self.network(force, self.passes or 1)).scaled(factor)
         return {
             "displacement": moments.mean,

@@ -43,7 +43,7 @@ class FieldNetwork(nn.Module):
     free_points : Tensor of int, (n_free,)
         Those, numbered as the flattened grid is.
     aleatoric_factor, epistemic_factor : Tensor, ()
-        Factors a and b on standard deviations (`surrogate.recalibration`); 1 in training.
+        Factors a and b on standard deviations between the nodes (`surrogate.recalibration`).
     """
 
     force_scale: Tensor
@@ -95,7 +95,7 @@ class FieldNetwork(nn.Module):
         output = output.to(force.dtype)
         if output.shape[1] == d:
             return Prediction(output * scale, None)
-        std = (functional.softplus(output[:, d:]) + SMALLEST_STD) * self.aleatoric_factor
+        std = functional.softplus(output[:, d:]) + SMALLEST_STD
         return Prediction(output[:, :d] * scale, std * scale)
 
 

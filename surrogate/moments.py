@@ -46,7 +46,7 @@ class Moments(NamedTuple):
         return cls(len(prediction.mean), mean, squares, std.square().sum(dim=0))
 
     def scaled(self, epistemic_factor: Tensor) -> Moments:
-        """Those with a factor on the epistemic standard deviation."""
+        """Those with factors on the epistemic standard deviation, (N, 1, 1)."""
         return self._replace(squares=self.squares * epistemic_factor.square())
 
     def joined(self, other: Moments) -> Moments:

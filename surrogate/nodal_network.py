@@ -81,7 +81,22 @@ class NodalNetwork(nn.Module):
             nodal: Tensor = self.to_nodes(field.flatten(2)).transpose(1, 2)
             return nodal.reshape(self.network.members * passes, -1, *nodal.shape[1:])
 
-        return Prediction(at_nodes(mean), None if std is None else at_nodes(std))
+        if std is None:
+            return Prediction(at_nodes(mean), None)
+        return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
+
+    def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
+        r"""Factors on aleatoric and epistemic standard deviations, (N, 1, 1) each, of some forces.
+
+        The factors that were fitted in the range of training, and beyond it 1 more and more:
+        :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, r being the largest force component
+        over the largest in training.
+        """
+        limit = self.network.force_scale * 3**0.5  # its definition, backwards
+        reach = force.abs().amax(dim=(1, 2), keepdim=True) / limit
+        weight = reach.clamp(min=1).pow(-4)
+        network = self.network
+        return network.aleatoric_factor**weight, network.epistemic_factor**weight
 
 
 def interpolation(grid: Grid) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -166,7 +166,7 @@ class Surrogate:
         at_once = max(1, BATCH // max(len(nodal), 1))
         chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
         moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
-        moments = moments.scaled(self.network.epistemic_factor.double())
+        moments = moments.scaled(self.nodal_network.factors(force)[1].double())
         mean, epistemic, aleatoric = (
             field.cpu().numpy()
             for field in (moments.mean, moments.std_epistemic, moments.std_aleatoric)

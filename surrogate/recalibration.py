@@ -6,6 +6,9 @@ with a and b of greatest likelihood (Kuleshov et al. 2018; Laves et al. 2020).
 A heteroscedastic network explains the error of one draw of its weights, so that the mean over
 draws, which errs less, is given the weights' spread twice; and errors on training samples are not
 those on others.
+
+Beyond the forces of the training nothing is known of either, and the factors tend to 1 there
+(`NodalNetwork.factors`).
 """
 
 from __future__ import annotations

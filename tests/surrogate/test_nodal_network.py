@@ -36,6 +36,7 @@ class Field(nn.Module):
     """Takes forces for displacements, and twice them for standard deviations."""
 
     members = 1
+    force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
 
     def forward(self, force: Tensor) -> Prediction:
         return Prediction(force, 2 * force)

@@ -89,3 +89,17 @@ def test_of_a_run(
 def test_it_needs_held_out_samples(make_config: Callable[..., RunConfig]) -> None:
     with pytest.raises(ValueError, match="recalibrate expects validation_fraction > 0, found 0"):
         make_config(likelihood="maximum_likelihood", validation_fraction=0.0, recalibrate=True)
+
+
+def test_factors_fade_beyond_the_training_range(evaluated: Path) -> None:
+    """a^w with w = r⁻⁴: at 0.5, 1 and 2 times the largest force a, a and a^(1/16)."""
+    model = load(evaluated)
+    model.network.aleatoric_factor.fill_(0.4)
+    model.network.epistemic_factor.fill_(0.9)
+    force = torch.zeros(3, *model.geometry.coordinates.shape)
+    limit = max(model.description.data.info.force.max_abs)
+    force[:, 31, 1] = torch.tensor([0.5, -1.0, 2.0]) * limit
+    aleatoric, epistemic = model.nodal_network.factors(force)
+    assert aleatoric.shape == (3, 1, 1)
+    torch.testing.assert_close(aleatoric.flatten(), torch.tensor([0.4, 0.4, 0.4 ** (1 / 16)]))
+    torch.testing.assert_close(epistemic.flatten(), torch.tensor([0.9, 0.9, 0.9 ** (1 / 16)]))
