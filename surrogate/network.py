@@ -40,7 +40,7 @@ def _unet(config: RunConfig, dimension: int, member: int) -> UNet:
     others = (member,) if member else ()
     torch.manual_seed(stream(config.seed, INITIAL_WEIGHTS, *others))
     outputs = output_channels(config.likelihood, dimension)
-    return UNet(dimension, outputs, config.network, config.variational)
+    return UNet(dimension, outputs, config.network, config.variational, member)
 
 
 def require_suitable(config: RunConfig, dataset: Dataset, train: Samples) -> None:

@@ -23,6 +23,19 @@ CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
+Input = Literal["linear", "asinh", "saturating"]
+
+
+def saturating(force: Tensor) -> Tensor:
+    """Saturate scaled forces: f / √(1 + f²/3) tends to ±√3, the end of the training range."""
+    return force * torch.rsqrt(1 + force.square() / 3)
+
+
+INPUTS: dict[Input, Callable[[Tensor], Tensor]] = {
+    "linear": lambda force: force,
+    "asinh": torch.asinh,
+    "saturating": saturating,
+}
 
 
 class UNetConfig(Frozen):
@@ -40,9 +53,11 @@ class UNetConfig(Frozen):
         Rows of zeros put around the grid on every side.
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
-    input : {"linear", "asinh"}
-        What the first convolution is given: the scaled forces, or their inverse hyperbolic sines,
-        which are as good for small forces and grow as a logarithm beyond the training range.
+    inputs : tuple of {"linear", "asinh", "saturating"}
+        What the first convolution is given of the scaled forces f: f, arsinh f or f / √(1 + f²/3).
+        All serve within the training range, −√3 to √3; beyond it the network goes on linearly in
+        what it is given, so that an ensemble, whose members take them in turn, spreads over
+        responses that go on, stiffen and saturate.
     dropout : float
         Probability with which a channel is dropped behind the second convolution of every level,
         in training and in stochastic passes.
@@ -54,7 +69,7 @@ class UNetConfig(Frozen):
     padding: int = Field(2, ge=0)
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
-    input: Literal["linear", "asinh"] = "linear"
+    inputs: tuple[Input, ...] = Field(("linear",), min_length=1)
     dropout: float = Field(0.0, ge=0, lt=1)
 
     def level_channels(self) -> list[int]:
@@ -101,6 +116,8 @@ class UNet(nn.Module):
     config : UNetConfig
     variational : VariationalConfig, optional
         Which convolutions are probabilistic; none if left out.
+    member : int
+        Its number in an ensemble.
     """
 
     def __init__(
@@ -109,11 +126,12 @@ class UNet(nn.Module):
         outputs: int,
         config: UNetConfig,
         variational: VariationalConfig | None = None,
+        member: int = 0,
     ) -> None:
         super().__init__()
         self.dimension = dimension
         self.padding = config.padding
-        self.input = config.input
+        self.transform = INPUTS[config.inputs[member % len(config.inputs)]]
         self.coarsening = 2 ** (config.levels - 1)
         channels = config.level_channels()
 
@@ -136,7 +154,7 @@ class UNet(nn.Module):
     def forward(self, force: Tensor) -> Tensor:
         """Predict the displacement grid from the force grid, both in scaled units."""
         size = force.shape[2:]
-        x = functional.pad(torch.asinh(force) if self.input == "asinh" else force, self._pads(size))
+        x = functional.pad(self.transform(force), self._pads(size))
         skipped = []
         for level in self.encoder[:-1]:
             x = level(x)

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from surrogate.unet import UNet, UNetConfig, parameter_count
+from surrogate.unet import INPUTS, Input, UNet, UNetConfig, parameter_count
 
 
 def count_by_formula(dimension: int, channels: list[int], batch_norm: bool) -> int:
@@ -162,3 +162,28 @@ def test_activation_by_name(name: str, kind: type[nn.Module]) -> None:
     config = UNetConfig.model_validate({"levels": 2, "channels": 2, "activation": name})
     # two convolutions at each of 2 + 1 levels
     assert sum(isinstance(module, kind) for module in UNet(2, 2, config).modules()) == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("linear", [0.01, 3.0, -12.0]),
+        ("asinh", [0.01, math.log(3 + math.sqrt(10)), -math.log(12 + math.sqrt(145))]),
+        ("saturating", [0.01, 1.5, -12 / 7]),  # 3 / √(1 + 9/3), 12 / √(1 + 144/3)
+    ],
+)
+def test_inputs_by_hand(name: Input, expected: list[float]) -> None:
+    """All are f for small forces."""
+    found = INPUTS[name](torch.tensor([0.01, 3.0, -12.0]))
+    torch.testing.assert_close(found, torch.tensor(expected), rtol=1e-4, atol=0.0)
+
+
+def test_members_take_the_inputs_in_turn() -> None:
+    config = UNetConfig(levels=1, channels=4, inputs=("linear", "saturating"))
+    force = torch.full((1, 2, 4, 4), 50.0)
+    networks = [UNet(2, 2, config, member=member).eval() for member in range(3)]
+    networks[1].load_state_dict(networks[0].state_dict())
+    networks[2].load_state_dict(networks[0].state_dict())
+    first, second, third = (network(force) for network in networks)
+    assert torch.equal(first, third)
+    assert second.abs().max() < 0.1 * first.abs().max()
