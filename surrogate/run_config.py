@@ -39,6 +39,8 @@ class TrainingConfig(Frozen):
         `early_stopping` and for `recalibrate`.
     recalibrate : bool
         Whether predicted standard deviations get factors fitted to that part.
+    calibration_fraction : float
+        Part of the training split that nothing sees but conformal intervals.
     early_stopping : EarlyStoppingConfig, optional
         With it the model is that of the epoch with the smallest validation loss.
     ema : float, optional
@@ -64,6 +66,7 @@ class TrainingConfig(Frozen):
     beta: float = Field(0.0, ge=0, le=1)
     validation_fraction: float = Field(0.0, ge=0, lt=1)
     recalibrate: bool = False
+    calibration_fraction: float = Field(0.0, ge=0, lt=1)
     early_stopping: EarlyStoppingConfig | None = None
     ema: float | None = Field(None, gt=0, lt=1)
     precision: Precision = "float32"

@@ -18,16 +18,16 @@ from shared_schema.errors import InputError, WorkError
 from surrogate.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.cuda_graph import can_capture
 from surrogate.data_parallel import ALONE, Ranks
-from surrogate.dataset import Dataset, Samples
+from surrogate.dataset import Dataset
 from surrogate.device import lay_out
 from surrogate.geometry import Geometry
 from surrogate.network import make_network, require_suitable, start_from_data
+from surrogate.parts import split_parts
 from surrogate.prediction import make_surrogate
 from surrogate.recalibration import recalibrate
 from surrogate.run_config import RunConfig
 from surrogate.run_description import describe
 from surrogate.run_folder import RunFolder
-from surrogate.seeds import VALIDATION, stream
 from surrogate.trainer import Trainer
 from surrogate.training_log import TrainingLog, require_tensorboard
 from surrogate.unet import parameter_count
@@ -36,32 +36,6 @@ from surrogate.unet import parameter_count
 def all_finite(network: torch.nn.Module) -> bool:
     """Tell whether no weight is NaN or infinite."""
     return all(bool(torch.isfinite(p).all()) for p in network.parameters())
-
-
-def split_validation(samples: Samples, fraction: float, seed: int) -> tuple[Samples, Samples]:
-    """Set a random part of the training split aside for validation."""
-    generator = torch.Generator().manual_seed(stream(seed, VALIDATION))
-    order = torch.randperm(len(samples), generator=generator)
-    count = round(fraction * len(samples))
-    return samples[order[count:].sort().values], samples[order[:count].sort().values]
-
-
-def check_parts(config: RunConfig, train: Samples, validation: Samples, ranks: Ranks) -> None:
-    """Raise InputError unless there are samples for what is configured."""
-    training, count = config.training, len(train) + len(validation)
-    fraction = f"key 'training.validation_fraction' = {training.validation_fraction}"
-    if len(train) == 0:
-        raise InputError(f"config '{config.name}': {fraction} leaves none of {count} samples")
-    if training.early_stopping is not None and len(validation) == 0:
-        raise InputError(
-            f"config '{config.name}': {fraction} takes none of {count} samples, but "
-            "'training.early_stopping' expects some"
-        )
-    if training.batch_size < ranks.count:
-        raise InputError(
-            f"config '{config.name}': key 'training.batch_size' = {training.batch_size}, expected "
-            f"{ranks.count} at least, the number of processes"
-        )
 
 
 def train(
@@ -101,18 +75,20 @@ def train(
     if tensorboard:
         require_tensorboard()
     description, training = describe(config, dataset), config.training
-    train_part, validation_part = split_validation(
-        dataset.train, training.validation_fraction, config.seed
-    )
-    check_parts(config, train_part, validation_part, ranks)
-    require_suitable(config, dataset, train_part)
+    parts = split_parts(dataset.train, config)
+    if training.batch_size < ranks.count:
+        raise InputError(
+            f"config '{config.name}': key 'training.batch_size' = {training.batch_size}, expected "
+            f"{ranks.count} at least, the number of processes"
+        )
+    require_suitable(config, dataset, parts.train)
     ranks.from_first(lambda: run.start(description))
     if run.model.is_file():
         return
     began = time.perf_counter()
     network = make_network(description, dataset.geometry)
     if not run.checkpoint.is_file():
-        start_from_data(network, config, dataset, train_part)
+        start_from_data(network, config, dataset, parts.train)
     lay_out(network, dataset.geometry.dimension, training.precision, device)
     if training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         print(
@@ -121,7 +97,7 @@ def train(
             file=sys.stderr,
         )
     node_fraction = float(dataset.geometry.grid.mask.mean())
-    trainer = Trainer(config, network, train_part, validation_part, node_fraction, ranks)
+    trainer = Trainer(config, network, parts.train, parts.validation, node_fraction, ranks)
     if config.model == "pod":
         _finish_fit(trainer, dataset.geometry, run, time.perf_counter() - began)
         return
@@ -154,7 +130,7 @@ def train(
             trainer.finish_epoch(epoch, measures)
             now = time.perf_counter()
             seconds += now - began
-            rate = len(train_part) / (trained - began)
+            rate = len(parts.train) / (trained - began)
             log.write({"epoch": epoch, **measures, "seconds": seconds, "samples_per_second": rate})
             over = epoch == last or trainer.is_over(epoch)
             if over or now - saved > training.checkpoint_seconds:
@@ -168,7 +144,7 @@ def train(
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if training.recalibrate:
             surrogate = make_surrogate(tensors, description)
-            recalibrate(surrogate, validation_part)
+            recalibrate(surrogate, parts.validation)
             tensors |= surrogate.network.state_dict()
         run.write_tensors(tensors)
 

@@ -9,11 +9,12 @@ import torch
 
 from surrogate.calibration import judge
 from surrogate.dataset import Dataset
+from surrogate.parts import split_parts
 from surrogate.prediction import Distribution, load
 from surrogate.recalibration import fit_factors
 from surrogate.run_config import RunConfig
 from surrogate.run_folder import RunFolder
-from surrogate.training import split_validation, train
+from surrogate.training import train
 
 FREE = np.array([False, True, True])
 
@@ -70,7 +71,7 @@ def test_of_a_run(
         folder = tmp_path / str(recalibrate)
         train(config, dataset, RunFolder(folder), torch.device("cpu"))
         surrogates[recalibrate] = load(folder)
-    _, held_out = split_validation(dataset.train, 0.3, seed=0)
+    held_out = split_parts(dataset.train, config).validation
     grid = dataset.geometry.grid
     force, reference = (
         grid.to_nodes(field.double().numpy()) for field in (held_out.force, held_out.displacement)

@@ -23,7 +23,7 @@ from surrogate.run_config import RunConfig
 from surrogate.run_folder import RunFolder
 from surrogate.seeds import stream
 from surrogate.trainer import Trainer
-from surrogate.training import split_validation, train
+from surrogate.training import train
 
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., RunConfig]
@@ -281,18 +281,6 @@ def test_gradient_clip_bounds_the_gradient(
     train(config, dataset, RunFolder(tmp_path / "run"), CPU)
     assert len(norms) == 3  # 43 training samples in batches of 16
     assert max(norms) <= 1e-3 * (1 + 1e-5)
-
-
-def test_validation_part(dataset: Dataset) -> None:
-    """A fifth of 48 samples, 9.6, is 10."""
-    kept, validation = split_validation(dataset.train, 0.2, seed=0)
-    assert (len(kept), len(validation)) == (38, 10)
-    rows = torch.cat((kept.force, validation.force)).flatten(1).tolist()
-    assert sorted(rows) == sorted(dataset.train.force.flatten(1).tolist())
-    again = split_validation(dataset.train, 0.2, seed=0)[1]
-    assert torch.equal(again.force, validation.force)
-    other = split_validation(dataset.train, 0.2, seed=1)[1]
-    assert not torch.equal(other.force, validation.force)
 
 
 def test_streams_of_one_seed_differ() -> None:
