@@ -57,6 +57,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NODAL_DIR",
         help="predict the samples of this nodal dataset as well: other loads on the same body",
     )
+    evaluate.add_argument(
+        "--conformal",
+        type=float,
+        metavar="LEVEL",
+        help="fit conformal intervals to the run's calibration part, and judge them",
+    )
     evaluate.set_defaults(command=_evaluate)
 
     predict = commands.add_parser("predict", help="predict one load case and write the fields")
@@ -67,6 +73,11 @@ def _parser() -> argparse.ArgumentParser:
     predict.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     _add_passes(predict, "stochastic passes, of networks with probabilistic weights (default 300)")
     predict.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    predict.add_argument(
+        "--conformal",
+        choices=("marginal", "simultaneous"),
+        help="add the ends of the run's conformal intervals: 'lower' and 'upper'",
+    )
     predict.set_defaults(command=_predict)
 
     export = commands.add_parser(
@@ -127,7 +138,12 @@ def _evaluate(options: argparse.Namespace) -> None:
 
     device = choose_device(options.device).type
     evaluation = evaluate(
-        options.run, options.data, device, loads=options.loads, **_passes(options)
+        options.run,
+        options.data,
+        device,
+        loads=options.loads,
+        conformal=options.conformal,
+        **_passes(options),
     )
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
@@ -146,15 +162,23 @@ def _predict(options: argparse.Namespace) -> None:
     from shared_schema.point_load import nodal_forces
     from shared_schema.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
+    from surrogate.intervals import load_intervals
     from surrogate.prediction import load
+    from surrogate.run_folder import RunFolder
 
     require_suffix(options.out)
+    intervals = None
+    if options.conformal:
+        intervals = load_intervals(RunFolder(options.run).intervals)
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
     forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
     predicted = surrogate.predict_distribution(forces, **_passes(options))
     fields = predicted.fields() if surrogate.is_probabilistic else {"displacement": predicted.mean}
+    if intervals is not None:
+        ends = intervals.bounds(options.conformal, surrogate, predicted)
+        fields |= dict(zip(("lower", "upper"), ends, strict=True))
     warning = surrogate.outside_training(forces)
     if warning:
         print(f"surrogate: warning: {warning}", file=sys.stderr)

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from shared_schema.checker import require_intact
 from shared_schema.errors import InputError
+from shared_schema.grid import Grid
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
 from shared_schema.shard import read_attributes, read_shard
@@ -57,6 +58,8 @@ class Dataset:
         In ascending order of the sample number.
     nodal_test : NodalSamples
         The test split by nodes.
+    embedded_train : NodalSamples or None
+        The training split by nodes, of an embedded grid, which does not give it back.
     stiffness : Stiffness or None
         Of the undeformed body without supports, if the dataset has it.
     """
@@ -66,7 +69,15 @@ class Dataset:
     train: Samples
     test: Samples
     nodal_test: NodalSamples
+    embedded_train: NodalSamples | None = None
     stiffness: Stiffness | None = None
+
+    def nodal_train(self, rows: Tensor) -> NodalSamples:
+        """Some samples of the training split by nodes."""
+        if self.embedded_train is None:
+            return at_nodes(self.geometry.grid, self.train[rows])
+        whole, chosen = self.embedded_train, rows.numpy()
+        return NodalSamples(whole.force[chosen], whole.displacement[chosen])
 
     @property
     def info(self) -> StructuredInfo:
@@ -100,18 +111,30 @@ def read_dataset(folder: Path) -> Dataset:
         torch.from_numpy(joined("samples/displacement")[order]),
     )
     geometry = Geometry.from_shard(shards[0], cell_type)
+    train, test = samples[~is_test], samples[is_test]
     if isinstance(geometry.grid, GridMap):
-        force, displacement = (
-            geometry.grid.to_nodes(values[is_test].numpy())
-            for values in (samples.force, samples.displacement)
-        )
+        dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
     else:
-        chosen = order[is_test.numpy()]
-        displacement = joined("samples/nodal_displacement")[chosen]
-        nodes, loads = joined("samples/loaded_nodes"), joined("samples/nodal_force")
-        force = scatter(nodes[chosen], loads[chosen], len(geometry.coordinates))
-    nodal_test = NodalSamples(force.astype(np.float64), displacement.astype(np.float64))
-    dataset = Dataset(manifest, geometry, samples[~is_test], samples[is_test], nodal_test)
+        displacement = joined("samples/nodal_displacement")[order]
+        nodes, loads = (
+            joined(f"samples/{name}")[order] for name in ("loaded_nodes", "nodal_force")
+        )
+        force = scatter(nodes, loads, len(geometry.coordinates))
+        chosen = is_test.numpy()
+        nodal_train, nodal_test = (
+            NodalSamples(force[rows].astype(np.float64), displacement[rows].astype(np.float64))
+            for rows in (~chosen, chosen)
+        )
+        dataset = Dataset(manifest, geometry, train, test, nodal_test, nodal_train)
     if dataset.info.stiffness is None:
         return dataset
     return replace(dataset, stiffness=read_stiffness(folder))
+
+
+def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
+    """Samples on a grid whose points are nodes, by nodes."""
+    force, displacement = (
+        grid.to_nodes(field.numpy()).astype(np.float64)
+        for field in (samples.force, samples.displacement)
+    )
+    return NodalSamples(force, displacement)

@@ -19,6 +19,7 @@ from surrogate import figures, uncertainty_figures
 from surrogate.calibration import CalibrationMeasures, judge
 from surrogate.dataset import Dataset, read_dataset
 from surrogate.extrapolation import Extrapolation, extrapolate
+from surrogate.intervals import fit_intervals
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
 from surrogate.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.published import PUBLISHED
@@ -90,6 +91,7 @@ def evaluate(
     passes: int = PASSES,
     seed: int = 0,
     loads: Path | None = None,
+    conformal: float | None = None,
 ) -> Evaluation:
     """Evaluate a run on the test split of a dataset and write measures and figures into it.
 
@@ -103,6 +105,8 @@ def evaluate(
         Stochastic passes, of networks that are stochastic.
     loads : Path, optional
         Nodal dataset of the same body under other loads, to predict as well.
+    conformal : float, optional
+        Level of conformal intervals to fit to the run's calibration part, and to judge.
 
     Raises
     ------
@@ -119,6 +123,9 @@ def evaluate(
     if len(dataset.test) == 0:
         raise InputError(f"{data}: no test samples in it")
     force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
+    intervals = None
+    if conformal is not None:
+        intervals = fit_intervals(surrogate, dataset, conformal, passes, seed)
     distribution = surrogate.predict_distribution(force, passes, seed)
     evaluation = Evaluation(
         surrogate,
@@ -153,6 +160,9 @@ def evaluate(
         content["uncertainty"] = {**drawn, **evaluation.calibration.plain()}
     if evaluation.extrapolation is not None:
         content["extrapolation"] = evaluation.extrapolation.plain()
+    if intervals is not None:
+        content["conformal"] = intervals.measures(surrogate, distribution, reference)
+        intervals.save(run.intervals)
     write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     write_figures(evaluation, run)
     return evaluation

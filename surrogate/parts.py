@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from shared_schema.errors import InputError
 from surrogate.dataset import Samples
@@ -21,18 +22,21 @@ class Parts:
     train, validation, calibration : Samples
         What the weights are fitted to; what says when to stop, and how wide the bands are; and
         what nothing but conformal intervals ever sees.
+    calibration_rows : Tensor of int
+        Which samples of the training split the last ones are.
     """
 
     train: Samples
     validation: Samples
     calibration: Samples
+    calibration_rows: Tensor
 
 
-def set_aside(samples: Samples, count: int, seed: int, purpose: int) -> tuple[Samples, Samples]:
-    """Set `count` random samples aside: those left, and those."""
+def set_aside(rows: Tensor, count: int, seed: int, purpose: int) -> tuple[Tensor, Tensor]:
+    """Set `count` random rows aside: those left, and those, each in its order."""
     generator = torch.Generator().manual_seed(stream(seed, purpose))
-    order = torch.randperm(len(samples), generator=generator)
-    return samples[order[count:].sort().values], samples[order[:count].sort().values]
+    order = torch.randperm(len(rows), generator=generator)
+    return rows[order[count:].sort().values], rows[order[:count].sort().values]
 
 
 def split_parts(samples: Samples, config: RunConfig) -> Parts:
@@ -45,7 +49,10 @@ def split_parts(samples: Samples, config: RunConfig) -> Parts:
     """
     training, total = config.training, len(samples)
     rest, validation = set_aside(
-        samples, round(training.validation_fraction * total), config.seed, VALIDATION
+        torch.arange(total),
+        round(training.validation_fraction * total),
+        config.seed,
+        VALIDATION,
     )
     count = min(round(training.calibration_fraction * total), len(rest))
     train, calibration = set_aside(rest, count, config.seed, CALIBRATION)
@@ -62,4 +69,4 @@ def split_parts(samples: Samples, config: RunConfig) -> Parts:
                 f"config '{config.name}': key {fraction} takes none of {total} samples, but "
                 f"'training.{key}' expects some"
             )
-    return Parts(train, validation, calibration)
+    return Parts(samples[train], samples[validation], samples[calibration], calibration)

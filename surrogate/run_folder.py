@@ -6,6 +6,7 @@
     model.safetensors   weights, scales, mesh and grid map
     metrics.jsonl       one line an epoch
     evaluation.json     errors on the test split
+    intervals.safetensors   factors of conformal intervals, where asked for
     figures/            pictures
     checkpoint/         last.safetensors, to resume from
     tensorboard/        event files of TensorBoard, on demand
@@ -42,6 +43,7 @@ class RunFolder:
         self.model = folder / "model.safetensors"
         self.metrics = folder / "metrics.jsonl"
         self.evaluation = folder / "evaluation.json"
+        self.intervals = folder / "intervals.safetensors"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
