@@ -11,7 +11,10 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import nn
 
+from surrogate.gaussian_parameter import GaussianParameter
 from surrogate.seeds import PASS, stream
+
+DRAWN = 2**28  # a gigabyte
 
 
 @runtime_checkable
@@ -36,11 +39,19 @@ class Passes:
     Parameters
     ----------
     network : nn.Module
+
+    Attributes
+    ----------
+    at_once : int
+        As many passes as there is memory for, `DRAWN` weights.
     """
 
     def __init__(self, network: nn.Module) -> None:
         self._modules = drawables(network)
         self._drawn: tuple[int, range] | None = None
+        gaussian = (m for m in network.modules() if isinstance(m, GaussianParameter))
+        weights = sum(parameter.mean.numel() for parameter in gaussian)
+        self.at_once = max(1, DRAWN // max(weights, 1))
 
     @property
     def differ(self) -> bool:

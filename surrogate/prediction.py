@@ -23,7 +23,8 @@ from surrogate.passes import Passes
 from surrogate.run_description import RunDescription
 from surrogate.run_folder import RunFolder
 
-BATCH = 4096  # samples times passes at once
+BATCH = 4096  # samples times passes at once, at most,
+VALUES = 2**25  # and at most as many values of a layer
 PASSES = 300
 Array = NDArray[np.float64]
 
@@ -137,8 +138,8 @@ class Surrogate:
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         passes = passes if self.is_stochastic else 1
         parts = [
-            self._distribution(samples[start : start + BATCH], passes, seed)
-            for start in range(0, max(len(samples), 1), BATCH)
+            self._distribution(samples[start : start + self._batch], passes, seed)
+            for start in range(0, max(len(samples), 1), self._batch)
         ]
         mean, epistemic, aleatoric = (
             np.concatenate(fields).reshape(nodal.shape) for fields in zip(*parts, strict=True)
@@ -146,6 +147,12 @@ class Surrogate:
         if self.description.run.model == "pod":  # a Gaussian process's is its lack of data
             epistemic, aleatoric = aleatoric, epistemic
         return Distribution(mean, epistemic, aleatoric)
+
+    @property
+    def _batch(self) -> int:
+        channels = self.description.run.network.channels
+        values = channels * self.geometry.grid.mask.size
+        return max(1, min(BATCH, VALUES // values))
 
     def _checked(self, forces: ArrayLike) -> Array:
         try:
@@ -163,7 +170,7 @@ class Surrogate:
     def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
         """Mean, epistemic and aleatoric standard deviation of one batch, over all passes."""
         force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)
-        at_once = max(1, BATCH // max(len(nodal), 1))
+        at_once = min(self.passes.at_once, max(1, self._batch // max(len(nodal), 1)))
         chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
         moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
         moments = moments.scaled(self.nodal_network.factors(force)[1].double())

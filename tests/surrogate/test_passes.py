@@ -242,3 +242,12 @@ def test_passes_are_independent(dataset: Dataset) -> None:
         batch = force.repeat(passes, 1, 1, 1)
         shared = torch.stack([model.network(batch).mean.mean(0)[:, 1:] for _ in range(repeats)])
     assert ratio(shared) > 2
+
+
+def test_as_many_passes_at_once_as_there_is_memory_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Second convolutions of 2 levels of 8 and 16 channels: 9 · (2 · 8² + 16²) = 3456 weights."""
+    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConfig())
+    monkeypatch.setattr("surrogate.passes.DRAWN", 3456 * 5 + 1)
+    assert Passes(network).at_once == 5
+    monkeypatch.setattr("surrogate.passes.DRAWN", 1)
+    assert Passes(network).at_once == 1
