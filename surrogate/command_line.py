@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report."""
+"""The command ``surrogate``: train, evaluate, predict, export, report, study, reproduce."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shared_schema.command_line import run_command
+
+if TYPE_CHECKING:
+    from surrogate.studies.study import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -96,7 +100,31 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
+
+    study = commands.add_parser("study", help="do some of the paper's tables and figures")
+    study.add_argument("names", nargs="+", metavar="NAME", help="such as force-sweep-beam")
+    _add_studies(study)
+    study.set_defaults(command=_study)
+
+    reproduce = commands.add_parser("reproduce", help="do all of the paper's tables and figures")
+    _add_studies(reproduce)
+    reproduce.add_argument(
+        "--list-data", action="store_true", help="print the commands that make missing datasets"
+    )
+    reproduce.set_defaults(command=_reproduce)
     return parser
+
+
+def _add_studies(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scale", default="laptop", metavar="NAME", help="smoke, laptop, paper, or a YAML file"
+    )
+    parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), metavar="DIR", help="networks")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="report (default docs/reproduction/SCALE)"
+    )
+    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
 
 
 def _add_passes(parser: argparse.ArgumentParser, what: str) -> None:
@@ -208,3 +236,36 @@ def _report(options: argparse.Namespace) -> None:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+
+def _study(options: argparse.Namespace) -> None:
+    from surrogate.studies.reproduction import find_studies
+
+    _do(options, find_studies(options.names))
+
+
+def _reproduce(options: argparse.Namespace) -> None:
+    from surrogate.studies.catalogue import STUDIES
+    from surrogate.studies.data_commands import missing_data
+    from surrogate.studies.scale import read_scale
+
+    if options.list_data:
+        for line in missing_data(read_scale(options.scale), options.data):
+            print(line)
+    else:
+        _do(options, STUDIES)
+
+
+def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
+    from surrogate.device import choose_device
+    from surrogate.studies.report import PAGE
+    from surrogate.studies.reproduction import reproduce
+    from surrogate.studies.scale import read_scale
+    from surrogate.studies.workshop import Workshop
+
+    scale, device = read_scale(options.scale), choose_device(options.device)
+    out = options.out or Path("docs", "reproduction", scale.name)
+    done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out)
+    print(
+        f"{out / 'README.md'}: {done} of {len(studies)} studies done now, {'all others' if done else 'all'} up to date"
+    )

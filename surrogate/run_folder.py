@@ -5,6 +5,7 @@
     config.yaml         resolved configuration, and the dataset it was trained on
     model.safetensors   weights, scales, mesh and grid map
     metrics.jsonl       one line an epoch
+    hardware.txt        what it was trained on
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals, where asked for
     figures/            pictures
@@ -42,6 +43,7 @@ class RunFolder:
         self.config = folder / "config.yaml"
         self.model = folder / "model.safetensors"
         self.metrics = folder / "metrics.jsonl"
+        self.hardware = folder / "hardware.txt"
         self.evaluation = folder / "evaluation.json"
         self.intervals = folder / "intervals.safetensors"
         self.figures = folder / "figures"
@@ -85,6 +87,10 @@ class RunFolder:
     def write_tensors(self, tensors: dict[str, Tensor]) -> None:
         """Write ``model.safetensors`` atomically."""
         save_atomically(tensors, self.model)
+
+    def trained_on(self) -> str:
+        """Name of the hardware that it was trained on, as far as it was written down."""
+        return self.hardware.read_text().strip() if self.hardware.is_file() else "unknown"
 
     def metric_lines(self) -> list[dict[str, Any]]:
         """Every whole line of ``metrics.jsonl``; a last one that was cut short is left out."""

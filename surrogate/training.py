@@ -13,6 +13,7 @@ from contextlib import closing
 
 import torch
 
+from shared_schema.atomic_file import write_text
 from shared_schema.command_line import Progress
 from shared_schema.errors import InputError, WorkError
 from surrogate.checkpoint import load_checkpoint, save_checkpoint
@@ -21,6 +22,7 @@ from surrogate.data_parallel import ALONE, Ranks
 from surrogate.dataset import Dataset
 from surrogate.device import lay_out
 from surrogate.geometry import Geometry
+from surrogate.hardware import hardware
 from surrogate.network import make_network, require_suitable, start_from_data
 from surrogate.parts import split_parts
 from surrogate.prediction import make_surrogate
@@ -146,6 +148,7 @@ def train(
             surrogate = make_surrogate(tensors, description)
             recalibrate(surrogate, parts.validation)
             tensors |= surrogate.network.state_dict()
+        write_text(run.hardware, hardware(device) + "\n")
         run.write_tensors(tensors)
 
 
@@ -154,4 +157,5 @@ def _finish_fit(trainer: Trainer, geometry: Geometry, run: RunFolder, seconds: f
     if trainer.ranks.is_first:
         with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
             log.write({"epoch": 0, **trainer.validate(), "seconds": seconds})
+        write_text(run.hardware, hardware(trainer.device) + "\n")
         run.write_tensors({**trainer.network.state_dict(), **geometry.tensors()})

@@ -1,0 +1,49 @@
+"""The commands of `datagen` that make the datasets of a scale."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+from shared_schema.manifest import MANIFEST
+from surrogate.studies.scale import Scale
+
+
+def missing_data(scale: Scale, data: Path) -> Iterator[str]:
+    """Commands that make what is missing of a scale's datasets, in order.
+
+    They are lines for a shell, in which the variable ``MPIRUN`` may hold how ranks are started.
+
+    Parameters
+    ----------
+    scale : Scale
+    data : Path
+        Folder of the datasets: `data`/NAME/nodal and `data`/NAME/structured.
+    """
+    for name, spec in scale.datasets.items():
+        folder = data / scale.folder_of(name)
+        nodal, structured = folder / "nodal", folder / "structured"
+        commands = []
+        if spec.case:
+            samples = ("--samples", spec.samples) if spec.samples else ()
+            command = line("run", spec.case, "--out", nodal, *samples)
+            commands.append((nodal, f"${{MPIRUN-}} {command}"))
+        else:
+            source = data / scale.folder_of(str(spec.of)) / "nodal"
+            if spec.noise:
+                commands.append((nodal, line("noise", source, "--out", nodal)))
+            else:
+                nodal = source
+        if spec.grid:
+            order = () if spec.order == "preferred" else ("--order", spec.order)
+            commands.append((structured, line("structure", nodal, "--out", structured, *order)))
+        missing = [command for made, command in commands if not (made / MANIFEST).is_file()]
+        if missing:
+            yield f"mkdir -p {shlex.quote(str(folder))}"
+            yield from missing
+
+
+def line(*words: object) -> str:
+    """A command of `datagen` as a shell reads it."""
+    return f"datagen {shlex.join(str(word) for word in words)}"

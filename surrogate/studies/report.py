@@ -1,0 +1,163 @@
+"""The report on all studies of a scale: a page of Markdown made of their records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from pydantic import Field
+
+from shared_schema.atomic_file import write_text
+from shared_schema.configuration import Frozen, read_yaml, validate
+from surrogate.studies.record import Cell, Comparison, Record, Verdict, overall
+from surrogate.studies.scale import Scale
+from surrogate.studies.study import Study, read_record
+
+PAGE = "README.md"
+DISCUSSION = "discussion.yaml"
+NOT_DONE = "not done"
+
+
+class Discussion(Frozen):
+    """What is said of the findings by hand: an introduction, and paragraphs on studies.
+
+    Attributes
+    ----------
+    introduction : str
+    studies : dict of str to str
+    """
+
+    introduction: str = ""
+    studies: dict[str, str] = Field(default_factory=dict)
+
+
+def write_report(scale: Scale, studies: Sequence[Study], out: Path) -> None:
+    """Write the page on all studies that were done at a scale.
+
+    Parameters
+    ----------
+    scale : Scale
+    studies : sequence of Study
+        All there are, in order.
+    out : Path
+        Folder of their records and figures, and of ``discussion.yaml`` if there is one.
+
+    Raises
+    ------
+    InputError
+        If a record or the discussion is damaged.
+    """
+    records = {study.name: read_record(out, study.name) for study in studies}
+    path = out / DISCUSSION
+    said = validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
+    parts = [
+        f"# The paper's tables and figures, at scale `{scale.name}`",
+        scale.description,
+        said.introduction,
+        verdicts(studies, records),
+        *(
+            section(study, record, said.studies.get(study.name, ""))
+            for study in studies
+            if (record := records[study.name]) is not None
+        ),
+        appendix([record for record in records.values() if record is not None]),
+    ]
+    write_text(out / PAGE, "\n\n".join(part.strip() for part in parts if part.strip()) + "\n")
+
+
+def verdicts(studies: Sequence[Study], records: dict[str, Record | None]) -> str:
+    """Every study with its verdict."""
+    rows = []
+    for study in studies:
+        record = records[study.name]
+        verdict = NOT_DONE if record is None else overall(record.findings) or "–"
+        title = study.title if record is None else f"[{study.title}](#{anchor(study.title)})"
+        rows.append((title, labels(study), verdict))
+    return markdown_table(("study", "in the paper", "verdict"), rows)
+
+
+def labels(study: Study) -> str:
+    """Labels of the paper's tables and figures."""
+    return ", ".join(f"`{label}`" for label in study.labels)
+
+
+def anchor(title: str) -> str:
+    """What a heading is called in links to it."""
+    kept = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
+    return kept.replace(" ", "-")
+
+
+def section(study: Study, record: Record, said: str) -> str:
+    """One study: what it asks, tables, numbers and claims with verdicts, discussion, figures."""
+    found = record.findings
+    parts = [f"## {study.title}", f"{study.question} In the paper: {labels(study)}."]
+    for table in found.tables:
+        parts += [table.caption, markdown_table(table.head, (map(cell, row) for row in table.rows))]
+    if found.comparisons:
+        head = ("", "here", "paper", "verdict")
+        parts.append(markdown_table(head, map(comparison_row, found.comparisons)))
+    parts += [f"- {mark(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
+    parts.append(said)
+    parts += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
+    return "\n\n".join(part.strip() for part in parts if part.strip())
+
+
+def comparison_row(comparison: Comparison) -> tuple[str, ...]:
+    """One number beside the paper's, as cells."""
+    unit = f" [{comparison.unit}]" if comparison.unit else ""
+    ours, paper = cell(comparison.ours), cell(comparison.paper)
+    return (f"{comparison.what}{unit}", ours, paper, mark(comparison.verdict))
+
+
+def mark(verdict: Verdict) -> str:
+    """A verdict as it stands in the text."""
+    return f"**{verdict}**"
+
+
+def appendix(records: Sequence[Record]) -> str:
+    """What was run: networks, datasets, machines."""
+    runs = {name: run for record in records for name, run in record.runs.items()}
+    datasets = {name: data for record in records for name, data in record.datasets.items()}
+    trained = markdown_table(
+        ("run", "configuration", "data", "seed", "epochs", "parameters", "min", "on", "digest"),
+        (
+            (
+                f"`{name}`",
+                f"`{run.config}`",
+                f"`{run.data}`",
+                str(run.seed),
+                str(run.epochs),
+                f"{run.parameters / 1e6:.3g} M",
+                f"{run.minutes:.3g}",
+                run.hardware,
+                f"`{run.fingerprint[:8]}`",
+            )
+            for name, run in runs.items()
+        ),
+    )
+    made = markdown_table(
+        ("dataset", "case", "samples", "digest"),
+        (
+            (f"`{name}`", f"`{data.case}`", str(data.samples), f"`{data.digest[:8]}`")
+            for name, data in datasets.items()
+        ),
+    )
+    machines = sorted({record.hardware for record in records})
+    return (
+        f"## What was run\n\n{trained}\n\n{made}\n\nStudies on {'; '.join(machines)}. Every record "
+        "(`*.json` beside this page) holds the whole digests, the changes to the configurations, "
+        "the minutes of the study and the versions of the software."
+    )
+
+
+def cell(value: Cell) -> str:
+    """A cell: whole numbers as they are, others in three digits, nothing as a dash."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
+    """Lay out a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

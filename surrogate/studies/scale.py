@@ -1,0 +1,153 @@
+"""At which size the studies run: the datasets, and the networks that are trained on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, model_validator
+
+from shared_schema.configuration import Frozen, read_named, validate
+from shared_schema.manifest import NodeOrder
+from surrogate.prediction import PASSES
+from surrogate.run_config import SHIPPED, RunConfig
+
+SCALES = Path(__file__).parent / "scales"
+
+
+class DatasetSpec(Frozen):
+    """How `datagen` makes a dataset: of a case, or of another dataset.
+
+    Attributes
+    ----------
+    case : str, optional
+        A shipped case.
+    samples : int, optional
+        Instead of the case's number.
+    of : str, optional
+        Name of the dataset of the same scale that this one is made of, by
+    noise : bool
+        the paper's noise, or by
+    order : {"preferred", "gmsh", "random"}
+        another order of the nodes on the grid.
+    grid : bool
+        Whether it is laid on a grid, to be trained on.
+    """
+
+    case: str | None = None
+    samples: int | None = Field(None, ge=1)
+    of: str | None = None
+    noise: bool = False
+    order: NodeOrder = "preferred"
+    grid: bool = True
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Self:
+        changed = self.noise or self.order != "preferred"
+        if (self.case is None) == (self.of is None) or changed != (self.of is not None):
+            raise ValueError("expected either 'case', or 'of' and one of 'noise' and 'order'")
+        return self
+
+
+class RunSpec(Frozen):
+    """A network to train.
+
+    Attributes
+    ----------
+    config : str
+        A shipped configuration; its case becomes that of the dataset.
+    data : str
+        Name of the dataset.
+    change : dict
+        Keys of the configuration to set otherwise, nested as they are there.
+    """
+
+    config: str
+    data: str
+    change: dict[str, Any] = Field(default_factory=dict)
+
+
+class Scale(Frozen):
+    """One size of all studies.
+
+    Attributes
+    ----------
+    description : str
+        For the report.
+    passes : int
+        Stochastic passes T of a prediction.
+    datasets : dict of str to DatasetSpec
+    runs : dict of str to RunSpec
+    """
+
+    name: str
+    description: str
+    passes: int = Field(PASSES, ge=1)
+    datasets: dict[str, DatasetSpec]
+    runs: dict[str, RunSpec]
+
+    @model_validator(mode="after")
+    def _known_datasets(self) -> Self:
+        used = [spec.of for spec in self.datasets.values() if spec.of]
+        for name in [*used, *(spec.data for spec in self.runs.values())]:
+            if name not in self.datasets:
+                raise ValueError(f"'{name}' is none of its datasets")
+        return self
+
+    def case_of(self, dataset: str) -> str:
+        """Case of a dataset, its own or that of the one it is made of."""
+        spec = self.datasets[dataset]
+        return spec.case or self.case_of(str(spec.of))
+
+    def folder_of(self, dataset: str) -> str:
+        """Name of a dataset's folder; the same at every scale that has the same dataset."""
+        spec = self.datasets[dataset]
+        if spec.of:
+            return f"{self.folder_of(spec.of)}-{'noisy' if spec.noise else spec.order}"
+        return f"{spec.case}-{spec.samples}" if spec.samples else str(spec.case)
+
+    def matching(self, patterns: tuple[str, ...]) -> list[str]:
+        """Names of the runs that match any of some patterns, in the order of the scale."""
+        return [run for run in self.runs if any(fnmatchcase(run, p) for p in patterns)]
+
+    def config_of(self, run: str) -> RunConfig:
+        """Configuration of a run.
+
+        Raises
+        ------
+        InputError
+            If there is no such configuration, or a change does not fit it.
+        """
+        spec = self.runs[run]
+        content, source = read_named(spec.config, SHIPPED, "config")
+        content["case"] = self.case_of(spec.data)
+        if spec.change:
+            content = merged(content, {"name": run, "recipe": "custom", **spec.change})
+        return validate(RunConfig, content, f"scale '{self.name}', run '{run}', {source}")
+
+
+def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested mappings with some keys set otherwise; null takes a key away."""
+    result = dict(content)
+    for key, value in change.items():
+        if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
+            result[key] = merged(result[key], value)
+        elif value is None:
+            result.pop(key, None)
+        else:
+            result[key] = value
+    return result
+
+
+def read_scale(name: str) -> Scale:
+    """Read a scale: ``smoke``, ``laptop``, ``paper``, or a YAML file.
+
+    Raises
+    ------
+    InputError
+        If there is none, or a key or value in it is wrong.
+    """
+    content, source = read_named(name, SCALES, "--scale")
+    return validate(Scale, content, source)

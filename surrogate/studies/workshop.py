@@ -1,0 +1,165 @@
+"""Where studies find datasets, trained networks and predictions; each is made or read once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+
+from shared_schema.errors import InputError
+from shared_schema.layout import Kind
+from shared_schema.manifest import Manifest, digest_of, read_manifest
+from surrogate.dataset import Dataset, read_dataset
+from surrogate.extrapolation import Extrapolation, extrapolate
+from surrogate.nodal_dataset import NodalDataset, read_nodal_dataset
+from surrogate.prediction import Distribution, Surrogate, load
+from surrogate.run_folder import RunFolder
+from surrogate.studies.record import DatasetRecord, RunRecord
+from surrogate.studies.scale import Scale
+from surrogate.training import train
+from surrogate.unet import parameter_count
+
+Value = TypeVar("Value")
+SEED = 0  # of stochastic passes
+
+
+class Workshop:
+    """Datasets, networks and predictions of one scale.
+
+    Parameters
+    ----------
+    scale : Scale
+    data : Path
+        Folder of the datasets.
+    runs : Path
+        Folder of the runs. A run's folder is named by its configuration and by the digest of
+        configuration and dataset, so that one that is there is the right one.
+    device : torch.device
+    """
+
+    def __init__(self, scale: Scale, data: Path, runs: Path, device: torch.device) -> None:
+        self.scale = scale
+        self.device = device
+        self._data, self._runs = data, runs
+        self._kept: dict[Hashable, Any] = {}
+
+    def manifest(self, dataset: str) -> Manifest:
+        """Manifest of the dataset that is trained on, or of the nodal one if it has no grid.
+
+        Raises
+        ------
+        InputError
+            If it is not there or damaged, or has another number of samples than the scale's.
+        """
+        return self._once(("manifest", dataset), lambda: self._manifest(dataset))
+
+    def _manifest(self, dataset: str) -> Manifest:
+        spec = self.scale.datasets[dataset]
+        kind: Kind = "structured" if spec.grid else "nodal"
+        manifest = read_manifest(self._folder(dataset) / kind, kind)
+        expected = spec.samples or manifest.case["dataset"]["samples"]
+        found = manifest.samples + manifest.failed
+        if spec.case and found != expected:
+            raise InputError(
+                f"{self._folder(dataset) / kind}: {found} load cases in it, expected {expected} "
+                f"by scale '{self.scale.name}'"
+            )
+        return manifest
+
+    def structured(self, dataset: str) -> Dataset:
+        """A dataset on its grid."""
+        folder = self._folder(dataset) / "structured"
+        return self._once(("structured", dataset), lambda: read_dataset(folder))
+
+    def nodal_folder(self, dataset: str) -> Path:
+        """Where a dataset lies by nodes; of one that is in another order, the original."""
+        spec = self.scale.datasets[dataset]
+        if spec.of and not spec.noise:
+            return self.nodal_folder(spec.of)
+        return self._folder(dataset) / "nodal"
+
+    def nodal(self, dataset: str) -> NodalDataset:
+        """A dataset by nodes."""
+        folder = self.nodal_folder(dataset)
+        return self._once(("nodal", folder), lambda: read_nodal_dataset(folder))
+
+    def run(self, name: str) -> RunFolder:
+        """Folder of a run, whether it is trained or not."""
+        config = self.scale.config_of(name)
+        return RunFolder(self._runs / f"{config.name}-{self.run_fingerprint(name)[:8]}")
+
+    def run_fingerprint(self, name: str) -> str:
+        """Digest of a run's configuration and dataset."""
+        config = self.scale.config_of(name)
+        data = self.manifest(self.scale.runs[name].data).digest
+        return digest_of({"config": config.plain(), "data": data})
+
+    def trained(self, name: str) -> RunFolder:
+        """Folder of a run, trained now if it is not yet, or gone on with from its checkpoint."""
+        run = self.run(name)
+        if not run.model.is_file():
+            self._runs.mkdir(parents=True, exist_ok=True)
+            train(self.scale.config_of(name), self.dataset_of(name), run, self.device)
+        return run
+
+    def surrogate(self, name: str) -> Surrogate:
+        """A trained network."""
+        return self._once(
+            ("surrogate", name), lambda: load(self.trained(name).folder, self.device.type)
+        )
+
+    def case_of(self, name: str) -> str:
+        """Case of a run."""
+        return self.scale.case_of(self.scale.runs[name].data)
+
+    def dataset_of(self, name: str) -> Dataset:
+        """The dataset that a run is trained on."""
+        return self.structured(self.scale.runs[name].data)
+
+    def predicted_test(self, name: str) -> Distribution:
+        """What a network predicts for the test split of its dataset: (M, n_nodes, d) fields."""
+        return self._once(("test", name), lambda: self._predicted_test(name))
+
+    def _predicted_test(self, name: str) -> Distribution:
+        force = self.dataset_of(name).nodal_test.force
+        return self.surrogate(name).predict_distribution(force, self.scale.passes, SEED)
+
+    def predicted_loads(self, name: str, dataset: str) -> Extrapolation:
+        """What a network predicts for every sample of another dataset of the same body."""
+        folder = self.nodal_folder(dataset)
+        return self._once(
+            ("loads", name, dataset),
+            lambda: extrapolate(self.surrogate(name), folder, self.scale.passes, SEED),
+        )
+
+    def dataset_record(self, name: str) -> DatasetRecord:
+        """What a dataset is, for the report."""
+        manifest = self.manifest(name)
+        return DatasetRecord(case=manifest.name, samples=manifest.samples, digest=manifest.digest)
+
+    def run_record(self, name: str) -> RunRecord:
+        """What a trained network is, for the report."""
+        config, run = self.scale.config_of(name), self.trained(name)
+        last = run.metric_lines()[-1]
+        return RunRecord(
+            config=config.name,
+            change=self.scale.runs[name].change,
+            data=self.scale.runs[name].data,
+            seed=config.seed,
+            fingerprint=self.run_fingerprint(name),
+            epochs=last["epoch"],
+            minutes=last["seconds"] / 60,
+            parameters=parameter_count(self.surrogate(name).network),
+            hardware=run.trained_on(),
+        )
+
+    def _folder(self, dataset: str) -> Path:
+        return self._data / self.scale.folder_of(dataset)
+
+    def _once(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        if key not in self._kept:
+            self._kept[key] = make()
+        kept: Value = self._kept[key]
+        return kept
