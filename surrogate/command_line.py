@@ -266,6 +266,5 @@ def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
     done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out)
-    print(
-        f"{out / 'README.md'}: {done} of {len(studies)} studies done now, {'all others' if done else 'all'} up to date"
-    )
+    state = f"{done} done now, " if done else ""
+    print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")

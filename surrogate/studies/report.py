@@ -123,7 +123,7 @@ def appendix(records: Sequence[Record]) -> str:
         (
             (
                 f"`{name}`",
-                f"`{run.config}`",
+                f"`{run.config}`{', changed' if run.change else ''}",
                 f"`{run.data}`",
                 str(run.seed),
                 str(run.epochs),

@@ -42,7 +42,7 @@ class Workshop:
     def __init__(self, scale: Scale, data: Path, runs: Path, device: torch.device) -> None:
         self.scale = scale
         self.device = device
-        self._data, self._runs = data, runs
+        self.data, self.runs = data, runs
         self._kept: dict[Hashable, Any] = {}
 
     def manifest(self, dataset: str) -> Manifest:
@@ -88,7 +88,7 @@ class Workshop:
     def run(self, name: str) -> RunFolder:
         """Folder of a run, whether it is trained or not."""
         config = self.scale.config_of(name)
-        return RunFolder(self._runs / f"{config.name}-{self.run_fingerprint(name)[:8]}")
+        return RunFolder(self.runs / f"{config.name}-{self.run_fingerprint(name)[:8]}")
 
     def run_fingerprint(self, name: str) -> str:
         """Digest of a run's configuration and dataset."""
@@ -100,7 +100,7 @@ class Workshop:
         """Folder of a run, trained now if it is not yet, or gone on with from its checkpoint."""
         run = self.run(name)
         if not run.model.is_file():
-            self._runs.mkdir(parents=True, exist_ok=True)
+            self.runs.mkdir(parents=True, exist_ok=True)
             train(self.scale.config_of(name), self.dataset_of(name), run, self.device)
         return run
 
@@ -141,13 +141,13 @@ class Workshop:
 
     def run_record(self, name: str) -> RunRecord:
         """What a trained network is, for the report."""
-        config, run = self.scale.config_of(name), self.trained(name)
+        spec, run = self.scale.runs[name], self.trained(name)
         last = run.metric_lines()[-1]
         return RunRecord(
-            config=config.name,
-            change=self.scale.runs[name].change,
-            data=self.scale.runs[name].data,
-            seed=config.seed,
+            config=spec.config,
+            change=spec.change,
+            data=spec.data,
+            seed=self.scale.config_of(name).seed,
             fingerprint=self.run_fingerprint(name),
             epochs=last["epoch"],
             minutes=last["seconds"] / 60,
@@ -156,7 +156,7 @@ class Workshop:
         )
 
     def _folder(self, dataset: str) -> Path:
-        return self._data / self.scale.folder_of(dataset)
+        return self.data / self.scale.folder_of(dataset)
 
     def _once(self, key: Hashable, make: Callable[[], Value]) -> Value:
         if key not in self._kept:

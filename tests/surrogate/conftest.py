@@ -94,10 +94,17 @@ def statistics(values: np.ndarray) -> ComponentStatistics:
     )
 
 
-def build(folder: Path, dimension: int = 2, seed: int = 0, **case_changes: Any) -> Path:
+def build(
+    folder: Path,
+    dimension: int = 2,
+    seed: int = 0,
+    corner_forces: np.ndarray | None = None,
+    **case_changes: Any,
+) -> Path:
     """Write ``nodal`` and ``structured`` into `folder`; return the structured dataset.
 
     Sample numbers are dealt to the two shards in turn, so that shards are not in their order.
+    With `corner_forces` (60, d), these act at the last loadable node instead of random ones.
     """
     case = {**CASES[dimension], **case_changes}
     mesh = make_mesh(dimension)
@@ -105,6 +112,8 @@ def build(folder: Path, dimension: int = 2, seed: int = 0, **case_changes: Any) 
     rng = np.random.default_rng(seed)
     nodes = rng.choice(np.flatnonzero(mesh["mesh/loadable"]), SAMPLES)
     forces = rng.uniform(-2.5, 2.5, (SAMPLES, dimension))
+    if corner_forces is not None:
+        nodes, forces = np.full(SAMPLES, np.flatnonzero(mesh["mesh/loadable"])[-1]), corner_forces
     displacement = np.stack([solve(coordinates, n, f) for n, f in zip(nodes, forces, strict=True)])
     is_test = np.zeros(SAMPLES, dtype=bool)
     is_test[rng.permutation(SAMPLES)[:TEST]] = True
