@@ -5,6 +5,7 @@ MODEL ?= det
 RECIPE ?= fast
 NP ?= 2
 SAMPLES ?=
+SCALE ?= smoke
 TORCH ?= torch==2.13.0
 
 DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
@@ -21,10 +22,11 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report test lint clean debian-packages
+.PHONY: help setup demo data train evaluate report reproduce test lint clean debian-packages
 
 help: ## list the targets
-	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all):"
+	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
+		"SCALE=$(SCALE)):"
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
 
 setup: .venv-datagen/.installed .venv-surrogate/.installed ## install what is missing
@@ -46,6 +48,12 @@ evaluate: train ## measure the run on the test split, draw its figures
 
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
+
+reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
+	@$(SURROGATE) reproduce --scale $(SCALE) --list-data > .venv-surrogate/data-commands
+	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
+		sh -e .venv-surrogate/data-commands
+	$(SURROGATE) reproduce --scale $(SCALE)
 
 test: setup ## run every test (add T="-m 'not slow'" to choose)
 	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
