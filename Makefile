@@ -6,6 +6,7 @@ RECIPE ?= fast
 NP ?= 2
 SAMPLES ?=
 SCALE ?= smoke
+WHERE ?=
 TORCH ?= torch==2.13.0
 
 DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
@@ -16,6 +17,7 @@ DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py pyt
 	python3-meshio python3-venv python3-yaml
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
+REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
@@ -50,10 +52,10 @@ report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
 
 reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
-	@$(SURROGATE) reproduce --scale $(SCALE) --list-data > .venv-surrogate/data-commands
+	@$(REPRODUCE) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
 		sh -e .venv-surrogate/data-commands
-	$(SURROGATE) reproduce --scale $(SCALE)
+	$(REPRODUCE)
 
 test: setup ## run every test (add T="-m 'not slow'" to choose)
 	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
