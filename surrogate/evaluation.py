@@ -18,6 +18,7 @@ from shared_schema.figure_style import save
 from surrogate import figures, uncertainty_figures
 from surrogate.calibration import CalibrationMeasures, judge
 from surrogate.dataset import Dataset, read_dataset
+from surrogate.example import find_example, tip_measures
 from surrogate.extrapolation import Extrapolation, extrapolate
 from surrogate.intervals import fit_intervals
 from surrogate.metrics import ErrorMeasures, displacement_at_load, measure, sample_errors
@@ -25,8 +26,6 @@ from surrogate.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.published import PUBLISHED
 from surrogate.run_folder import RunFolder
 from surrogate.unet import parameter_count
-
-EXAMPLE = 0.75  # of the largest tip displacement, where the paper shows no example of the case
 
 
 @dataclass(frozen=True)
@@ -64,24 +63,16 @@ class Evaluation:
     @property
     def example(self) -> int:
         """The test sample to show: loaded at the tip, and moved there as far as the paper's."""
-        tip = self.surrogate.geometry.tip
-        moved = np.linalg.norm(self.reference[:, tip], axis=1)
-        candidates = np.flatnonzero(self.force[:, tip].any(axis=1))
-        if candidates.size == 0:
-            candidates = np.arange(len(moved))
-        run = self.surrogate.description.run
+        tip, run = self.surrogate.geometry.tip, self.surrogate.description.run
         published = PUBLISHED.get((run.case, run.likelihood))
         aim = published.tip_displacement if published else None
-        if aim is None:
-            aim = EXAMPLE * float(moved[candidates].max())
-        return int(candidates[np.abs(moved[candidates] - aim).argmin()])
+        return find_example(self.force, self.reference, tip, np.array([tip]), aim)
 
     def example_measures(self) -> dict[str, float]:
         """Tip displacement of the example in m, and the relative error of its prediction."""
         tip, example = self.surrogate.geometry.tip, self.example
-        moved = float(np.linalg.norm(self.reference[example, tip]))
-        error = float(np.linalg.norm((self.predicted - self.reference)[example, tip]))
-        return {"tip_displacement": moved, "relative_tip_error": error / moved if moved else 0.0}
+        moved, error = tip_measures(self.predicted[example], self.reference[example], tip)
+        return {"tip_displacement": moved, "relative_tip_error": error}
 
 
 def evaluate(

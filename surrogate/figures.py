@@ -16,7 +16,7 @@ from shared_schema.figure_style import (
     make_figure,
     styled,
 )
-from shared_schema.mesh_drawing import make_drawing
+from shared_schema.mesh_drawing import Drawing, make_drawing
 from surrogate.geometry import Geometry
 from surrogate.metrics import ErrorMeasures, node_errors
 from surrogate.run_config import RunConfig
@@ -27,11 +27,18 @@ LOSS_NAMES = {
     "maximum_likelihood": "negative log-likelihood",
     "variational_bayes": "negative evidence lower bound",
 }
+NODAL_ERROR = r"nodal error $\|U - u\|_2$ [mm]"
 Array = NDArray[np.float64]
 
 
 @styled
-def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, force: Array) -> Figure:
+def deformed_meshes(
+    geometry: Geometry,
+    predicted: Array,
+    reference: Array,
+    force: Array,
+    around: float | None = None,
+) -> Figure:
     """Undeformed mesh, network's and finite elements' deformed meshes over each other.
 
     Parameters
@@ -41,15 +48,12 @@ def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, forc
         Displacements in m.
     force : array, (n_nodes, d)
         Nodal forces in N, drawn as arrows at the deformed nodes.
+    around : float, optional
+        Show only what is this near to the arrows, in m.
     """
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
-    x = geometry.coordinates
-    drawing.undeformed(UNDEFORMED, "undeformed", linewidth=0.6)
-    drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=1.8)
-    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=0.8)
-    drawing.forces(x + reference, force)
-    drawing.finish()
+    _draw_meshes(drawing, geometry, predicted, reference, force, around)
     legend_below(figure, columns=3)
     return figure
 
@@ -69,20 +73,69 @@ def nodal_field(geometry: Geometry, displacement: Array, values: Array, label: s
     """
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
-    x = geometry.coordinates + displacement
-    image = drawing.field(x, values)
-    drawing.mesh(x, "white", None, linewidth=0.3)
+    add_field(drawing, geometry.coordinates + displacement, values, label)
     drawing.finish()
-    bar = figure.colorbar(image, ax=figure.axes[0], shrink=0.8, pad=0.02)
-    bar.set_label(label)
-    bar.outline.set_visible(False)
     return figure
 
 
 def error_field(geometry: Geometry, predicted: Array, reference: Array) -> Figure:
     """Nodal error ‖U − u‖₂, interpolated over the elements, on the network's deformed mesh."""
+    return nodal_field(geometry, predicted, node_errors(predicted, reference) * 1e3, NODAL_ERROR)
+
+
+@styled
+def meshes_and_errors(
+    geometry: Geometry, predicted: Array, reference: Array, force: Array
+) -> Figure:
+    """Figures `deformed_meshes` and `error_field` side by side."""
+    figure = make_figure(9.6, 3.2)
+    left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
+    _draw_meshes(left, geometry, predicted, reference, force)
     errors = node_errors(predicted, reference) * 1e3
-    return nodal_field(geometry, predicted, errors, r"nodal error $\|U - u\|_2$ [mm]")
+    add_field(right, geometry.coordinates + predicted, errors, NODAL_ERROR)
+    right.finish()
+    legend_below(figure, columns=3)
+    return figure
+
+
+def _draw_meshes(
+    drawing: Drawing,
+    geometry: Geometry,
+    predicted: Array,
+    reference: Array,
+    force: Array,
+    around: float | None = None,
+) -> None:
+    x = geometry.coordinates
+    drawing.forces(x + reference, force)
+    extent = None
+    if around is not None:
+        lower, upper = drawing.extent()
+        extent = lower - around, upper + around
+    drawing.undeformed(UNDEFORMED, "undeformed", linewidth=0.6)
+    drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=1.8)
+    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=0.8)
+    drawing.finish(extent, labelled=around is None)
+
+
+def add_field(drawing: Drawing, x: Array, values: Array, label: str) -> None:
+    """Draw nodal values, interpolated over the elements, with a colour bar beside them.
+
+    Parameters
+    ----------
+    drawing : Drawing
+    x : array, (n_nodes, d)
+        Where the nodes are drawn, in m.
+    values : array, (n_nodes,)
+    label : str
+        What the values are, and their unit.
+    """
+    image = drawing.field(x, values)
+    drawing.mesh(x, "white", None, linewidth=0.3)
+    figure = drawing.axes.figure
+    bar = figure.colorbar(image, ax=drawing.axes, shrink=0.8, pad=0.02)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
 
 
 @styled

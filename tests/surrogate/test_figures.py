@@ -59,3 +59,20 @@ def test_loss_without_validation() -> None:
     lines = [{"epoch": 1, "train_loss": 1.0}, {"epoch": 2, "train_loss": 0.5}]
     assert len(figures.loss_curves(lines, "loss").axes[0].lines) == 1
     assert len(figures.loss_curves(LINES, "loss").axes[0].lines) == 2
+
+
+def test_close_up_shows_only_what_is_near_the_load(dataset: Dataset) -> None:
+    """A force of fixed length at a node, 0.3 m round it; the body is 3.5 m long."""
+    force, reference, predicted = nodal(dataset)
+    near = figures.deformed_meshes(dataset.geometry, predicted[0], reference[0], force[0], 0.3)
+    place = (dataset.geometry.coordinates + reference[0])[force[0].any(axis=1)][0]
+    (left, right), (lower, upper) = near.axes[0].get_xlim(), near.axes[0].get_ylim()
+    assert left <= place[0] - 0.3 < place[0] + 0.3 <= right < left + 2.5
+    assert lower <= place[1] - 0.3 < place[1] + 0.3 <= upper < lower + 2.5
+
+
+def test_meshes_and_errors_are_side_by_side(dataset: Dataset) -> None:
+    force, reference, predicted = nodal(dataset)
+    figure = figures.meshes_and_errors(dataset.geometry, predicted[0], reference[0], force[0])
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["y [m]", "y [m]", figures.NODAL_ERROR]
