@@ -1,0 +1,86 @@
+"""Variational Bayes on the test splits, beside deterministic U-Nets (Table "bayesian_table")."""
+
+from __future__ import annotations
+
+from surrogate.calibration import INTERVALS, CalibrationMeasures, judge
+from surrogate.published import PUBLISHED
+from surrogate.studies.accuracy import (
+    BODIES,
+    MM,
+    accuracy_table,
+    error_comparisons,
+    name_of,
+    test_errors,
+)
+from surrogate.studies.record import Claim, Table
+from surrogate.studies.study import Outcome, Study
+from surrogate.studies.workshop import Workshop
+
+CASES = ("beam2d", "lshape2d")
+BAYESIAN = tuple(f"{case}-vb" for case in CASES)
+RUNS = tuple(f"{case}-{kind}" for case in CASES for kind in ("vb", "det"))
+
+
+def conduct(workshop: Workshop) -> Outcome:
+    """Measure ē, σ(e) and the coverage of intervals of both plane cases."""
+    caption = "Errors of the mean of variational Bayes (VB) and of deterministic U-Nets (D)."
+    return Outcome(
+        tables=[accuracy_table(workshop, RUNS, caption), coverage_table(workshop)],
+        comparisons=[
+            comparison
+            for run in BAYESIAN
+            for comparison in error_comparisons(
+                workshop, run, PUBLISHED[workshop.case_of(run), "variational_bayes"]
+            )
+        ],
+        claims=[larger_error(workshop, case) for case in CASES],
+    )
+
+
+def calibration(workshop: Workshop, run: str) -> CalibrationMeasures:
+    """Predicted uncertainty of a run beside the errors made on the test split."""
+    dataset, predicted = workshop.dataset_of(run), workshop.predicted_test(run)
+    free = ~dataset.geometry.clamped
+    return judge(predicted.mean, predicted.std, dataset.nodal_test.displacement, free)
+
+
+def coverage_table(workshop: Workshop) -> Table:
+    """How many components the intervals of every Bayesian network hold, and its mean σ."""
+    rows = []
+    for run in BAYESIAN:
+        measures = calibration(workshop, run)
+        covered = [100 * interval.coverage for interval in measures.intervals]
+        rows.append((name_of(workshop, run), *covered, MM * measures.mean_std))
+    heads = [f"in {100 * level:g} % intervals [%]" for level in INTERVALS]
+    return Table(
+        caption="Components of the test split inside the predicted central intervals, and the mean "
+        "predicted standard deviation. The paper gives neither.",
+        head=("example", *heads, "mean σ [mm]"),
+        rows=tuple(rows),
+    )
+
+
+def larger_error(workshop: Workshop, case: str) -> Claim:
+    """Whether the Bayesian network errs more than the deterministic one."""
+    bayesian, deterministic = (
+        test_errors(workshop, f"{case}-{kind}").mean_error for kind in ("vb", "det")
+    )
+    papers = [PUBLISHED[case, kind].mean_error for kind in ("variational_bayes", "deterministic")]
+    return Claim(
+        what=f"{BODIES[case]}: variational Bayes errs more than the deterministic U-Net.",
+        holds=bayesian > deterministic,
+        evidence=f"ē = {MM * bayesian:.3g} and {MM * deterministic:.3g} mm; the paper: "
+        f"{MM * papers[0]:.3g} and {MM * papers[1]:.3g} mm.",
+        better=True,
+    )
+
+
+STUDY = Study(
+    name="bayesian-accuracy",
+    title="Accuracy of Bayesian U-Nets",
+    labels=("tab:bayesian_table",),
+    question="How much accuracy does a network lose that also predicts its uncertainty, and how "
+    "often does that uncertainty hold the error?",
+    conduct=conduct,
+    runs=RUNS,
+)

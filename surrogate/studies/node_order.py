@@ -1,0 +1,128 @@
+"""Other orders of the nodes on the network's grid (Table "order_table", Figure "node_order")."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from shared_schema.figure_style import make_figure, styled
+from shared_schema.grid_map import GridMap
+from surrogate.geometry import Geometry
+from surrogate.studies.accuracy import MM, test_errors
+from surrogate.studies.record import Claim, Table, compare
+from surrogate.studies.study import Outcome, Study
+from surrogate.studies.workshop import Workshop
+
+RUNS = {"preferred": "beam3d-det", "gmsh": "beam3d_gmsh-det", "random": "beam3d_random-det"}
+PAPER = {"preferred": (0.6, 0.3), "random": (5.4, 2.8)}  # ē and σ(e) in mm
+SEVERAL = 3.0  # times worse, at least
+IntArray = NDArray[np.int64]
+
+
+def conduct(workshop: Workshop) -> Outcome:
+    """Measure ē and σ(e) of all three orders, and draw them."""
+    errors = {order: test_errors(workshop, run) for order, run in RUNS.items()}
+    means = {order: MM * e.mean_error for order, e in errors.items()}
+    rows, comparisons = [], []
+    for order, e in errors.items():
+        std, paper = MM * e.std_error, PAPER.get(order, (None, None))
+        rows.append((order, means[order], std, means[order] / means["preferred"], *paper))
+        if order in PAPER:
+            comparisons += [
+                compare(f"{order} order: ē", "mm", means[order], PAPER[order][0]),
+                compare(f"{order} order: σ(e)", "mm", std, PAPER[order][1]),
+            ]
+    geometries = {order: workshop.dataset_of(run).geometry for order, run in RUNS.items()}
+    return Outcome(
+        tables=[
+            Table(
+                caption="Errors of the 3D beam by the order of the nodes on the grid.",
+                head=(
+                    "order",
+                    "ē [mm]",
+                    "σ(e) [mm]",
+                    "ē / ē of preferred",
+                    "paper: ē [mm]",
+                    "paper: σ(e) [mm]",
+                ),
+                rows=tuple(rows),
+            )
+        ],
+        comparisons=comparisons,
+        claims=[random_is_worse(means), gmsh_is_between(means)],
+        figures={
+            "numbers": (
+                draw_numbers(geometries),
+                "Free end of the 3D beam: at every node the number of the grid point where the "
+                "network finds it, counted z fastest; darker where larger. Neighbours in the body "
+                "are neighbours on the grid only in the preferred order.",
+            )
+        },
+    )
+
+
+def random_is_worse(means: dict[str, float]) -> Claim:
+    """Whether the random order is worse by several times; `means` are ē in mm by order."""
+    ratio = means["random"] / means["preferred"]
+    return Claim(
+        what="A random order of nodes is several times worse than the preferred one.",
+        holds=ratio >= SEVERAL,
+        evidence=f"ē {ratio:.3g} times (from {SEVERAL:g} times on it holds); the paper: "
+        f"{PAPER['random'][0] / PAPER['preferred'][0]:.3g} times.",
+    )
+
+
+def gmsh_is_between(means: dict[str, float]) -> Claim:
+    """Whether gmsh's order lies between the others; `means` are ē in mm by order."""
+    return Claim(
+        what="gmsh's order of nodes lies between the preferred and a random one.",
+        holds=means["preferred"] < means["gmsh"] < means["random"],
+        evidence="ē = {preferred:.3g}, {gmsh:.3g} and {random:.3g} mm; ".format(**means)
+        + "the paper gives no numbers of gmsh's.",
+    )
+
+
+def numbers_at_end(geometry: Geometry) -> IntArray:
+    """Numbers of the grid points, x slowest, of the nodes on the end face x = max.
+
+    Returns
+    -------
+    array of int, (ny, nz)
+        By the places of the nodes in space.
+    """
+    assert isinstance(geometry.grid, GridMap)
+    numbers = np.empty(geometry.grid.nodes, dtype=np.int64)
+    numbers[geometry.grid.node_at[geometry.grid.mask]] = np.flatnonzero(geometry.grid.mask)
+    in_space = GridMap.from_coordinates(geometry.coordinates)
+    return np.asarray(numbers[in_space.node_at[-1]])
+
+
+@styled
+def draw_numbers(geometries: dict[str, Geometry]) -> Figure:
+    """Numbers of the nodes on the end face, ascending from light to dark; a panel an order."""
+    figure = make_figure(9.6, 3.2)
+    for axes, (name, geometry) in zip(
+        figure.subplots(1, len(geometries)), geometries.items(), strict=True
+    ):
+        numbers = numbers_at_end(geometry)
+        rank = rankdata(numbers).reshape(numbers.shape)
+        axes.imshow(rank.T, origin="lower", cmap="Blues", vmax=1.6 * numbers.size)
+        for (y, z), number in np.ndenumerate(numbers):
+            axes.text(y, z, str(number), ha="center", va="center", fontsize=5.5)
+        axes.set(xticks=[], yticks=[], xlabel="y")
+        axes.set_title(name, fontsize=10)
+        axes.spines[:].set_visible(False)
+    figure.axes[0].set_ylabel("z")
+    return figure
+
+
+STUDY = Study(
+    name="node-order",
+    title="Order of the nodes",
+    labels=("order_table", "node_order"),
+    question="What if the neighbours on the network's grid are not neighbours in the body?",
+    conduct=conduct,
+    runs=tuple(RUNS.values()),
+)
