@@ -113,8 +113,9 @@ def _draw_meshes(
         lower, upper = drawing.extent()
         extent = lower - around, upper + around
     drawing.undeformed(UNDEFORMED, "undeformed", linewidth=0.6)
-    drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=1.8)
-    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=0.8)
+    wide, narrow = (0.9, 0.4) if geometry.dimension == 3 and around is None else (1.8, 0.8)
+    drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=wide)
+    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=narrow)
     drawing.finish(extent, labelled=around is None)
 
 

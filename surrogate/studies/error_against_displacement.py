@@ -1,0 +1,101 @@
+"""Error of every test sample over displacement (Figures "det_sensitivity", "average_errors")."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from shared_schema.figure_style import make_figure, styled
+from surrogate.metrics import displacement_at_load, sample_errors
+from surrogate.published import PUBLISHED
+from surrogate.studies.accuracy import MM, name_of, test_errors
+from surrogate.studies.record import Claim, Table, compare
+from surrogate.studies.study import Outcome, Study
+from surrogate.studies.workshop import Workshop
+from surrogate.uncertainty_figures import CURVES
+
+DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")
+BAYESIAN = ("beam2d-vb", "lshape2d-vb")
+LOW = 0.01  # metres of mean error for a metre of displacement, at most
+
+
+@styled
+def errors_over_displacement(workshop: Workshop, runs: Sequence[str]) -> Figure:
+    """Draw e_m of every test sample over the displacement at its load, with regression lines."""
+    figure = make_figure(6.4, 3.6)
+    axes = figure.subplots()
+    for run, color in zip(runs, CURVES, strict=False):
+        test = workshop.dataset_of(run).nodal_test
+        moved = displacement_at_load(test.force, test.displacement)
+        errors = sample_errors(workshop.predicted_test(run).mean, test.displacement)
+        axes.plot(moved, MM * errors, "o", ms=2.4, mew=0, color=color, alpha=0.5)
+        line, ends = test_errors(workshop, run), (0.0, float(moved.max()))
+        label = rf"{name_of(workshop, run)}, slope ${MM * line.slope:.2f}\times10^{{-3}}$"
+        heights = [MM * (line.intercept + line.slope * end) for end in ends]
+        axes.plot(ends, heights, color=color, label=label)
+    axes.set_xlabel("displacement magnitude at the loaded node [m]")
+    axes.set_ylabel(r"mean error $e_m$ [mm]")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper left")
+    return figure
+
+
+def conduct(workshop: Workshop) -> Outcome:
+    """Measure slopes, and draw the deterministic cases and the probabilistic ones."""
+    runs = (*DETERMINISTIC, *BAYESIAN)
+    lines = {run: test_errors(workshop, run) for run in runs}
+    names = {run: name_of(workshop, run) for run in runs}
+    rows = [(names[run], MM * line.slope, MM * line.intercept) for run, line in lines.items()]
+    table = Table(
+        caption="Least-squares lines of e_m over the displacement magnitude at the loaded node.",
+        head=("example", "slope [10⁻³]", "at no displacement [mm]"),
+        rows=tuple(rows),
+    )
+    likelihoods = {run: workshop.scale.config_of(run).likelihood for run in runs}
+    comparisons = [
+        compare(
+            f"{names[run]}: slope, its absolute value",
+            "10⁻³",
+            MM * abs(line.slope),
+            MM * PUBLISHED[workshop.case_of(run), likelihoods[run]].slope,
+        )
+        for run, line in lines.items()
+    ]
+    caption = "Mean error of every test sample over the displacement at its load: {} U-Nets."
+    return Outcome(
+        tables=[table],
+        comparisons=comparisons,
+        claims=[sensitivity_claim({names[run]: line.slope for run, line in lines.items()})],
+        figures={
+            "deterministic": (
+                errors_over_displacement(workshop, DETERMINISTIC),
+                caption.format("deterministic"),
+            ),
+            "bayesian": (errors_over_displacement(workshop, BAYESIAN), caption.format("Bayesian")),
+        },
+    )
+
+
+def sensitivity_claim(slopes: dict[str, float]) -> Claim:
+    """Claim on the slopes of all cases."""
+    steepest = max(slopes, key=lambda name: abs(slopes[name]))
+    return Claim(
+        what="Errors are little sensitive to the displacement magnitude, in all cases.",
+        holds=abs(slopes[steepest]) <= LOW,
+        evidence=(
+            f"The steepest line, of {steepest}, rises by {MM * slopes[steepest]:.2g} mm "
+            f"in a metre (≤ {MM * LOW:g} mm)."
+        ),
+    )
+
+
+STUDY = Study(
+    name="error-against-displacement",
+    title="Error against displacement",
+    labels=("fig: det_sensitivity", "average_errors_bayesian"),
+    question="Do errors grow with the displacement at the load?",
+    conduct=conduct,
+    runs=(*DETERMINISTIC, *BAYESIAN),
+)

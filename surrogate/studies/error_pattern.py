@@ -1,0 +1,31 @@
+"""Where on the body predictions are off."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.calibration import rank_correlation
+from surrogate.metrics import node_errors
+
+Array = NDArray[np.float64]
+
+
+def error_follows_displacement(
+    predicted: Array, reference: Array, free: NDArray[np.bool_]
+) -> Array:
+    """Rank correlation of nodal error and nodal displacement over the free nodes.
+
+    Parameters
+    ----------
+    predicted, reference : array, (..., n_nodes, d)
+        In m.
+    free : array of bool, (n_nodes,)
+
+    Returns
+    -------
+    array, (...)
+        1 where the error is the larger the farther a node moves.
+    """
+    error, moved = node_errors(predicted, reference), np.linalg.norm(reference, axis=-1)
+    return rank_correlation(error[..., free], moved[..., free])

@@ -1,0 +1,38 @@
+"""Errors under single loads, by how far from the nodes loaded in the training they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surrogate.extrapolation import Extrapolation
+from surrogate.metrics import node_errors, sample_errors
+
+
+class ErrorsByDistance:
+    """Errors of a network under one load a sample, from the training line outwards.
+
+    Attributes
+    ----------
+    order : array of int, (M,)
+        Samples by the distance of the load from the nodes loaded in the training.
+    distance : array, (M,)
+        That distance in m, in this order as everything below.
+    mean_error, max_error : array, (M,)
+        e_m, and the largest error of a component, in m.
+    error, std : array, (M,)
+        ‖U − u‖₂ and ‖σ‖₂ at the loaded node in m.
+    """
+
+    def __init__(self, loads: Extrapolation) -> None:
+        geometry, samples, predicted = loads.surrogate.geometry, loads.samples, loads.predicted
+        number = np.arange(len(samples.force))
+        node = samples.force.any(axis=2).argmax(axis=1)
+        x, trained = geometry.coordinates, geometry.coordinates[geometry.loadable]
+        distance = np.linalg.norm(x[node][:, None] - trained, axis=2).min(axis=1)
+        self.order = np.argsort(distance, kind="stable")
+        self.distance = distance[self.order]
+        mean, reference = predicted.mean[self.order], samples.displacement[self.order]
+        self.mean_error = sample_errors(mean, reference)
+        self.max_error = np.abs(mean - reference).max(axis=(1, 2))
+        self.error = node_errors(mean, reference)[number, node[self.order]]
+        self.std = np.linalg.norm(predicted.std[self.order, node[self.order]], axis=1)

@@ -1,0 +1,121 @@
+"""Test samples by deterministic U-Nets (Figures "2d_beam_test", "2d_L_test", "3d_test")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate import figures
+from surrogate.example import find_example, tip_measures
+from surrogate.geometry import Geometry
+from surrogate.metrics import sample_errors
+from surrogate.studies.accuracy import MM
+from surrogate.studies.error_pattern import error_follows_displacement
+from surrogate.studies.record import Claim, Table, compare
+from surrogate.studies.study import Outcome, Study
+from surrogate.studies.workshop import Workshop
+
+CLOSE = 0.35  # half of what is shown round a load in space, in m
+FOLLOWS = 0.5  # rank correlation at least
+
+
+@dataclass(frozen=True)
+class Example:
+    """An example of the paper.
+
+    Attributes
+    ----------
+    body : str
+    run : str
+    load : str
+        Where it is, in words, and
+    along : (float, float)
+        between which parts of the body's length.
+    tip_displacement : float
+        In m.
+    relative_tip_error : float
+    """
+
+    body: str
+    run: str
+    load: str
+    along: tuple[float, float]
+    tip_displacement: float
+    relative_tip_error: float
+
+
+EXAMPLES = {  # Section "Prediction accuracy"
+    "beam": Example("2D beam", "beam2d-det", "corner", (1, 1), 0.95, 0.006),
+    "lshape": Example("2D L-shape", "lshape2d-det", "top corner", (1, 1), 2.39, 0.004),
+    "beam3d-end": Example("3D beam", "beam3d-det", "near the free end", (0.75, 1), 1.1, 0.006),
+    "beam3d-middle": Example("3D beam", "beam3d-det", "middle region", (0.25, 0.75), 0.26, 0.016),
+}
+
+
+def nodes_along(geometry: Geometry, along: tuple[float, float]) -> NDArray[np.bool_]:
+    """Nodes between two parts of the body's length in x, (n_nodes,)."""
+    x = geometry.coordinates[:, 0]
+    part = (x - x.min()) / np.ptp(x)
+    result: NDArray[np.bool_] = (part >= along[0] - 1e-9) & (part <= along[1] + 1e-9)
+    return result
+
+
+def conduct(workshop: Workshop) -> Outcome:
+    """Show each example, and measure the error of its tip."""
+    outcome, rows, follows = Outcome(), [], []
+    for name, example in EXAMPLES.items():
+        dataset = workshop.dataset_of(example.run)
+        geometry, test = dataset.geometry, dataset.nodal_test
+        nodes = nodes_along(geometry, example.along)
+        place = test.force, test.displacement, geometry.tip, nodes, example.tip_displacement
+        number = find_example(*place)
+        force, reference = test.force[number], test.displacement[number]
+        predicted = workshop.predicted_test(example.run).mean[number]
+        moved, error = tip_measures(predicted, reference, geometry.tip)
+        mean_error = MM * float(sample_errors(predicted[None], reference[None])[0])
+        newtons = float(np.linalg.norm(force))
+        free = ~geometry.clamped
+        follows.append(float(error_follows_displacement(predicted, reference, free)))
+        what = f"{example.body}, load {example.load}"
+        rows.append((what, newtons, moved, example.tip_displacement, mean_error))
+        relative = f"{what}: relative tip error"
+        outcome.comparisons.append(
+            compare(relative, "%", 100 * error, 100 * example.relative_tip_error)
+        )
+        caption = f"{what}, {newtons:.2f} N: the tip moves by {moved:.2f} m"
+        outcome.figures[name] = (
+            figures.meshes_and_errors(geometry, predicted, reference, force),
+            f"{caption}. Left the meshes, right the nodal error on the predicted one.",
+        )
+        if geometry.dimension == 3:
+            outcome.figures[f"{name}-close"] = (
+                figures.deformed_meshes(geometry, predicted, reference, force, CLOSE),
+                f"{caption}. The meshes close to the load.",
+            )
+    head = ("example", "‖F‖ [N]", "tip moves by [m]", "in the paper [m]", "e_m [mm]")
+    caption = "Of each body, the test sample whose tip moves most nearly as far as the paper's."
+    outcome.tables.append(Table(caption=caption, head=head, rows=tuple(rows)))
+    outcome.claims.append(pattern_claim(follows))
+    return outcome
+
+
+def pattern_claim(follows: list[float]) -> Claim:
+    """Claim on the rank correlations between nodal error and displacement, one for an example."""
+    said = ", ".join(f"{value:.2f}" for value in follows)
+    return Claim(
+        what="Errors are usually higher near the nodes with higher displacement magnitudes.",
+        holds=float(np.mean(follows)) >= FOLLOWS,
+        evidence=f"Rank correlation over the free nodes: {said} (≥ {FOLLOWS} on average).",
+    )
+
+
+STUDY = Study(
+    name="single-predictions",
+    title="Single predictions of deterministic U-Nets",
+    labels=("2d_beam_test", "2d_L_test", "fig: 3d_test"),
+    question="How near are predicted meshes to the equilibria, and where are they off?",
+    conduct=conduct,
+    runs=tuple(dict.fromkeys(example.run for example in EXAMPLES.values())),
+)

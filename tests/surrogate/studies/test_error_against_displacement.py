@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate.studies.error_against_displacement import (
+    BAYESIAN,
+    DETERMINISTIC,
+    conduct,
+    sensitivity_claim,
+)
+from surrogate.studies.workshop import Workshop
+
+
+def test_slopes(workshop: Workshop) -> None:
+    """Cov(x, e) / Var(x), of e_m = mean absolute error and x = ‖u‖ at the loaded node."""
+    outcome = conduct(workshop)
+    for run, row in zip((*DETERMINISTIC, *BAYESIAN), outcome.tables[0].rows, strict=True):
+        test = workshop.dataset_of(run).nodal_test
+        nodes = test.force.any(axis=2).argmax(axis=1)
+        x = np.linalg.norm(test.displacement[np.arange(12), nodes], axis=1)
+        error = workshop.predicted_test(run).mean - test.displacement
+        e = np.abs(error).mean(axis=(1, 2))
+        slope = np.cov(x, e)[0, 1] / x.var(ddof=1)
+        assert row[1:] == pytest.approx((1e3 * slope, 1e3 * (e.mean() - slope * x.mean())))
+
+
+def test_the_papers_slopes(workshop: Workshop) -> None:
+    """Figures "det_sensitivity" and "average_errors_bayesian" of the paper, in 10⁻³."""
+    comparisons = conduct(workshop).comparisons
+    assert [c.paper for c in comparisons] == pytest.approx([0.8, 0.5, 1, 5, 6])
+    assert all(c.ours >= 0 for c in comparisons)
+
+
+def test_sensitivity_claim() -> None:
+    """Up to 10 mm in a metre, upwards or downwards."""
+    assert sensitivity_claim({"a": 0.001, "b": -0.009}).holds
+    claim = sensitivity_claim({"a": 0.001, "b": -0.011})
+    assert not claim.holds
+    assert "of b, rises by -11 mm in a metre" in claim.evidence

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate.studies.error_pattern import error_follows_displacement
+from surrogate.studies.single_predictions import EXAMPLES, conduct, pattern_claim
+from surrogate.studies.workshop import Workshop
+
+
+def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(workshop: Workshop) -> None:
+    """Loads on bodies of 3.5 m: at the end, in the last quarter, between 1/4 and 3/4."""
+    outcome = conduct(workshop)
+    (table,) = outcome.tables
+    ends = {"beam": (3.5, 3.5), "lshape": (3.5, 3.5), "beam3d-end": (2.625, 3.5)}
+    ends["beam3d-middle"] = (0.875, 2.625)
+    for name, row, comparison in zip(EXAMPLES, table.rows, outcome.comparisons, strict=True):
+        dataset, lower_upper = workshop.dataset_of(EXAMPLES[name].run), ends[name]
+        test, x = dataset.nodal_test, dataset.geometry.coordinates[:, 0]
+        tip = dataset.geometry.tip
+        moved = np.linalg.norm(test.displacement[:, tip], axis=1)
+        loaded = x[test.force.any(axis=2).argmax(axis=1)]
+        there = (loaded >= lower_upper[0]) & (loaded <= lower_upper[1])
+        assert there.any()
+        aim = EXAMPLES[name].tip_displacement
+        number = min(np.flatnonzero(there), key=lambda m: abs(moved[m] - aim))
+        error = workshop.predicted_test(EXAMPLES[name].run).mean[number] - test.displacement[number]
+        newtons = np.linalg.norm(test.force[number])
+        assert row[1:] == pytest.approx((newtons, moved[number], aim, 1e3 * np.abs(error).mean()))
+        assert comparison.ours == pytest.approx(100 * np.linalg.norm(error[tip]) / moved[number])
+
+
+def test_the_papers_numbers(workshop: Workshop) -> None:
+    """Section "Prediction accuracy" of the paper: relative tip errors in %, displacements in m."""
+    outcome = conduct(workshop)
+    assert [c.paper for c in outcome.comparisons] == pytest.approx([0.6, 0.4, 0.6, 1.6])
+    assert [row[3] for row in outcome.tables[0].rows] == [0.95, 2.39, 1.1, 0.26]
+    close = {"beam3d-end-close", "beam3d-middle-close"}
+    assert outcome.figures.keys() == EXAMPLES.keys() | close
+
+
+def test_error_that_follows_the_displacement() -> None:
+    """Ranks of nodes that move by 1, 2, 3 m: errors in the same order, in the opposite one, 2 3 1.
+
+    The last by Spearman's formula 1 − 6 Σd² / (n (n² − 1)) with d = 1, 1, −2.
+    """
+    reference = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [3.0, 0.0]])
+    errors = np.array([[9.0, 0.1, 0.2, 0.3], [9.0, 0.3, 0.2, 0.1], [9.0, 0.2, 0.3, 0.1]])
+    predicted = reference + np.stack([errors, 0 * errors], axis=-1)
+    free = np.array([False, True, True, True])
+    reference = np.broadcast_to(reference, predicted.shape)
+    found = error_follows_displacement(predicted, reference, free)
+    assert found == pytest.approx([1, -1, -0.5])
+
+
+def test_pattern_claim() -> None:
+    assert pattern_claim([0.9, 0.9, 0.1, 0.2]).holds
+    assert pattern_claim([0.9, 0.3, 0.1, 0.2]).verdict == "differs"
