@@ -8,14 +8,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.figure_style import NETWORK, REFERENCE, legend_below, make_figure, styled
+from shared_schema.mesh_drawing import make_drawing
 from surrogate.calibration import CalibrationMeasures, half_width
 from surrogate.extrapolation import BAND, Extrapolation
-from surrogate.figures import nodal_field
+from surrogate.figures import NODAL_ERROR, add_field, nodal_field
+from surrogate.force_sweep import force_sweep
 from surrogate.geometry import Geometry
+from surrogate.metrics import node_errors
 
 Array = NDArray[np.float64]
 
-CURVES = (NETWORK, REFERENCE, "#2a7f3f", "#d98a00", "#7a3fa0")  # colours, again from the first
+OTHER = "#2a7f3f"  # a second network
+CURVES = (NETWORK, REFERENCE, OTHER, "#d98a00", "#7a3fa0")  # colours, again from the first
 COUNTS = LinearSegmentedColormap.from_list("counts", ["#c3d2f5", NETWORK, "#0a1a45"])
 NODAL_STD = r"nodal standard deviation $\|\sigma\|_2$ [mm]"
 
@@ -67,7 +71,7 @@ def error_against_uncertainty(std: Array, errors: Array) -> Figure:
     axes.plot(ends, ends, color=REFERENCE, label=r"$\|\sigma\|_2$")
     axes.plot(ends, 2 * ends, color=REFERENCE, ls="dashed", label=r"$2\,\|\sigma\|_2$")
     axes.set_xlabel(NODAL_STD)
-    axes.set_ylabel(r"nodal error $\|U - u\|_2$ [mm]")
+    axes.set_ylabel(NODAL_ERROR)
     axes.legend(loc="upper left")
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02)
     bar.set_label("nodes")
@@ -88,43 +92,66 @@ def uncertainty_field(geometry: Geometry, mean: Array, std: Array) -> Figure:
 
 
 @styled
-def sweep(extrapolation: Extrapolation) -> Figure:
+def error_beside_uncertainty(
+    geometry: Geometry, force: Array, mean: Array, std: Array, reference: Array
+) -> Figure:
+    """Nodal error and nodal ‖σ‖₂ on the mean deformed mesh; over the error, the equilibrium.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    force : array, (n_nodes, d)
+        In N.
+    mean, std, reference : array, (n_nodes, d)
+        μ, σ and u in m.
+    """
+    figure = make_figure(10.0, 3.2)
+    x = geometry.coordinates
+    left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
+    add_field(left, x + mean, node_errors(mean, reference) * 1e3, NODAL_ERROR)
+    left.mesh(x + reference, REFERENCE, "finite elements", linewidth=0.6)
+    left.forces(x + mean, force)
+    add_field(right, x + mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
+    left.finish()
+    right.finish(left.extent())
+    return figure
+
+
+@styled
+def sweep(extrapolation: Extrapolation, deterministic: Extrapolation | None = None) -> Figure:
     """Displacement under a sweep of forces at one node, beside its uncertainty and error.
 
     Both at the loaded node, in the direction of the force; grey, the forces of the training.
+
+    Parameters
+    ----------
+    extrapolation : Extrapolation
+    deterministic : Extrapolation, optional
+        Of a deterministic network under the same forces, to be drawn as well.
     """
-    surrogate, node = extrapolation.surrogate, extrapolation.node
-    assert node is not None
-    force = extrapolation.samples.force[:, node]
-    axis = int(np.abs(force).max(axis=0).argmax())
-    order = np.argsort(force[:, axis])
-    x = force[order, axis]
-    mean, std, epistemic, reference = (
-        values[order, node, axis]
-        for values in (
-            extrapolation.predicted.mean,
-            extrapolation.predicted.std,
-            extrapolation.predicted.std_epistemic,
-            extrapolation.samples.displacement,
-        )
-    )
-    band = half_width(BAND)
+    network = force_sweep(extrapolation)
+    x, mean, band = network.force, network.mean, half_width(BAND) * network.std
     figure = make_figure(8.0, 3.2)
     left, right = figure.subplots(1, 2)
-    limit = surrogate.description.data.info.force.max_abs[axis]
     for axes in (left, right):
-        axes.axvspan(-limit, limit, color="0.93", lw=0)
-        axes.set_xlabel(f"force component {'xyz'[axis]} at the node [N]")
-    left.plot(x, reference, color=REFERENCE, lw=1.8, label="finite elements")
-    left.plot(x, mean, color=NETWORK, lw=0.9, label="U-Net")
+        axes.axvspan(-network.limit, network.limit, color="0.93", lw=0)
+        axes.set_xlabel(f"force component {'xyz'[network.axis]} at the node [N]")
     left.fill_between(
-        x, mean - band * std, mean + band * std, color=NETWORK, alpha=0.2, lw=0, label="95 % band"
+        x, mean - band, mean + band, color=NETWORK, alpha=0.2, lw=0, label="95 % band"
     )
-    left.set_ylabel(f"displacement component {'xyz'[axis]} [m]")
-    left.legend()
-    right.fill_between(x, -band * std * 1e3, band * std * 1e3, color=NETWORK, alpha=0.2, lw=0)
-    right.plot(x, epistemic * 1e3, color=NETWORK, ls="dashed", lw=0.9, label="epistemic σ")
-    right.plot(x, (mean - reference) * 1e3, color=REFERENCE, label="error")
+    left.plot(x, network.reference, color=REFERENCE, lw=1.8, label="finite elements")
+    left.plot(x, mean, color=NETWORK, lw=0.9, label="U-Net")
+    left.set_ylabel(f"displacement component {'xyz'[network.axis]} [m]")
+    right.fill_between(x, -band * 1e3, band * 1e3, color=NETWORK, alpha=0.2, lw=0)
+    epistemic = network.std_epistemic * 1e3
+    right.plot(x, epistemic, color=NETWORK, ls="dotted", lw=0.9, label="epistemic σ")
+    right.plot(x, network.error * 1e3, color=NETWORK, label="error")
     right.set_ylabel("error and 95 % band [mm]")
+    if deterministic is not None:
+        other = force_sweep(deterministic)
+        style = {"color": OTHER, "ls": "dashed"}
+        left.plot(other.force, other.mean, label="deterministic U-Net", **style)
+        right.plot(other.force, other.error * 1e3, label="error, deterministic", **style)
+    left.legend()
     right.legend()
     return figure

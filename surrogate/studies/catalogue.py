@@ -1,6 +1,44 @@
 """Every study, in the order of the report: the paper's tables, then its figures."""
 
-from surrogate.studies import deterministic_accuracy
+from surrogate.studies import (
+    bayesian_accuracy,
+    constant_channels,
+    datasets,
+    deterministic_accuracy,
+    error_against_displacement,
+    force_sweep_beam,
+    force_sweep_lshape,
+    linear_network,
+    loads_away,
+    loss_curves,
+    multiple_loads,
+    node_order,
+    noisy_data,
+    prediction_times,
+    single_predictions,
+    training_ranges,
+    training_times,
+    uncertainty_fields,
+)
 from surrogate.studies.study import Study
 
-STUDIES: tuple[Study, ...] = (deterministic_accuracy.STUDY,)
+STUDIES: tuple[Study, ...] = (
+    datasets.STUDY,
+    linear_network.STUDY,
+    node_order.STUDY,
+    deterministic_accuracy.STUDY,
+    bayesian_accuracy.STUDY,
+    prediction_times.STUDY,
+    training_times.STUDY,
+    constant_channels.STUDY,
+    single_predictions.STUDY,
+    error_against_displacement.STUDY,
+    multiple_loads.STUDY,
+    loss_curves.STUDY,
+    loads_away.STUDY,
+    uncertainty_fields.STUDY,
+    force_sweep_beam.STUDY,
+    training_ranges.STUDY,
+    force_sweep_lshape.STUDY,
+    noisy_data.STUDY,
+)

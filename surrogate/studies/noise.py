@@ -1,0 +1,111 @@
+"""The noise of the paper's noisy datasets, beside what networks trained on them predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from shared_schema.figure_style import NETWORK, REFERENCE, make_figure, styled
+from surrogate.extrapolation import Extrapolation
+from surrogate.force_sweep import ForceSweep, force_sweep
+from surrogate.nodal_dataset import NodalSamples
+from surrogate.studies.accuracy import MM
+from surrogate.studies.workshop import SEED, Workshop
+from surrogate.uncertainty_figures import OTHER
+
+Array = NDArray[np.float64]
+NOISE, NOISY = 0.2, 0.7  # u → (1 + γ) u with γ ~ U(−0.2, 0.2), where the force is 0.7 N at most
+END, STEP = 4.0, 0.05  # of the forces, in N
+FLOOR = 0.1  # mm, the least that is drawn
+
+
+def predict(workshop: Workshop, run: str, sweep: str) -> ForceSweep:
+    """What a run predicts for the forces of a sweep up to ±4 N, in small steps."""
+    surrogate = workshop.surrogate(run)
+    samples = refined(workshop.nodal(sweep).samples)
+    predicted = surrogate.predict_distribution(samples.force, workshop.scale.passes, SEED)
+    return force_sweep(Extrapolation(sweep, surrogate, samples, predicted))
+
+
+def refined(samples: NodalSamples) -> NodalSamples:
+    """A sweep of one force component in small steps, displacements by cubic splines."""
+    component = samples.force.sum(axis=(1, 2))
+    order, steps = np.argsort(component), round(END / STEP)
+    forces = np.arange(-steps, steps + 1) * STEP
+    force, displacement = (
+        CubicSpline(component[order], values[order])(forces)
+        for values in (samples.force, samples.displacement)
+    )
+    return NodalSamples(force, displacement)
+
+
+def noisy(sweep: ForceSweep) -> NDArray[np.bool_]:
+    """Forces with noise, less none at all, (N,)."""
+    magnitude = np.abs(sweep.force)
+    result: NDArray[np.bool_] = (magnitude > STEP / 2) & (magnitude < NOISY + STEP / 2)
+    return result
+
+
+def free_of_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
+    """Forces of the training without noise, (N,)."""
+    return ~sweep.outside & (np.abs(sweep.force) > NOISY + STEP / 2)
+
+
+def true_std(sweep: ForceSweep) -> Array:
+    r"""σ of the noise in m, (N,): :math:`0.2 |u| / \sqrt 3`, that of a uniform distribution."""
+    return np.where(noisy(sweep), NOISE / np.sqrt(3) * np.abs(sweep.reference), 0.0)
+
+
+def noise_ratio(sweep: ForceSweep) -> float:
+    """Predicted over true standard deviation at the forces with noise, the median."""
+    zone = noisy(sweep)
+    return float(np.median(sweep.std[zone] / true_std(sweep)[zone]))
+
+
+@styled
+def draw(
+    left: dict[str, ForceSweep], right: dict[str, ForceSweep], noise_free: Sequence[ForceSweep]
+) -> Figure:
+    """Standard deviations and errors over the force, a body a row.
+
+    Parameters
+    ----------
+    left, right : dict of str to ForceSweep
+        Of networks trained on noisy data, by their names.
+    noise_free : sequence of ForceSweep
+        Of networks trained without noise, to be drawn on the right as well.
+    """
+    figure = make_figure(8.0, 5.6)
+    panels = figure.subplots(len(noise_free), 2, sharey="row")
+    for column, sweeps in zip(panels.T, (left, right), strict=True):
+        for axes, (name, sweep) in zip(column, sweeps.items(), strict=True):
+            draw_panel(axes, sweep)
+            axes.set_title(name, fontsize=10)
+    for axes, sweep in zip(panels[:, 1], noise_free, strict=True):
+        axes.plot(sweep.force, MM * sweep.std, color=OTHER, lw=0.9, label="total σ without noise")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("standard deviation, error [mm]")
+    handles, labels = panels[0, 1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=3)
+    return figure
+
+
+def draw_panel(axes: Axes, sweep: ForceSweep) -> None:
+    """Standard deviations, that of the noise, and the error, of one network."""
+    axes.axvspan(-sweep.limit, sweep.limit, color="0.93", lw=0)
+    axes.axvspan(-NOISY, NOISY, color="0.85", lw=0)
+    x, noise = sweep.force, np.where(noisy(sweep), true_std(sweep), np.nan)
+    axes.plot(x, MM * noise, color=REFERENCE, lw=2.0, label="σ of the noise")
+    axes.plot(x, MM * sweep.std, color=NETWORK, label="total σ")
+    axes.plot(x, MM * sweep.std_epistemic, color=NETWORK, ls="dashed", lw=0.9, label="epistemic σ")
+    axes.plot(x, MM * sweep.std_aleatoric, color=NETWORK, ls="dotted", label="aleatoric σ")
+    axes.plot(x, MM * np.abs(sweep.error), color="black", lw=0.7, label="error")
+    axes.set_xlabel(f"force component {'xyz'[sweep.axis]} at the node [N]")
+    axes.set_yscale("log")
+    axes.set_xlim(x[0], x[-1])
+    axes.set_ylim(bottom=FLOOR)

@@ -1,0 +1,133 @@
+"""Networks trained on noisy data: maximum likelihood and variational Bayes (Fig. "MLEvsBayes")."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surrogate.force_sweep import ForceSweep
+from surrogate.studies.accuracy import BODIES, MM
+from surrogate.studies.force_sweeps import GROWTH
+from surrogate.studies.noise import END, draw, free_of_noise, noise_ratio, predict
+from surrogate.studies.record import Claim, Table
+from surrogate.studies.study import Outcome, Study
+from surrogate.studies.workshop import Workshop
+
+NOISE_FREE = {"beam2d": "beam2d_f1-vb", "lshape2d": "lshape2d-vb"}
+RUNS = tuple(f"{body}_noisy-{kind}" for body in NOISE_FREE for kind in ("mle", "vb"))
+SWEEPS = {body: f"{body}_sweep" for body in NOISE_FREE}
+FAR = (2.0, 4.0)  # N
+CAPTURED = 2.0  # a factor within which the noise is captured
+RELIABLE = 0.5  # share of forces in the 95 % band below which uncertainty is not reliable
+
+
+def conduct(workshop: Workshop) -> Outcome:
+    """Compare the uncertainties of both kinds of networks with noise and errors, on both bodies."""
+    mle, vb = (predicted_by(workshop, kind) for kind in ("mle", "vb"))
+    noise_free = [predict(workshop, run, SWEEPS[body]) for body, run in NOISE_FREE.items()]
+    return Outcome(
+        tables=[noise_table(mle | vb)],
+        claims=[
+            captured("Maximum likelihood", mle),
+            captured("Variational Bayes", vb),
+            unreliable(mle),
+            growing(vb),
+        ],
+        figures={
+            "std": (
+                draw(mle, vb, noise_free),
+                "Standard deviations after training on noisy data, of the loaded node's "
+                "displacement in the direction of the force: dark grey, forces with noise; light "
+                "grey, the training range. Error against the noise-free finite elements.",
+            )
+        },
+    )
+
+
+def predicted_by(workshop: Workshop, kind: str) -> dict[str, ForceSweep]:
+    """Sweeps of one kind of networks, by the names of body and network."""
+    return {
+        f"{BODIES[body]} ({kind.upper()})": predict(workshop, f"{body}_noisy-{kind}", sweep)
+        for body, sweep in SWEEPS.items()
+    }
+
+
+def captured(likelihood: str, sweeps: dict[str, ForceSweep]) -> Claim:
+    """Whether the noise is captured within the training range, on every body."""
+    ratios = {name: noise_ratio(sweep) for name, sweep in sweeps.items()}
+    return Claim(
+        what=f"{likelihood} captures the noise within the training range.",
+        holds=all(1 / CAPTURED <= ratio <= CAPTURED for ratio in ratios.values()),
+        evidence="Predicted over true standard deviation where there is noise, median: "
+        f"{listed(ratios)} (captured within a factor of {CAPTURED:g}).",
+    )
+
+
+def share_covered(sweep: ForceSweep) -> float:
+    """Share of the forces outside the training range whose error is inside the 95 % band."""
+    return float(sweep.covered[sweep.outside].mean())
+
+
+def unreliable(sweeps: dict[str, ForceSweep]) -> Claim:
+    """Whether networks stay confident outside the training range where they are wrong."""
+    shares = {name: share_covered(sweep) for name, sweep in sweeps.items()}
+    return Claim(
+        what="Maximum likelihood stays confident outside the training range, where it is wrong.",
+        holds=all(share < RELIABLE for share in shares.values()),
+        evidence="Share of the forces outside whose error is inside the 95 % band: "
+        f"{listed(shares)} (not reliable below {RELIABLE}).",
+        better=True,
+    )
+
+
+def growing(sweeps: dict[str, ForceSweep]) -> Claim:
+    """Whether uncertainty grows steadily outside the training range, beyond that of the noise."""
+    growths = {name: sweep.growth for name, sweep in sweeps.items()}
+    ratios = {
+        name: sweep.at(END, sweep.std) / float(sweep.std[~sweep.outside].max())
+        for name, sweep in sweeps.items()
+    }
+    return Claim(
+        what="With variational Bayes, uncertainty grows outside the training range.",
+        holds=min(growths.values()) >= GROWTH and min(ratios.values()) > 1,
+        evidence=f"Rank correlation with the force: {listed(growths)} (at least {GROWTH}); "
+        f"standard deviation at {END:g} N over the largest inside: {listed(ratios)} (above 1).",
+    )
+
+
+def listed(numbers: dict[str, float]) -> str:
+    """Numbers with their names, for a sentence."""
+    return ", ".join(f"{number:.2f} ({name})" for name, number in numbers.items())
+
+
+def noise_table(sweeps: dict[str, ForceSweep]) -> Table:
+    """Standard deviations with and without noise and outside, and errors there."""
+    rows = []
+    for name, sweep in sweeps.items():
+        far = [
+            MM * sweep.at(force, values)
+            for force in FAR
+            for values in (sweep.std, np.abs(sweep.error))
+        ]
+        rows.append((name, noise_ratio(sweep), MM * sweep.std[free_of_noise(sweep)].mean(), *far))
+    return Table(
+        caption="Loaded node, in the direction of the force; at 2 N and 4 N, mean of both senses.",
+        head=(
+            "network",
+            "σ / true σ, with noise",
+            "σ without noise [mm]",
+            *(f"{what} at {force:g} N [mm]" for force in FAR for what in ("σ", "error")),
+        ),
+        rows=tuple(rows),
+    )
+
+
+STUDY = Study(
+    name="noisy-data",
+    title="Networks trained on noisy data",
+    labels=("fig: MLEvsBayes",),
+    question="Small loads of the training have noise on their displacements: is the predicted "
+    "uncertainty that of the noise, and does it grow outside the training range?",
+    conduct=conduct,
+    datasets=tuple(SWEEPS.values()),
+    runs=(*RUNS, *NOISE_FREE.values()),
+)
