@@ -32,13 +32,7 @@ Array = NDArray[np.float64]
 
 
 @styled
-def deformed_meshes(
-    geometry: Geometry,
-    predicted: Array,
-    reference: Array,
-    force: Array,
-    around: float | None = None,
-) -> Figure:
+def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, force: Array) -> Figure:
     """Undeformed mesh, network's and finite elements' deformed meshes over each other.
 
     Parameters
@@ -48,12 +42,38 @@ def deformed_meshes(
         Displacements in m.
     force : array, (n_nodes, d)
         Nodal forces in N, drawn as arrows at the deformed nodes.
-    around : float, optional
-        Show only what is this near to the arrows, in m.
     """
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
-    _draw_meshes(drawing, geometry, predicted, reference, force, around)
+    _draw_meshes(drawing, geometry, predicted, reference)
+    drawing.forces(geometry.coordinates + reference, force)
+    drawing.finish()
+    legend_below(figure, columns=3)
+    return figure
+
+
+@styled
+def close_up(
+    geometry: Geometry, predicted: Array, reference: Array, nodes: NDArray[np.int64], around: float
+) -> Figure:
+    """Part of `deformed_meshes` round some nodes, which are marked.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    predicted, reference : array, (n_nodes, d)
+        Displacements in m.
+    nodes : array of int
+    around : float
+        How much above and below them is shown, in m; to the sides twice that.
+    """
+    figure = make_figure(6.4, 3.2)
+    drawing = make_drawing(figure, geometry)
+    drawing.markers((geometry.coordinates + reference)[nodes], "black", s=24)
+    lower, upper = drawing.extent()
+    _draw_meshes(drawing, geometry, predicted, reference, wide=1.8)
+    room = np.array((2 * around, around))
+    drawing.finish((lower - room, upper + room), labelled=False)
     legend_below(figure, columns=3)
     return figure
 
@@ -90,10 +110,12 @@ def meshes_and_errors(
     """Figures `deformed_meshes` and `error_field` side by side."""
     figure = make_figure(9.6, 3.2)
     left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
-    _draw_meshes(left, geometry, predicted, reference, force)
+    _draw_meshes(left, geometry, predicted, reference)
+    left.forces(geometry.coordinates + reference, force)
+    left.finish()
     errors = node_errors(predicted, reference) * 1e3
     add_field(right, geometry.coordinates + predicted, errors, NODAL_ERROR)
-    right.finish()
+    right.finish(left.extent() if geometry.dimension == 2 else None)
     legend_below(figure, columns=3)
     return figure
 
@@ -103,20 +125,14 @@ def _draw_meshes(
     geometry: Geometry,
     predicted: Array,
     reference: Array,
-    force: Array,
-    around: float | None = None,
+    wide: float | None = None,
 ) -> None:
+    """Draw all three meshes; the lines are finer in space, where there are more, or `wide`."""
     x = geometry.coordinates
-    drawing.forces(x + reference, force)
-    extent = None
-    if around is not None:
-        lower, upper = drawing.extent()
-        extent = lower - around, upper + around
+    wide = wide or (1.8 if geometry.dimension == 2 else 0.9)
     drawing.undeformed(UNDEFORMED, "undeformed", linewidth=0.6)
-    wide, narrow = (0.9, 0.4) if geometry.dimension == 3 and around is None else (1.8, 0.8)
     drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=wide)
-    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=narrow)
-    drawing.finish(extent, labelled=around is None)
+    drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=0.45 * wide)
 
 
 def add_field(drawing: Drawing, x: Array, values: Array, label: str) -> None:

@@ -14,6 +14,7 @@ from surrogate.studies.workshop import Workshop
 RUN, LOADS = "beam2d-det", "beam2d_multiple"
 TIP_DISPLACEMENT, RELATIVE_TIP_ERROR = 0.55, 0.006  # m; Figure "multiple_force" and its text
 CLOSELY = 0.05  # relative tip error at most
+LESS = 0.1  # in rank correlation, at least: another trend
 
 
 def conduct(workshop: Workshop) -> Outcome:
@@ -74,7 +75,7 @@ def accuracy_claim(tip_error: float) -> Claim:
     return Claim(
         what="Trained on single loads, the network closely follows the solution under several.",
         holds=tip_error <= CLOSELY,
-        evidence=f"Median relative tip error {100 * tip_error:.2g} % (≤ {100 * CLOSELY:g} %).",
+        evidence=f"Median relative tip error {100 * tip_error:.3g} % (≤ {100 * CLOSELY:g} %).",
     )
 
 
@@ -85,10 +86,10 @@ def pattern_claim(single: float, several: float) -> Claim:
             "Under several loads the error shows a different trend: it is high not only where "
             "the deformation is."
         ),
-        holds=several < single,
+        holds=several <= single - LESS,
         evidence=(
             "Mean rank correlation of nodal error and displacement: "
-            f"{several:.2f} under several loads, {single:.2f} under one."
+            f"{several:.2f} under several loads, {single:.2f} under one (by {LESS} less)."
         ),
     )
 

@@ -61,14 +61,14 @@ def test_loss_without_validation() -> None:
     assert len(figures.loss_curves(LINES, "loss").axes[0].lines) == 2
 
 
-def test_close_up_shows_only_what_is_near_the_load(dataset: Dataset) -> None:
-    """A force of fixed length at a node, 0.3 m round it; the body is 3.5 m long."""
+def test_close_up_shows_what_is_near_the_load(dataset: Dataset) -> None:
+    """0.3 m above and below the loaded node, 0.6 m to its sides."""
     force, reference, predicted = nodal(dataset)
-    near = figures.deformed_meshes(dataset.geometry, predicted[0], reference[0], force[0], 0.3)
-    place = (dataset.geometry.coordinates + reference[0])[force[0].any(axis=1)][0]
-    (left, right), (lower, upper) = near.axes[0].get_xlim(), near.axes[0].get_ylim()
-    assert left <= place[0] - 0.3 < place[0] + 0.3 <= right < left + 2.5
-    assert lower <= place[1] - 0.3 < place[1] + 0.3 <= upper < lower + 2.5
+    loaded = np.flatnonzero(force[0].any(axis=1))
+    figure = figures.close_up(dataset.geometry, predicted[0], reference[0], loaded, 0.3)
+    ((x, y),) = (dataset.geometry.coordinates + reference[0])[loaded]
+    assert figure.axes[0].get_xlim() == pytest.approx((x - 0.6, x + 0.6))
+    assert figure.axes[0].get_ylim() == pytest.approx((y - 0.3, y + 0.3))
 
 
 def test_meshes_and_errors_are_side_by_side(dataset: Dataset) -> None:
