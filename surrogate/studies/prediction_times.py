@@ -49,9 +49,9 @@ class Times:
 
 
 PAPER = {
-    "beam2d": Times(123.0, None, 5.0, 1.0),
-    "lshape2d": Times(120.0, None, 7.0, 1.0),
-    "beam3d": Times(3100.0, None, 100.0, 9.0),
+    "beam2d": Times(123, None, 5, 1),
+    "lshape2d": Times(120, None, 7, 1),
+    "beam3d": Times(3100, None, 100, 9),
 }
 PAPER_PASSES = 100.0  # ms for 300 of them (Section "Prediction and training times")
 
