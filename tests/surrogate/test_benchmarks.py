@@ -1,8 +1,9 @@
-"""The benchmark of the training loop runs, and its page is what its committed results give."""
+"""The benchmark of the training loop runs; pages are what the committed results give."""
 
 from __future__ import annotations
 
 import json
+from types import ModuleType
 
 import pytest
 import torch
@@ -10,10 +11,8 @@ import torch
 from surrogate.dataset import Dataset
 from surrogate.run_config import RunConfig
 from surrogate.unet import UNetConfig
-from tests.benchmarks import training_throughput
+from tests.benchmarks import prediction_latency, training_throughput
 from tests.benchmarks.publication import machine, page_path, result_path
-
-NAME = "training"
 
 
 def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,8 +50,10 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     assert "PyTorch 2.13. Made by" in page
 
 
-@pytest.mark.skipif(not result_path(NAME).is_file(), reason="not measured yet")
-def test_page_is_made_from_the_results() -> None:
-    results = json.loads(result_path(NAME).read_text())
-    assert page_path(NAME).read_text() == training_throughput.table(results)
-    assert f"python -m {training_throughput.__name__}" in results["command"]
+@pytest.mark.parametrize(
+    ("name", "benchmark"), [("training", training_throughput), ("prediction", prediction_latency)]
+)
+def test_pages_are_made_from_the_results(name: str, benchmark: ModuleType) -> None:
+    results = json.loads(result_path(name).read_text())
+    assert page_path(name).read_text() == benchmark.table(results)
+    assert f"python -m {benchmark.__name__}" in results["command"]
