@@ -18,7 +18,7 @@ from surrogate.studies.workshop import Workshop
 from surrogate.uncertainty_figures import CURVES
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
-TWO_ORDERS = 10**1.5  # and more: two orders of magnitude, rounded
+TWO_ORDERS = 10**1.5, 10**2.5  # from here to there: two orders of magnitude, rounded
 Array = NDArray[np.float64]
 
 
@@ -98,7 +98,7 @@ def meshes(loads: Extrapolation, number: int) -> Figure:
 
 def growth_claim(mean_error: Array) -> Claim:
     """Claim on e_m under the loads, from the training line outwards."""
-    said = ", ".join(f"{MM * error:.2g}" for error in mean_error)
+    said = ", ".join(f"{MM * error:.3g}" for error in mean_error)
     return Claim(
         what="Errors increase from node to node when moving away from the training line.",
         holds=bool((np.diff(mean_error) > 0).all()),
@@ -109,14 +109,15 @@ def growth_claim(mean_error: Array) -> Claim:
 def drop_claim(mean_error: Array, max_error: Array) -> Claim:
     """Claim on how many times the errors grow."""
     factors = [float(errors.max() / errors[0]) for errors in (mean_error, max_error)]
+    low, high = TWO_ORDERS
     return Claim(
         what="Accuracy drops by up to two orders of magnitude away from the training line.",
-        holds=max(factors) >= TWO_ORDERS,
+        holds=low <= max(factors) <= high,
         evidence=(
-            f"The mean error grows {factors[0]:.3g} times, the maximum error {factors[1]:.3g} "
-            f"times (≥ {TWO_ORDERS:.0f})."
+            f"The mean error grows {factors[0]:.0f} times, the maximum error {factors[1]:.0f} "
+            f"times ({low:.0f} to {high:.0f})."
         ),
-        better=True,
+        better=max(factors) < low,
     )
 
 
@@ -128,8 +129,8 @@ def uncertainty_claim(error: Array, std: Array) -> Claim:
         holds=bool(ratio[-1] > limit),
         evidence=(
             f"At the farthest node the error is {ratio[-1]:.3g} σ (> {limit:.3g}), at the first "
-            f"{ratio[0]:.3g} σ; from there to here σ grows {std[-1] / std[0]:.3g} times, the error "
-            f"{error[-1] / error[0]:.3g} times."
+            f"{ratio[0]:.3g} σ; from there to here σ grows {std[-1] / std[0]:.0f} times, the error "
+            f"{error[-1] / error[0]:.0f} times."
         ),
         better=True,
     )
