@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from shared_schema.figure_style import make_figure, styled
+from shared_schema.figure_style import legend_below, make_figure, styled
 from surrogate.metrics import displacement_at_load, sample_errors
 from surrogate.published import PUBLISHED
 from surrogate.studies.accuracy import MM, name_of, test_errors
@@ -31,14 +31,14 @@ def errors_over_displacement(workshop: Workshop, runs: Sequence[str]) -> Figure:
         errors = sample_errors(workshop.predicted_test(run).mean, test.displacement)
         axes.plot(moved, MM * errors, "o", ms=2.4, mew=0, color=color, alpha=0.5)
         line, ends = test_errors(workshop, run), (0.0, float(moved.max()))
-        label = rf"{name_of(workshop, run)}, slope ${MM * line.slope:.2f}\times10^{{-3}}$"
+        label = rf"{name_of(workshop, run)}, slope ${MM * line.slope:.3g}\times10^{{-3}}$"
         heights = [MM * (line.intercept + line.slope * end) for end in ends]
         axes.plot(ends, heights, color=color, label=label)
     axes.set_xlabel("displacement magnitude at the loaded node [m]")
     axes.set_ylabel(r"mean error $e_m$ [mm]")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
-    axes.legend(loc="upper left")
+    legend_below(figure, columns=len(runs))
     return figure
 
 
@@ -85,7 +85,7 @@ def sensitivity_claim(slopes: dict[str, float]) -> Claim:
         what="Errors are little sensitive to the displacement magnitude, in all cases.",
         holds=abs(slopes[steepest]) <= LOW,
         evidence=(
-            f"The steepest line, of {steepest}, rises by {MM * slopes[steepest]:.2g} mm "
+            f"The steepest line, of {steepest}, rises by {MM * slopes[steepest]:.3g} mm "
             f"in a metre (≤ {MM * LOW:g} mm)."
         ),
     )
