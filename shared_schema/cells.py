@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FACETS = {  # corners of each facet of a cell, VTK order, going round
+FACETS = {  # corners of each facet of a cell, going round; in space as seen from outside
     "triangle": ((0, 1), (1, 2), (2, 0)),
     "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
+    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
     "hexahedron": (
-        (0, 1, 2, 3),
+        (0, 3, 2, 1),
         (4, 5, 6, 7),
         (0, 1, 5, 4),
         (1, 2, 6, 5),
@@ -48,7 +48,7 @@ def boundary_facets(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int6
     Returns
     -------
     array of int, (n_facets, n_facet_corners)
-        Node numbers, going round each facet.
+        Node numbers, going round each facet, in space as seen from outside.
     """
     facets = np.concatenate([cells[:, facet] for facet in FACETS[cell_type]])
     _, first, count = np.unique(

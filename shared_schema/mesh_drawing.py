@@ -58,8 +58,8 @@ def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def surface_edges(mesh: Mesh) -> NDArray[np.int64]:
-    """Edges of the faces that can be seen, each once: (n_edges, 2) node numbers."""
-    return np.unique(_edges_of(surface_faces(mesh)).reshape(-1, 2), axis=0)
+    """Edges of the surface's faces, each once: (n_edges, 2) node numbers."""
+    return _each_once(_edges_of(surface_faces(mesh)))
 
 
 def sharp_edges(mesh: Mesh) -> NDArray[np.int64]:
@@ -87,6 +87,11 @@ def _edges_of(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=-1), axis=-1)
 
 
+def _each_once(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges (..., 2), each once: (n_edges, 2)."""
+    return np.unique(edges.reshape(-1, 2), axis=0)
+
+
 class Drawing(ABC):
     """Axes on which a body is drawn, all to one scale.
 
@@ -107,6 +112,10 @@ class Drawing(ABC):
         """Draw a nodal field (n_nodes,) on the mesh, its nodes at `x` (n_nodes, d) in m."""
 
     @abstractmethod
+    def _edges(self, x: Array) -> NDArray[np.int64]:
+        """Edges that can be seen, the nodes at `x` (n_nodes, d): (n_edges, 2) node numbers."""
+
+    @abstractmethod
     def _outline(self) -> NDArray[np.int64]:
         """Edges that stand for the undeformed body: (n_edges, 2) node numbers."""
 
@@ -124,7 +133,7 @@ class Drawing(ABC):
 
     def mesh(self, x: Array, color: str, label: str | None, **style: Any) -> None:
         """Draw every edge that can be seen of the mesh, its nodes at `x` (n_nodes, d) in m."""
-        lines = self._seen(x)[surface_edges(self._mesh)]
+        lines = self._seen(x)[self._edges(x)]
         self.axes.add_collection(LineCollection(list(lines), colors=color, label=label, **style))
 
     def undeformed(self, color: str, label: str | None, **style: Any) -> None:
@@ -259,6 +268,9 @@ class PlaneDrawing(Drawing):
             triangles, values, shading="gouraud", cmap="viridis", rasterized=True
         )
 
+    def _edges(self, x: Array) -> NDArray[np.int64]:
+        return surface_edges(self._mesh)
+
     def _outline(self) -> NDArray[np.int64]:
         return surface_edges(self._mesh)
 
@@ -291,6 +303,14 @@ class SpaceDrawing(Drawing):
         polygons.set_array(values[faces].mean(axis=1))
         self.axes.add_collection(polygons)
         return polygons
+
+    def _edges(self, x: Array) -> NDArray[np.int64]:
+        """Edges of the faces that are turned to the eye: those that go round anticlockwise."""
+        faces = surface_faces(self._mesh)
+        corner = self._on_paper(x)[faces]
+        following = np.roll(corner, -1, axis=1)
+        area = corner[..., 0] * following[..., 1] - corner[..., 1] * following[..., 0]
+        return _each_once(_edges_of(faces[area.sum(axis=1) > 0]))
 
     def _outline(self) -> NDArray[np.int64]:
         return sharp_edges(self._mesh)

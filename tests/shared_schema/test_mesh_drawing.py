@@ -205,3 +205,14 @@ def test_axes_in_space_are_of_a_round_length() -> None:
     _, drawing = finished(mesh, np.zeros_like(mesh.coordinates))
     said = [text.get_text() for text in drawing.axes.texts if text.get_text()]
     assert said == ["x", "y", "z", "0.5 m"]
+
+
+@pytest.mark.parametrize(("cell_type", "parts"), [("hexahedron", 1), ("tetra", 2)])
+def test_only_edges_in_front_are_drawn_in_space(cell_type: str, parts: int) -> None:
+    """Three sides of the box: 51 faces, 8 · 4 + 8 · 4 + 4 · 4 − 16 + 1 nodes; V − E + F = 1."""
+    mesh = block(cell_type)
+    drawing = make_drawing(Figure(), mesh)
+    drawing.mesh(mesh.coordinates, "red", None)
+    (lines,) = drawing.axes.collections
+    faces, nodes = (21 + 21 + 9) * parts, 65
+    assert len(lines.get_paths()) == nodes + faces - 1
