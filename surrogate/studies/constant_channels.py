@@ -118,4 +118,5 @@ STUDY = Study(
     question="How many channels are enough, if every level of the U-Net has the same?",
     conduct=conduct,
     runs=(RUNS,),
+    times=True,
 )

@@ -159,4 +159,5 @@ STUDY = Study(
     question="How much sooner than finite elements does a network answer?",
     conduct=conduct,
     runs=(*DETERMINISTIC.values(), *BAYESIAN.values()),
+    times=True,
 )

@@ -16,6 +16,7 @@ from surrogate.studies.study import Study, read_record
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
 NOT_DONE = "not done"
+LARGE = 999.5  # from here on numbers are written as whole ones
 
 
 class Discussion(Frozen):
@@ -151,10 +152,12 @@ def appendix(records: Sequence[Record]) -> str:
 
 
 def cell(value: Cell) -> str:
-    """A cell: whole numbers as they are, others in three digits, nothing as a dash."""
+    """A cell: whole numbers as they are, others in three digits or more, nothing as a dash."""
     if value is None:
         return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
+    return str(value)
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:

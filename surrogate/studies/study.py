@@ -57,6 +57,8 @@ class Study:
         Names of the datasets that it needs besides those of its runs.
     runs : tuple of str
         Names of the runs that it needs, or patterns such as ``beam3d-c*``.
+    times : bool
+        Whether it measures times, which are those of a device.
     conduct : callable
         Does it.
     """
@@ -68,6 +70,7 @@ class Study:
     conduct: Callable[[Workshop], Outcome]
     datasets: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
+    times: bool = False
 
     def fingerprint(self, workshop: Workshop) -> str:
         """Digest of all that the findings depend on."""
@@ -75,6 +78,7 @@ class Study:
         return digest_of(
             {
                 "study": self.name,
+                "device": workshop.device.type if self.times else None,
                 "passes": scale.passes,
                 "datasets": {name: workshop.manifest(name).digest for name in self.datasets},
                 "runs": {r: workshop.run_fingerprint(r) for r in scale.matching(self.runs)},

@@ -10,7 +10,7 @@ import torch
 from shared_schema.errors import InputError
 from shared_schema.figure_style import make_figure
 from surrogate.studies.record import Claim, compare
-from surrogate.studies.report import PAGE
+from surrogate.studies.report import PAGE, cell
 from surrogate.studies.reproduction import find_studies, reproduce
 from surrogate.studies.scale import merged
 from surrogate.studies.study import Outcome, Study
@@ -100,3 +100,11 @@ def test_unknown_study() -> None:
 def test_verdicts(ours: float, verdict: str) -> None:
     """Against 0.3: better below 0.2, and the same up to 0.45."""
     assert compare("ē", "mm", ours, 0.3).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "–"), (3, "3"), (5700, "5700"), (0.06083, "0.0608"), (999.4, "999"), (1060.0, "1060")],
+)
+def test_cells(value: float | None, text: str) -> None:
+    assert cell(value) == text
