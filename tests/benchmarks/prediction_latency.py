@@ -238,7 +238,9 @@ def table(results: Results) -> str:
 
     def cell(result: Results, name: str) -> str:
         value = result.get(f"{name}_ms")
-        return "" if value is None else f"{value:.3g}"
+        if value is None:
+            return ""
+        return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
     rows = markdown_table(
         ("case", "network", "passes", "parameters", "device", *WAYS, "PyTorch, drawing"),
