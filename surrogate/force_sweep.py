@@ -75,7 +75,7 @@ class ForceSweep:
 def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
     """Take a sweep from predictions of samples that all load one node.
 
-    The training's largest force is rounded to two digits: of random ones, none is at the very end
+    The training's largest force is rounded to three digits: of random ones, none is at the very end
     of its range.
     """
     node, force = extrapolation.node, extrapolation.samples.force
@@ -91,7 +91,7 @@ def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
 
     return ForceSweep(
         axis=axis,
-        limit=float(f"{limit:.2g}"),
+        limit=float(f"{limit:.3g}"),
         force=here(force),
         reference=here(extrapolation.samples.displacement),
         mean=here(predicted.mean),

@@ -110,15 +110,13 @@ def confident_inside(sweep: ForceSweep, forces: Sequence[float]) -> Claim:
     """Whether uncertainty is small within the training range and grows steadily outside."""
     largest = float(sweep.std[~sweep.outside].max())
     ratios = [sweep.at(force, sweep.std) / largest for force in forces]
-    said = " and ".join(
-        f"{r:.1f} times that at {f:g} N" for r, f in zip(ratios, forces, strict=True)
-    )
+    said = ", ".join(f"at {f:g} N {r:.3g}" for f, r in zip(forces, ratios, strict=True))
     return Claim(
         what="The network is confident within the training range and gets less so outside.",
         holds=sweep.growth >= GROWTH and min(ratios) >= CONFIDENT,
-        evidence=f"Largest standard deviation inside {MM * largest:.2f} mm; {said} (at least "
-        f"{CONFIDENT:g} times); rank correlation with the force outside {sweep.growth:.2f} (at "
-        f"least {GROWTH}).",
+        evidence=f"Largest standard deviation inside {MM * largest:.2f} mm; over that, outside: "
+        f"{said} (at least {CONFIDENT:g}); rank correlation with the force outside "
+        f"{sweep.growth:.2f} (at least {GROWTH}).",
     )
 
 

@@ -68,7 +68,7 @@ def noise_ratio(sweep: ForceSweep) -> float:
 
 
 @styled
-def draw(
+def draw_uncertainties(
     left: dict[str, ForceSweep], right: dict[str, ForceSweep], noise_free: Sequence[ForceSweep]
 ) -> Figure:
     """Standard deviations and errors over the force, a body a row.

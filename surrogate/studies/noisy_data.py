@@ -7,7 +7,7 @@ import numpy as np
 from surrogate.force_sweep import ForceSweep
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.force_sweeps import GROWTH
-from surrogate.studies.noise import END, draw, free_of_noise, noise_ratio, predict
+from surrogate.studies.noise import END, draw_uncertainties, free_of_noise, noise_ratio, predict
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -34,7 +34,7 @@ def conduct(workshop: Workshop) -> Outcome:
         ],
         figures={
             "std": (
-                draw(mle, vb, noise_free),
+                draw_uncertainties(mle, vb, noise_free),
                 "Standard deviations after training on noisy data, of the loaded node's "
                 "displacement in the direction of the force: dark grey, forces with noise; light "
                 "grey, the training range. Error against the noise-free finite elements.",
@@ -96,7 +96,7 @@ def growing(sweeps: dict[str, ForceSweep]) -> Claim:
 
 def listed(numbers: dict[str, float]) -> str:
     """Numbers with their names, for a sentence."""
-    return ", ".join(f"{number:.2f} ({name})" for name, number in numbers.items())
+    return ", ".join(f"{name} {number:.2f}" for name, number in numbers.items())
 
 
 def noise_table(sweeps: dict[str, ForceSweep]) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from shared_schema.figure_style import NETWORK, make_figure, styled
+from shared_schema.figure_style import NETWORK, legend_below, make_figure, styled
 from surrogate.calibration import half_width
 from surrogate.extrapolation import BAND
 from surrogate.force_sweep import ForceSweep, force_sweep
@@ -83,7 +83,7 @@ def draw_bands(larger: ForceSweep, smaller: ForceSweep) -> Figure:
     axes.set_xlabel("vertical force at the corner [N]")
     axes.set_ylabel("95 % band of the vertical displacement [m]")
     axes.set_xlim(larger.force[0], larger.force[-1])
-    axes.legend(loc="upper center")
+    legend_below(figure, columns=2)
     return figure
 
 

@@ -8,17 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from surrogate.calibration import half_width, rank_correlation
 from surrogate.example import find_example
-from surrogate.extrapolation import BAND
 from surrogate.geometry import Geometry
-from surrogate.metrics import node_errors
 from surrogate.nodal_dataset import NodalSamples
 from surrogate.prediction import Distribution
 from surrogate.published import PUBLISHED
-from surrogate.studies.accuracy import MM
+from surrogate.studies.field_agreement import close, correlated, fields_table, measure_fields
 from surrogate.studies.multiple_loads import LOADS, TIP_DISPLACEMENT
-from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 from surrogate.uncertainty_figures import error_beside_uncertainty
@@ -26,8 +22,6 @@ from surrogate.uncertainty_figures import error_beside_uncertainty
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"
 BEYOND = 5.0  # N, upwards: twice the largest force in training
-STRONG = 0.7  # a rank correlation from which fields count as strongly correlated
-CLOSE = 2.0  # a factor within which error and standard deviation count as close
 
 
 @dataclass(frozen=True)
@@ -41,78 +35,30 @@ class Example:
     std: Array
 
 
-@dataclass(frozen=True)
-class FieldMeasures:
-    """Error and standard deviation over the free nodes.
-
-    Attributes
-    ----------
-    error, std : float
-        Mean nodal ‖U − u‖₂ and ‖σ‖₂, in m.
-    rank_correlation, linear_correlation : float
-        Spearman's and Pearson's, between the two over the nodes.
-    covered : float
-        Share of the components whose error is inside the 95 % band.
-    """
-
-    error: float
-    std: float
-    rank_correlation: float
-    linear_correlation: float
-    covered: float
-
-
-def measure_fields(mean: Array, std: Array, reference: Array) -> FieldMeasures:
-    """Measure fields of free nodes, (n_nodes, d) each in m."""
-    error, spread = node_errors(mean, reference), np.linalg.norm(std, axis=1)
-    return FieldMeasures(
-        error=float(error.mean()),
-        std=float(spread.mean()),
-        rank_correlation=float(rank_correlation(error, spread)),
-        linear_correlation=float(np.corrcoef(error, spread)[0, 1]),
-        covered=float((np.abs(mean - reference) <= half_width(BAND) * std).mean()),
-    )
-
-
-def correlated(what: str, measures: FieldMeasures) -> Claim:
-    """Whether error and uncertainty are strongly correlated in space."""
-    return Claim(
-        what=f"Error and uncertainty are strongly correlated in space: {what}.",
-        holds=measures.rank_correlation >= STRONG,
-        evidence=f"Rank correlation over the free nodes {measures.rank_correlation:.2f} (strong "
-        f"from {STRONG} on), linear correlation {measures.linear_correlation:.2f}.",
-    )
-
-
-def close(what: str, measures: FieldMeasures) -> Claim:
-    """Whether error and uncertainty are of the same size."""
-    ratio = measures.error / measures.std
-    return Claim(
-        what=f"Outside the training range error and uncertainty are close to each other: {what}.",
-        holds=1 / CLOSE <= ratio <= CLOSE,
-        evidence=f"Mean error over mean standard deviation {ratio:.2f} (close within a factor of "
-        f"{CLOSE:g}).",
-    )
-
-
 def conduct(workshop: Workshop) -> Outcome:
     """Compare error and uncertainty of three examples."""
     geometry = workshop.surrogate(RUN).geometry
     free = ~geometry.clamped
-    shown = {"corner": corner(workshop), "multiple": multiple(workshop)}
-    beyond = {"beyond": at_corner(workshop, BEYOND), "below": at_corner(workshop, -BEYOND)}
-    examples = shown | beyond
+    beyond, opposite = (at_corner(workshop, force) for force in (BEYOND, -BEYOND))
+    shown = {"corner": corner(workshop), "multiple": multiple(workshop), "beyond": beyond}
     measured = {
-        name: measure_fields(example.mean[free], example.std[free], example.reference[free])
-        for name, example in examples.items()
+        example.what: measure_fields(example.mean[free], example.std[free], example.reference[free])
+        for example in (*shown.values(), opposite)
     }
     return Outcome(
-        tables=[fields_table({examples[name].what: measured[name] for name in examples})],
+        tables=[fields_table(measured)],
         claims=[
-            *(correlated(examples[name].what, measured[name]) for name in (*shown, "beyond")),
-            close(examples["beyond"].what, measured["beyond"]),
+            *(correlated(example.what, measured[example.what]) for example in shown.values()),
+            close(
+                "Under several forces error and uncertainty closely follow each other.",
+                measured[shown["multiple"].what],
+            ),
+            close(
+                f"Outside the training range error and uncertainty are close: {beyond.what}.",
+                measured[beyond.what],
+            ),
         ],
-        figures={name: figure_of(geometry, examples[name]) for name in (*shown, "beyond")},
+        figures={name: figure_of(geometry, example) for name, example in shown.items()},
     )
 
 
@@ -151,34 +97,6 @@ def example_of(what: str, samples: NodalSamples, predicted: Distribution, number
         samples.displacement[number],
         predicted.mean[number],
         predicted.std[number],
-    )
-
-
-def fields_table(measured: dict[str, FieldMeasures]) -> Table:
-    """Measures of every example."""
-    return Table(
-        caption="Norms of errors and standard deviations at the free nodes.",
-        head=(
-            "example",
-            "mean error [mm]",
-            "mean σ [mm]",
-            "error / σ",
-            "rank correlation",
-            "linear correlation",
-            "inside the 95 % band",
-        ),
-        rows=tuple(
-            (
-                what,
-                MM * m.error,
-                MM * m.std,
-                m.error / m.std,
-                m.rank_correlation,
-                m.linear_correlation,
-                m.covered,
-            )
-            for what, m in measured.items()
-        ),
     )
 
 

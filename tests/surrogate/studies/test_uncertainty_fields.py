@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.studies.uncertainty_fields import close, conduct, correlated, measure_fields
+from surrogate.studies.field_agreement import close, correlated, measure_fields
+from surrogate.studies.uncertainty_fields import conduct
 from surrogate.studies.workshop import Workshop
 
 # Three nodes in the plane, in m: errors of 5, 10 and 15 mm, σ of 5, 10 and 30 mm in norm.
@@ -36,7 +37,7 @@ def test_correlated() -> None:
 @pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (0.3, False), (1.4, False)])
 def test_close_within_a_factor_of_2(factor: float, holds: bool) -> None:
     """Error over σ is 10 / 15, 10 / 4.5 and 10 / 21."""
-    assert close("it", measure_fields(MEAN, factor * STD, REFERENCE)).holds == holds
+    assert close("It is.", measure_fields(MEAN, factor * STD, REFERENCE)).holds == holds
 
 
 def test_examples(workshop: Workshop) -> None:

@@ -1,0 +1,100 @@
+"""How well the field of predicted uncertainty agrees with that of the error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.calibration import half_width, rank_correlation
+from surrogate.extrapolation import BAND
+from surrogate.metrics import node_errors
+from surrogate.studies.accuracy import MM
+from surrogate.studies.record import Claim, Table
+
+Array = NDArray[np.float64]
+STRONG = 0.7  # a rank correlation from which fields count as strongly correlated
+CLOSE = 2.0  # a factor within which error and standard deviation count as close
+
+
+@dataclass(frozen=True)
+class FieldMeasures:
+    """Error and standard deviation over the free nodes.
+
+    Attributes
+    ----------
+    error, std : float
+        Mean nodal ‖U − u‖₂ and ‖σ‖₂, in m.
+    rank_correlation, linear_correlation : float
+        Spearman's and Pearson's, between the two over the nodes.
+    covered : float
+        Share of the components whose error is inside the 95 % band.
+    """
+
+    error: float
+    std: float
+    rank_correlation: float
+    linear_correlation: float
+    covered: float
+
+
+def measure_fields(mean: Array, std: Array, reference: Array) -> FieldMeasures:
+    """Measure fields of free nodes, (n_nodes, d) each in m."""
+    error, spread = node_errors(mean, reference), np.linalg.norm(std, axis=1)
+    return FieldMeasures(
+        error=float(error.mean()),
+        std=float(spread.mean()),
+        rank_correlation=float(rank_correlation(error, spread)),
+        linear_correlation=float(np.corrcoef(error, spread)[0, 1]),
+        covered=float((np.abs(mean - reference) <= half_width(BAND) * std).mean()),
+    )
+
+
+def correlated(what: str, measures: FieldMeasures) -> Claim:
+    """Whether error and uncertainty are strongly correlated in space."""
+    return Claim(
+        what=f"Error and uncertainty are strongly correlated in space: {what}.",
+        holds=measures.rank_correlation >= STRONG,
+        evidence=f"Rank correlation over the free nodes {measures.rank_correlation:.2f} (strong "
+        f"from {STRONG} on), linear correlation {measures.linear_correlation:.2f}.",
+    )
+
+
+def close(statement: str, measures: FieldMeasures) -> Claim:
+    """Whether error and uncertainty are of the same size, as a statement says."""
+    ratio = measures.error / measures.std
+    return Claim(
+        what=statement,
+        holds=1 / CLOSE <= ratio <= CLOSE,
+        evidence=f"Mean error over mean standard deviation {ratio:.3g} (close within a factor of "
+        f"{CLOSE:g}); {measures.covered:.0%} of the components inside the 95 % band.",
+    )
+
+
+def fields_table(measured: dict[str, FieldMeasures]) -> Table:
+    """Measures of every example."""
+    return Table(
+        caption="Norms of errors and standard deviations at the free nodes.",
+        head=(
+            "example",
+            "mean error [mm]",
+            "mean σ [mm]",
+            "error / σ",
+            "rank correlation",
+            "linear correlation",
+            "inside the 95 % band",
+        ),
+        rows=tuple(
+            (
+                what,
+                MM * m.error,
+                MM * m.std,
+                m.error / m.std,
+                m.rank_correlation,
+                m.linear_correlation,
+                m.covered,
+            )
+            for what, m in measured.items()
+        ),
+    )
