@@ -27,7 +27,7 @@ MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report reproduce test lint clean debian-packages \
-	images compose-demo test-images
+	images compose-demo test-images test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -61,9 +61,14 @@ reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
 	$(REPRODUCE)
 
 test: setup ## run every test (add T="-m 'not slow'" to choose)
-	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
-	.venv-surrogate/bin/python -m pytest tests/shared_schema tests/surrogate $(T)
+	+$(MAKE) --no-print-directory -j 2 --output-sync=target test-datagen test-surrogate
 	.venv-surrogate/bin/python -m pytest tests/end_to_end tests/docker $(T)
+
+test-datagen: setup
+	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
+
+test-surrogate: setup
+	.venv-surrogate/bin/python -m pytest tests/shared_schema tests/surrogate $(T)
 
 lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff format --check .
