@@ -234,10 +234,6 @@ def _report(options: argparse.Namespace) -> None:
     print(options.out.resolve())
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 def _study(options: argparse.Namespace) -> None:
     from surrogate.studies.reproduction import find_studies
 
@@ -268,3 +264,7 @@ def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
     done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -255,7 +255,8 @@ def test_model_of_another_network(copy: RunFolder) -> None:
 
 def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:
     files = [path for path in evaluated.rglob("*") if path.is_file()]
-    assert {path.suffix for path in files} == {".yaml", ".safetensors", ".jsonl", ".json", ".png"}
+    suffixes = {path.suffix for path in files}
+    assert suffixes == {".yaml", ".safetensors", ".jsonl", ".json", ".png", ".txt"}
     for path in files:
         content = path.read_bytes()
         assert not zipfile.is_zipfile(path), path
