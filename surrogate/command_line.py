@@ -267,4 +267,10 @@ def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    if "TORCHELASTIC_RUN_ID" in os.environ:  # torchrun's
+        # a thread of torch's that asks for the interpreter while that is torn down would abort
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
