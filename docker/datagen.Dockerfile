@@ -1,6 +1,8 @@
 # The data factory. Built from the root of the repository: docker build -f docker/datagen.Dockerfile .
 FROM debian:bookworm-slim
 
+COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
+
 # Those of the Makefile. Debian 12 keeps upstream's versions; what * stands for are its own fixes.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \

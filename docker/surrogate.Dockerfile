@@ -1,6 +1,8 @@
 # The learner. Built from the root of the repository: docker build -f docker/surrogate.Dockerfile .
 FROM debian:bookworm-slim
 
+COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
+
 # g++ and Python's headers serve `training.compile`.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
