@@ -20,12 +20,12 @@ REPEATS = 200
 SECONDS = 5.0  # at most, for one median
 
 
-def median_seconds(work: Callable[[], object]) -> float:
+def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
     """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
     for _ in range(WARM_UP):
         work()
     times: list[float] = []
-    while len(times) < REPEATS and sum(times) < SECONDS:
+    while len(times) < repeats and sum(times) < SECONDS:
         began = time.perf_counter()
         work()
         times.append(time.perf_counter() - began)

@@ -15,7 +15,6 @@ import argparse
 import logging
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count, product
@@ -40,6 +39,7 @@ from surrogate.prediction import PASSES, Surrogate, load
 from surrogate.run_config import RunConfig, read_config
 from surrogate.run_description import DataFingerprint, RunDescription
 from surrogate.run_folder import RunFolder
+from surrogate.studies.timing import median_seconds
 from surrogate.unet import UNetConfig, parameter_count
 from tests.benchmarks.publication import (
     Results,
@@ -54,8 +54,6 @@ MODULE = "prediction_latency"
 RECIPES = ("paper", "fast")
 LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")
 WAYS = ("PyTorch", "compiled", "ONNX")
-WARM_UP = 3
-SECONDS = 5.0  # at most, for one median
 # ms: finite elements, U-Net on a CPU, U-Net on a GPU (Deshpande et al. 2022, Table
 # "prediction_times"), and 300 passes in the plane (Section "Prediction and training times")
 PAPER = {"beam2d": (123, 5, 1), "lshape2d": (120, 7, 1), "beam3d": (3100, 100, 9)}
@@ -151,14 +149,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
 
 def median_ms(work: Work, repeats: int) -> float:
     """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
-    for _ in range(WARM_UP):
-        work()
-    times: list[float] = []
-    while len(times) < repeats and sum(times) < SECONDS:
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return round(1e3 * float(np.median(times)), 3)
+    return round(1e3 * median_seconds(work, repeats), 3)
 
 
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
