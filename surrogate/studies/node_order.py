@@ -15,7 +15,7 @@ from surrogate.studies.record import Claim, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
-RUNS = {"preferred": "beam3d-det", "gmsh": "beam3d_gmsh-det", "random": "beam3d_random-det"}
+RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
 PAPER = {"preferred": (0.6, 0.3), "random": (5.4, 2.8)}  # ē and σ(e) in mm
 SEVERAL = 3.0  # times worse, at least
 IntArray = NDArray[np.int64]
