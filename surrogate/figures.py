@@ -56,7 +56,7 @@ def deformed_meshes(geometry: Geometry, predicted: Array, reference: Array, forc
 def close_up(
     geometry: Geometry, predicted: Array, reference: Array, nodes: NDArray[np.int64], around: float
 ) -> Figure:
-    """Part of `deformed_meshes` round some nodes, which are marked.
+    """Both deformed meshes round some nodes, which are marked.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def close_up(
     drawing = make_drawing(figure, geometry)
     drawing.markers((geometry.coordinates + reference)[nodes], "black", s=24)
     lower, upper = drawing.extent()
-    _draw_meshes(drawing, geometry, predicted, reference, wide=1.8)
+    _draw_deformed(drawing, geometry, predicted, reference, wide=1.8)
     room = np.array((2 * around, around))
     drawing.finish((lower - room, upper + room), labelled=False)
-    legend_below(figure, columns=3)
+    legend_below(figure, columns=2)
     return figure
 
 
@@ -120,17 +120,17 @@ def meshes_and_errors(
     return figure
 
 
-def _draw_meshes(
-    drawing: Drawing,
-    geometry: Geometry,
-    predicted: Array,
-    reference: Array,
-    wide: float | None = None,
-) -> None:
-    """Draw all three meshes; the lines are finer in space, where there are more, or `wide`."""
-    x = geometry.coordinates
-    wide = wide or (1.8 if geometry.dimension == 2 else 0.9)
+def _draw_meshes(drawing: Drawing, geometry: Geometry, predicted: Array, reference: Array) -> None:
+    """Draw all three meshes; the lines are finer in space, where there are more."""
     drawing.undeformed(UNDEFORMED, "undeformed", linewidth=0.6)
+    wide = 1.8 if geometry.dimension == 2 else 0.9
+    _draw_deformed(drawing, geometry, predicted, reference, wide)
+
+
+def _draw_deformed(
+    drawing: Drawing, geometry: Geometry, predicted: Array, reference: Array, wide: float
+) -> None:
+    x = geometry.coordinates
     drawing.mesh(x + reference, REFERENCE, "finite elements", linewidth=wide)
     drawing.mesh(x + predicted, NETWORK, "U-Net", linewidth=0.45 * wide)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from shared_schema.figure_style import legend_below, make_figure, styled
+from shared_schema.figure_style import make_figure, styled
 from surrogate.metrics import displacement_at_load, sample_errors
 from surrogate.published import PUBLISHED
 from surrogate.studies.accuracy import MM, name_of, test_errors
@@ -22,23 +22,25 @@ LOW = 0.01  # metres of mean error for a metre of displacement, at most
 
 @styled
 def errors_over_displacement(workshop: Workshop, runs: Sequence[str]) -> Figure:
-    """Draw e_m of every test sample over the displacement at its load, with regression lines."""
-    figure = make_figure(6.4, 3.6)
-    axes = figure.subplots()
-    for run, color in zip(runs, CURVES, strict=False):
+    """Draw e_m of every test sample over the displacement at its load, with regression lines.
+
+    A panel a run, since errors and displacements of one may be hidden at the scale of another.
+    """
+    figure = make_figure(3.2 * len(runs), 2.8)
+    panels = figure.subplots(1, len(runs), squeeze=False)[0]
+    for axes, run, color in zip(panels, runs, CURVES, strict=False):
         test = workshop.dataset_of(run).nodal_test
         moved = displacement_at_load(test.force, test.displacement)
         errors = sample_errors(workshop.predicted_test(run).mean, test.displacement)
         axes.plot(moved, MM * errors, "o", ms=2.4, mew=0, color=color, alpha=0.5)
         line, ends = test_errors(workshop, run), (0.0, float(moved.max()))
-        label = rf"{name_of(workshop, run)}, slope ${MM * line.slope:.3g}\times10^{{-3}}$"
-        heights = [MM * (line.intercept + line.slope * end) for end in ends]
-        axes.plot(ends, heights, color=color, label=label)
-    axes.set_xlabel("displacement magnitude at the loaded node [m]")
-    axes.set_ylabel(r"mean error $e_m$ [mm]")
-    axes.set_xlim(left=0)
-    axes.set_ylim(bottom=0)
-    legend_below(figure, columns=len(runs))
+        axes.plot(ends, [MM * (line.intercept + line.slope * end) for end in ends], color=color)
+        slope = rf"slope ${MM * line.slope:.3g}\times10^{{-3}}$"
+        axes.set_title(f"{name_of(workshop, run)}, {slope}", fontsize=10)
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+    figure.supxlabel("displacement magnitude at the loaded node [m]", fontsize=10)
+    panels[0].set_ylabel(r"mean error $e_m$ [mm]")
     return figure
 
 
