@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.bodies import draw_bodies
+from surrogate.studies.padding import draw_padding
 from surrogate.studies.record import Cell, Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -111,7 +112,12 @@ def conduct(workshop: Workshop) -> Outcome:
                 draw_bodies({BODIES[name]: workshop.structured(name).geometry for name in BODIES}),
                 "The three bodies: meshes, clamped nodes (black), and the nodes one of which a "
                 "training sample loads (red).",
-            )
+            ),
+            "padding": (
+                draw_padding(workshop.structured("lshape2d").geometry),
+                "The L-shape's numbered nodes in its mesh (left) and on the network's grid "
+                "(right); at points without a node (circles) forces and displacements are zero.",
+            ),
         },
     )
 
@@ -134,7 +140,7 @@ def table_of_others(workshop: Workshop) -> Table:
 STUDY = Study(
     name="datasets",
     title="Datasets",
-    labels=("tab:datasets", "fig: three benchmark examples schematics"),
+    labels=("tab:datasets", "fig: three benchmark examples schematics", "L_padding"),
     question="On which meshes, under which forces and on how many samples are networks trained?",
     conduct=conduct,
     datasets=(*PAPER, *OTHERS),
