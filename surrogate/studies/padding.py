@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
+from numpy.typing import ArrayLike
 
 from shared_schema.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
 from shared_schema.grid_map import GridMap
@@ -24,18 +24,22 @@ def draw_padding(geometry: Geometry) -> Figure:
     drawing.body(geometry.coordinates, UNDEFORMED, "white", linewidth=0.4)
     drawing.finish()
     axes = figure.add_subplot(places[0, 1], aspect="equal")
-    grid, points = geometry.grid, np.indices(geometry.grid.shape).reshape(2, -1).T
-    for row in range(grid.shape[1]):
-        axes.plot((0, grid.shape[0] - 1), (row, row), color=UNDEFORMED, linewidth=0.4, zorder=0)
-    for column in range(grid.shape[0]):
-        axes.plot(2 * [column], (0, grid.shape[1] - 1), color=UNDEFORMED, linewidth=0.4, zorder=0)
-    empty = points[~grid.mask.ravel()]
-    axes.scatter(*empty.T, s=22, facecolor="white", edgecolor=REFERENCE, linewidth=0.8)
-    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6}
-    background = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-    for point in points[grid.mask.ravel()]:
-        number = grid.node_at[tuple(point)]
-        axes.text(*point, str(number), bbox=background, **style)
-        drawing.axes.text(*geometry.coordinates[number], str(number), bbox=background, **style)
+    grid = geometry.grid
+    nx, ny = grid.shape
+    axes.hlines(range(ny), 0, nx - 1, color=UNDEFORMED, linewidth=0.4, zorder=0)
+    axes.vlines(range(nx), 0, ny - 1, color=UNDEFORMED, linewidth=0.4, zorder=0)
+    i, j = np.nonzero(~grid.mask)
+    axes.scatter(i, j, s=22, facecolor="white", edgecolor=REFERENCE, linewidth=0.8)
+    for i, j in np.argwhere(grid.mask):
+        number = int(grid.node_at[i, j])
+        _number(axes, (i, j), number)
+        _number(drawing.axes, geometry.coordinates[number], number)
     axes.set_axis_off()
     return figure
+
+
+def _number(axes: Axes, place: ArrayLike, number: int) -> None:
+    """Write a number over the lines at a place (x, y)."""
+    x, y = np.asarray(place, dtype=float)
+    background = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+    axes.text(x, y, str(number), ha="center", va="center", fontsize=6, bbox=background)

@@ -19,5 +19,5 @@ def test_every_node_stands_in_its_mesh_and_on_its_grid_point() -> None:
     for axes in figure.axes:
         places = {int(text.get_text()): text.get_position() for text in axes.texts}
         assert places == {number: tuple(place) for number, place in enumerate(coordinates)}
-    (empty,) = figure.axes[1].collections
+    *_, empty = figure.axes[1].collections
     assert np.asarray(empty.get_offsets()).tolist() == [[0, 2]]
