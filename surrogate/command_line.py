@@ -104,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     study = commands.add_parser("study", help="do some of the paper's tables and figures")
     study.add_argument("names", nargs="+", metavar="NAME", help="such as force-sweep-beam")
     _add_studies(study)
+    study.add_argument("--again", action="store_true", help="even if they are up to date")
     study.set_defaults(command=_study)
 
     reproduce = commands.add_parser("reproduce", help="do all of the paper's tables and figures")
@@ -237,7 +238,7 @@ def _report(options: argparse.Namespace) -> None:
 def _study(options: argparse.Namespace) -> None:
     from surrogate.studies.reproduction import find_studies
 
-    _do(options, find_studies(options.names))
+    _do(options, find_studies(options.names), options.again)
 
 
 def _reproduce(options: argparse.Namespace) -> None:
@@ -252,7 +253,7 @@ def _reproduce(options: argparse.Namespace) -> None:
         _do(options, STUDIES)
 
 
-def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
+def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = False) -> None:
     from surrogate.device import choose_device
     from surrogate.studies.report import PAGE
     from surrogate.studies.reproduction import reproduce
@@ -261,7 +262,7 @@ def _do(options: argparse.Namespace, studies: Sequence[Study]) -> None:
 
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
-    done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out)
+    done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out, again)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")
 

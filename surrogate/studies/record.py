@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import Field
 
@@ -38,6 +38,8 @@ class RunRecord(Frozen):
     minutes : float
     parameters : int
         Trainable ones.
+    network, training : str
+        What it is and how it was trained, in words.
     hardware : str
     """
 
@@ -49,6 +51,8 @@ class RunRecord(Frozen):
     epochs: int
     minutes: float
     parameters: int
+    network: str
+    training: str
     hardware: str
 
 
@@ -167,11 +171,7 @@ def compare(what: str, unit: str, ours: float, paper: float, margin: float = MAR
     return Comparison(what=what, unit=unit, ours=ours, paper=paper, verdict=verdict)
 
 
-def overall(findings: Findings) -> Verdict | None:
-    """Verdict on a study: the worst of its parts; None where the paper has nothing to compare."""
-    parts = [c.verdict for c in findings.comparisons] + [c.verdict for c in findings.claims]
-    if not parts:
-        return None
-    if "differs" in parts:
-        return "differs"
-    return "better" if "better" in parts else "reproduced"
+def tally(findings: Findings) -> dict[Verdict, int]:
+    """How many numbers and statements got each verdict, the best first."""
+    verdicts = [c.verdict for c in findings.comparisons] + [c.verdict for c in findings.claims]
+    return {verdict: verdicts.count(verdict) for verdict in get_args(Verdict)}

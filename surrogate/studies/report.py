@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pydantic import Field
 
 from shared_schema.atomic_file import write_text
 from shared_schema.configuration import Frozen, read_yaml, validate
-from surrogate.studies.record import Cell, Comparison, Record, Verdict, overall
+from surrogate.studies.paper_numbers import number_of
+from surrogate.studies.record import Cell, Comparison, Record, Verdict, tally
 from surrogate.studies.scale import Scale
-from surrogate.studies.study import Study, read_record
+from surrogate.studies.study import Study
 
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
@@ -32,7 +33,9 @@ class Discussion(Frozen):
     studies: dict[str, str] = Field(default_factory=dict)
 
 
-def write_report(scale: Scale, studies: Sequence[Study], out: Path) -> None:
+def write_report(
+    scale: Scale, studies: Sequence[Study], records: Mapping[str, Record | None], out: Path
+) -> None:
     """Write the page on all studies that were done at a scale.
 
     Parameters
@@ -40,15 +43,16 @@ def write_report(scale: Scale, studies: Sequence[Study], out: Path) -> None:
     scale : Scale
     studies : sequence of Study
         All there are, in order.
+    records : mapping of str to Record or None
+        By the name of the study; None if it was not done.
     out : Path
         Folder of their records and figures, and of ``discussion.yaml`` if there is one.
 
     Raises
     ------
     InputError
-        If a record or the discussion is damaged.
+        If the discussion is damaged.
     """
-    records = {study.name: read_record(out, study.name) for study in studies}
     path = out / DISCUSSION
     said = validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
     parts = [
@@ -66,20 +70,23 @@ def write_report(scale: Scale, studies: Sequence[Study], out: Path) -> None:
     write_text(out / PAGE, "\n\n".join(part.strip() for part in parts if part.strip()) + "\n")
 
 
-def verdicts(studies: Sequence[Study], records: dict[str, Record | None]) -> str:
-    """Every study with its verdict."""
+def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> str:
+    """Every study with the number of its verdicts."""
     rows = []
     for study in studies:
         record = records[study.name]
-        verdict = NOT_DONE if record is None else overall(record.findings) or "–"
-        title = study.title if record is None else f"[{study.title}](#{anchor(study.title)})"
-        rows.append((title, labels(study), verdict))
-    return markdown_table(("study", "in the paper", "verdict"), rows)
+        if record is None:
+            rows.append((study.title, numbers(study), NOT_DONE))
+        else:
+            title = f"[{study.title}](#{anchor(study.title)})"
+            counts = [f"{n} {verdict}" for verdict, n in tally(record.findings).items() if n]
+            rows.append((title, numbers(study), " · ".join(counts) or "–"))
+    return markdown_table(("study", "in the paper", "verdicts"), rows)
 
 
-def labels(study: Study) -> str:
-    """Labels of the paper's tables and figures."""
-    return ", ".join(f"`{label}`" for label in study.labels)
+def numbers(study: Study) -> str:
+    """Numbers of the paper's tables and figures."""
+    return ", ".join(number_of(label) for label in study.labels)
 
 
 def anchor(title: str) -> str:
@@ -91,7 +98,7 @@ def anchor(title: str) -> str:
 def section(study: Study, record: Record, said: str) -> str:
     """One study: what it asks, tables, numbers and claims with verdicts, discussion, figures."""
     found = record.findings
-    parts = [f"## {study.title}", f"{study.question} In the paper: {labels(study)}."]
+    parts = [f"## {study.title}", f"{study.question} In the paper: {numbers(study)}."]
     for table in found.tables:
         parts += [table.caption, markdown_table(table.head, (map(cell, row) for row in table.rows))]
     if found.comparisons:
@@ -120,14 +127,26 @@ def appendix(records: Sequence[Record]) -> str:
     runs = {name: run for record in records for name, run in record.runs.items()}
     datasets = {name: data for record in records for name, data in record.datasets.items()}
     trained = markdown_table(
-        ("run", "configuration", "data", "seed", "epochs", "parameters", "min", "on", "digest"),
+        (
+            "run",
+            "configuration",
+            "data",
+            "network",
+            "training",
+            "seed",
+            "parameters",
+            "min",
+            "on",
+            "digest",
+        ),
         (
             (
                 f"`{name}`",
                 f"`{run.config}`{', changed' if run.change else ''}",
                 f"`{run.data}`",
+                run.network,
+                run.training,
                 str(run.seed),
-                str(run.epochs),
                 f"{run.parameters / 1e6:.3g} M",
                 f"{run.minutes:.3g}",
                 run.hardware,

@@ -9,7 +9,7 @@ from pathlib import Path
 from shared_schema.errors import InputError
 from surrogate.studies.catalogue import STUDIES
 from surrogate.studies.report import write_report
-from surrogate.studies.study import Study, do, is_done
+from surrogate.studies.study import Study, current_record, do
 from surrogate.studies.workshop import Workshop
 
 
@@ -28,7 +28,7 @@ def find_studies(names: Sequence[str]) -> list[Study]:
     return [study for study in STUDIES if study.name in names]
 
 
-def reproduce(studies: Sequence[Study], workshop: Workshop, out: Path) -> int:
+def reproduce(studies: Sequence[Study], workshop: Workshop, out: Path, again: bool = False) -> int:
     """Do the studies that are not done yet, and write the report on all that are.
 
     Parameters
@@ -37,6 +37,8 @@ def reproduce(studies: Sequence[Study], workshop: Workshop, out: Path) -> int:
     workshop : Workshop
     out : Path
         Folder of the records, figures and report; made if it is not there.
+    again : bool
+        Whether to do those as well that are done, as after a change of their code.
 
     Returns
     -------
@@ -54,14 +56,20 @@ def reproduce(studies: Sequence[Study], workshop: Workshop, out: Path) -> int:
     done = 0
     for number, study in enumerate(studies, 1):
         here = f"surrogate study {study.name} ({number} of {len(studies)})"
-        if is_done(study, workshop, out):
+        if not again and current_record(study, workshop, out):
             print(f"{here}: up to date", file=sys.stderr, flush=True)
             continue
         print(f"{here}: {study.title}", file=sys.stderr, flush=True)
         record = do(study, workshop, out)
-        write_report(workshop.scale, STUDIES, out)
+        report(workshop, out)
         done += 1
         print(f"{here}: {record.minutes:.1f} min", file=sys.stderr, flush=True)
     if done == 0:
-        write_report(workshop.scale, STUDIES, out)
+        report(workshop, out)
     return done
+
+
+def report(workshop: Workshop, out: Path) -> None:
+    """Write the report on all studies that are done."""
+    records = {study.name: current_record(study, workshop, out) for study in STUDIES}
+    write_report(workshop.scale, STUDIES, records, out)

@@ -114,12 +114,19 @@ def read_record(out: Path, name: str) -> Record | None:
     return validate(Record, content, str(path))
 
 
-def is_done(study: Study, workshop: Workshop, out: Path) -> bool:
-    """Tell whether a study was done on the same data with the same networks, figures included."""
+def current_record(study: Study, workshop: Workshop, out: Path) -> Record | None:
+    """Record of a study if it was done on the data and networks of the scale, figures included.
+
+    Where the data are not at hand, the record is taken for that of the scale.
+    """
     record = read_record(out, study.name)
-    if record is None or record.fingerprint != study.fingerprint(workshop):
-        return False
-    return all((out / file).is_file() for file in record.findings.captions)
+    if record is None or not all((out / file).is_file() for file in record.findings.captions):
+        return None
+    try:
+        fingerprint = study.fingerprint(workshop)
+    except InputError:
+        return record
+    return record if record.fingerprint == fingerprint else None
 
 
 def do(study: Study, workshop: Workshop, out: Path) -> Record:

@@ -16,6 +16,7 @@ from surrogate.extrapolation import Extrapolation, extrapolate
 from surrogate.nodal_dataset import NodalDataset, read_nodal_dataset
 from surrogate.prediction import Distribution, Surrogate, load
 from surrogate.run_folder import RunFolder
+from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.record import DatasetRecord, RunRecord
 from surrogate.studies.scale import Scale
 from surrogate.training import train
@@ -141,17 +142,19 @@ class Workshop:
 
     def run_record(self, name: str) -> RunRecord:
         """What a trained network is, for the report."""
-        spec, run = self.scale.runs[name], self.trained(name)
+        spec, config, run = self.scale.runs[name], self.scale.config_of(name), self.trained(name)
         last = run.metric_lines()[-1]
         return RunRecord(
             config=spec.config,
             change=spec.change,
             data=spec.data,
-            seed=self.scale.config_of(name).seed,
+            seed=config.seed,
             fingerprint=self.run_fingerprint(name),
             epochs=last["epoch"],
             minutes=last["seconds"] / 60,
             parameters=parameter_count(self.surrogate(name).network),
+            network=network_in_words(config),
+            training=training_in_words(config),
             hardware=run.trained_on(),
         )
 

@@ -9,11 +9,14 @@ import torch
 
 from shared_schema.errors import InputError
 from shared_schema.figure_style import make_figure
-from surrogate.studies.record import Claim, compare
+from surrogate.studies.catalogue import STUDIES
+from surrogate.studies.in_words import network_in_words, training_in_words
+from surrogate.studies.paper_numbers import FIGURES, SCHEMATICS, TABLES, number_of
+from surrogate.studies.record import Claim, Findings, compare, tally
 from surrogate.studies.report import PAGE, cell
 from surrogate.studies.reproduction import find_studies, reproduce
-from surrogate.studies.scale import merged
-from surrogate.studies.study import Outcome, Study
+from surrogate.studies.scale import merged, read_scale
+from surrogate.studies.study import Outcome, Study, current_record
 from surrogate.studies.workshop import Workshop
 
 
@@ -25,7 +28,7 @@ def make_studies(calls: list[str]) -> list[Study]:
         claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
         return Outcome(claims=[claim], figures={"a": (make_figure(1, 1), "Nothing.")})
 
-    labels, question = ("tab: none",), "Does it?"
+    labels, question = ("tab:datasets",), "Does it?"
     return [
         Study("one", "One", labels, question, lambda _: conduct("one"), datasets=("beam2d",)),
         Study("two", "Two", labels, question, lambda _: conduct("two"), runs=("beam2d-d*",)),
@@ -60,8 +63,25 @@ def test_another_network_makes_its_studies_again(workshop: Workshop, tmp_path: P
     change = {"runs": {"beam2d-det": {"change": {"seed": 1}}}}
     other = type(workshop.scale).model_validate(merged(workshop.scale.model_dump(), change))
     changed = Workshop(other, workshop.data, workshop.runs, torch.device("cpu"))
+    assert current_record(studies[0], changed, tmp_path) is not None
+    assert current_record(studies[1], changed, tmp_path) is None
     reproduce(studies, changed, tmp_path)
     assert calls == ["one", "two", "two"]
+
+
+def test_again_does_what_is_done(workshop: Workshop, tmp_path: Path) -> None:
+    calls: list[str] = []
+    studies = make_studies(calls)
+    reproduce(studies, workshop, tmp_path)
+    assert reproduce(studies[:1], workshop, tmp_path, again=True) == 1
+    assert calls == ["one", "two", "one"]
+
+
+def test_a_record_without_its_data_is_kept(workshop: Workshop, tmp_path: Path) -> None:
+    studies = make_studies([])
+    reproduce(studies, workshop, tmp_path)
+    empty = Workshop(workshop.scale, tmp_path / "none", workshop.runs, torch.device("cpu"))
+    assert current_record(studies[0], empty, tmp_path) is not None
 
 
 def test_a_network_is_trained_once(workshop: Workshop, tmp_path: Path) -> None:
@@ -86,6 +106,8 @@ def test_the_report_has_verdicts_numbers_and_figures(workshop: Workshop, tmp_pat
     text = (tmp_path / PAGE).read_text()
     assert "[Accuracy of deterministic U-Nets](#accuracy-of-deterministic-u-nets)" in text
     assert "| 2D beam (D): ē [mm] |" in text
+    assert "| Order of the nodes | Table 3, Figure 6 | not done |" in text
+    assert "| U-Net, 3 levels, c = 2, doubling, SiLU | absolute error, Muon, 2 epochs," in text
 
 
 def test_unknown_study() -> None:
@@ -108,3 +130,30 @@ def test_verdicts(ours: float, verdict: str) -> None:
 )
 def test_cells(value: float | None, text: str) -> None:
     assert cell(value) == text
+
+
+def test_every_table_and_figure_with_a_result_has_a_study() -> None:
+    """Tables 1 to 8 and Figures 4 to 21 of the paper; the first three explain the method."""
+    labels = sorted(label for study in STUDIES for label in study.labels)
+    assert labels == sorted({*TABLES, *FIGURES} - {*SCHEMATICS})
+    assert number_of("const_channel") == "Table 8"
+    assert number_of("fig: MLEvsBayes") == "Figure 21"
+
+
+def test_tally() -> None:
+    better, same = compare("ē", "mm", 0.1, 0.3), compare("σ(e)", "mm", 0.3, 0.3)
+    claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
+    found = Findings(comparisons=(better, same), claims=(claim,))
+    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0}
+
+
+def test_configurations_in_words() -> None:
+    """Recipes `fast` of variational Bayes and `paper` of the deterministic U-Net."""
+    scale = read_scale("laptop")
+    config = scale.config_of("beam2d-vb")
+    assert network_in_words(config) == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
+    assert training_in_words(config) == "variational Bayes, Muon, 40 epochs, batches of 32"
+    config = read_scale("paper").config_of("beam2d-det")
+    assert network_in_words(config) == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
+    assert training_in_words(config) == "squared error, Adam, 600 epochs, batches of 4"
+    assert network_in_words(scale.config_of("beam3d-linear")) == "linear layer"
