@@ -10,7 +10,7 @@ import torch
 
 from shared_schema.errors import InputError
 from shared_schema.layout import Kind
-from shared_schema.manifest import Manifest, digest_of, read_manifest
+from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
 from surrogate.dataset import Dataset, read_dataset
 from surrogate.extrapolation import Extrapolation, extrapolate
 from surrogate.nodal_dataset import NodalDataset, read_nodal_dataset
@@ -52,7 +52,8 @@ class Workshop:
         Raises
         ------
         InputError
-            If it is not there or damaged, or has another number of samples than the scale's.
+            If it is not there or damaged, has another number of samples than the scale's, or was
+            made of other samples than those that lie beside it.
         """
         return self._once(("manifest", dataset), lambda: self._manifest(dataset))
 
@@ -67,6 +68,14 @@ class Workshop:
                 f"{self._folder(dataset) / kind}: {found} load cases in it, expected {expected} "
                 f"by scale '{self.scale.name}'"
             )
+        source = self.nodal_folder(dataset)
+        if manifest.structured and (source / MANIFEST).is_file():
+            digest = read_manifest(source, "nodal").digest
+            if manifest.structured.source_digest != digest:
+                raise InputError(
+                    f"{self._folder(dataset) / kind}: made of samples with digest "
+                    f"{manifest.structured.source_digest[:8]}, expected {digest[:8]} of {source}"
+                )
         return manifest
 
     def structured(self, dataset: str) -> Dataset:

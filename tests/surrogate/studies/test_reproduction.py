@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,16 @@ def test_a_missing_dataset_is_named_before_any_work(workshop: Workshop, tmp_path
         reproduce(make_studies(calls), empty, tmp_path / "out")
     assert calls == []
     assert not (tmp_path / "out").exists()
+
+
+def test_a_grid_of_other_samples_is_named(workshop: Workshop, tmp_path: Path) -> None:
+    """The dataset on its grid is one of forces that the one by nodes has not."""
+    for kind, name in (("structured", "beam2d"), ("nodal", "beam2d_f1")):
+        source = workshop.data / workshop.scale.folder_of(name) / kind
+        shutil.copytree(source, tmp_path / workshop.scale.folder_of("beam2d") / kind)
+    mixed = Workshop(workshop.scale, tmp_path, workshop.runs, torch.device("cpu"))
+    with pytest.raises(InputError, match=r"structured: made of samples with digest"):
+        mixed.manifest("beam2d")
 
 
 def test_the_report_has_verdicts_numbers_and_figures(workshop: Workshop, tmp_path: Path) -> None:
