@@ -190,7 +190,7 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # what is fitted has no epochs
         name = figures.loss_name(run.description().run)
-        save(figures.loss_curves(lines, name), run.figures / "loss.png")
+        save(figures.loss_curves({name: lines}), run.figures / "loss.png")
     if evaluation.calibration is not None:
         _write_uncertainty_figures(evaluation, evaluation.calibration, run)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ LOSS_NAMES = {
     "maximum_likelihood": "negative log-likelihood",
     "variational_bayes": "negative evidence lower bound",
 }
+LOSSES = {"train_loss": ("training", NETWORK), "validation_loss": ("validation", REFERENCE)}
 NODAL_ERROR = r"nodal error $\|U - u\|_2$ [mm]"
 Array = NDArray[np.float64]
 
@@ -201,21 +203,30 @@ def loss_name(config: RunConfig) -> str:
 
 
 @styled
-def loss_curves(lines: list[dict[str, Any]], name: str) -> Figure:
-    """Training and validation loss over the epochs; logarithmic unless it becomes negative."""
-    figure = make_figure(5.6, 3.2)
-    axes = figure.subplots()
-    epochs = [line["epoch"] for line in lines]
-    training = [line["train_loss"] for line in lines]
-    axes.plot(epochs, training, color=NETWORK, label="training")
-    validation = [line["validation_loss"] for line in lines if "validation_loss" in line]
-    if validation:
-        axes.plot(epochs, validation, color=REFERENCE, label="validation")
-    if min(training + validation) > 0:
-        axes.set_yscale("log")
-    axes.set_xlabel("epoch")
-    axes.set_ylabel(f"{name}, scaled")
-    axes.set_xlim(0, epochs[-1])
-    axes.grid(axis="y", which="major", color="0.9", lw=0.6)
-    axes.legend()
+def loss_curves(curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+    """Training and validation loss over the epochs; logarithmic unless one becomes negative.
+
+    Parameters
+    ----------
+    curves : dict of str to list of dict
+        Lines of ``metrics.jsonl`` by the titles of their panels, which share the ordinate.
+    """
+    figure = make_figure(2.4 + 3.2 * len(curves), 3.2)
+    panels = figure.subplots(1, len(curves), sharey=True, squeeze=False)[0]
+    drawn: list[float] = []
+    for axes, (title, lines) in zip(panels, curves.items(), strict=True):
+        epochs = [line["epoch"] for line in lines]
+        for key, (name, color) in LOSSES.items():
+            if key in lines[0]:
+                losses = [line[key] for line in lines]
+                axes.plot(epochs, losses, color=color, label=name)
+                drawn += losses
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel("epoch")
+        axes.set_xlim(0, epochs[-1])
+        axes.grid(axis="y", which="major", color="0.9", lw=0.6)
+        axes.legend()
+    panels[0].set_ylabel("loss, scaled")
+    if min(drawn) > 0:
+        panels[0].set_yscale("log")
     return figure

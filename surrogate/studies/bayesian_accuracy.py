@@ -45,7 +45,7 @@ def calibration(workshop: Workshop, run: str) -> CalibrationMeasures:
 
 
 def coverage_table(workshop: Workshop) -> Table:
-    """How many components the intervals of every Bayesian network hold, and its mean σ."""
+    """How many components the intervals of every Bayesian network contain, and its mean σ."""
     rows = []
     for run in BAYESIAN:
         measures = calibration(workshop, run)
@@ -61,13 +61,13 @@ def coverage_table(workshop: Workshop) -> Table:
 
 
 def larger_error(workshop: Workshop, case: str) -> Claim:
-    """Whether the Bayesian network errs more than the deterministic one."""
+    """Whether the Bayesian network has a larger error than the deterministic one."""
     bayesian, deterministic = (
         test_errors(workshop, f"{case}-{kind}").mean_error for kind in ("vb", "det")
     )
     papers = [PUBLISHED[case, kind].mean_error for kind in ("variational_bayes", "deterministic")]
     return Claim(
-        what=f"{BODIES[case]}: variational Bayes errs more than the deterministic U-Net.",
+        what=f"{BODIES[case]}: variational Bayes has a larger error than the deterministic U-Net.",
         holds=bayesian > deterministic,
         evidence=f"ē = {MM * bayesian:.3g} and {MM * deterministic:.3g} mm; the paper: "
         f"{MM * papers[0]:.3g} and {MM * papers[1]:.3g} mm.",
@@ -80,7 +80,7 @@ STUDY = Study(
     title="Accuracy of Bayesian U-Nets",
     labels=("tab:bayesian_table",),
     question="How much accuracy does a network lose that also predicts its uncertainty, and how "
-    "often does that uncertainty hold the error?",
+    "often do its intervals contain the error?",
     conduct=conduct,
     runs=RUNS,
 )

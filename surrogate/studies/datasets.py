@@ -57,7 +57,7 @@ class Characteristics:
         return f"{self.dofs}{padded}", f"{low} to {high}", f"{self.train} + {self.test}"
 
     def agrees(self, other: Characteristics) -> bool:
-        """Whether mesh, forces and N + M are the same, and the test split is of the same size."""
+        """Whether DOFs, force range and N + M are the same, and the test split is of the same size."""
         parts = (self.test / self.samples, other.test / other.samples)
         return (
             (self.dofs, self.padded, self.force) == (other.dofs, other.padded, other.force)
@@ -96,14 +96,16 @@ def conduct(workshop: Workshop) -> Outcome:
         rows += [(NAMES[name], "paper", *paper.cells(), None)]
         claims.append(
             Claim(
-                what=f"{NAMES[name]}: mesh, forces and number of samples are the paper's.",
+                what=f"{NAMES[name]}: DOFs, force range and number of samples are the paper's.",
                 holds=here.agrees(paper),
                 evidence="DOFs {}, {} N, {} samples; ".format(*here.cells())
                 + "the paper: {}, {} N, {}.".format(*paper.cells()),
             )
         )
     head = ("dataset", "", "DOFs (padded)", "force component [N]", "N + M", "failed load cases")
-    caption = "Finite element datasets to train on. DOFs in brackets: with empty grid points."
+    caption = (
+        "Finite element datasets to train on. In brackets: components on the zero-padded grid."
+    )
     return Outcome(
         tables=[Table(caption=caption, head=head, rows=tuple(rows)), table_of_others(workshop)],
         claims=claims,

@@ -1,4 +1,4 @@
-"""Where on the body predictions are off."""
+"""Where on the body errors are large."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def draw(name: str, dataset: Dataset) -> Figure:
         return figures.error_field(dataset.geometry, predicted[0], reference[0])
     if name == "errors":
         return figures.sorted_errors(np.arange(12.0), np.arange(12.0) / 1e3, measures)
-    return figures.loss_curves(LINES, "mean absolute error")
+    return figures.loss_curves({"mean absolute error": LINES})
 
 
 @pytest.mark.parametrize("name", ["deformed", "error_field", "errors", "loss"])
@@ -52,13 +52,20 @@ def test_axes_are_labelled_with_units(dataset: Dataset) -> None:
     assert draw("deformed", dataset).axes[0].get_xlabel() == "x [m]"
     assert "[mm]" in draw("error_field", dataset).axes[1].get_ylabel()
     assert "[mm]" in draw("errors", dataset).axes[0].get_ylabel()
-    assert draw("loss", dataset).axes[0].get_ylabel() == "mean absolute error, scaled"
+    (axes,) = draw("loss", dataset).axes
+    assert (axes.get_title(), axes.get_ylabel()) == ("mean absolute error", "loss, scaled")
 
 
-def test_loss_without_validation() -> None:
+def test_losses_share_the_ordinate() -> None:
+    """One of the two runs has no validation part; the smallest loss is 0.1, or below 0."""
     lines = [{"epoch": 1, "train_loss": 1.0}, {"epoch": 2, "train_loss": 0.5}]
-    assert len(figures.loss_curves(lines, "loss").axes[0].lines) == 1
-    assert len(figures.loss_curves(LINES, "loss").axes[0].lines) == 2
+    left, right = figures.loss_curves({"a": lines, "b": LINES}).axes
+    assert (len(left.lines), len(right.lines)) == (1, 2)
+    assert left.get_ylim() == right.get_ylim()
+    assert (left.get_yscale(), right.get_yscale()) == ("log", "log")
+    negative = [*lines, {"epoch": 3, "train_loss": -0.5}]
+    left, right = figures.loss_curves({"a": negative, "b": LINES}).axes
+    assert (left.get_yscale(), right.get_yscale()) == ("linear", "linear")
 
 
 def test_close_up_shows_what_is_near_the_load(dataset: Dataset) -> None:

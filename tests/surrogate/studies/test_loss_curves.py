@@ -2,20 +2,41 @@ from __future__ import annotations
 
 import json
 
-from surrogate.studies.loss_curves import conduct, last_and_smallest, overfitting_claim
+import numpy as np
+import pytest
+
+from surrogate.studies.loss_curves import (
+    conduct,
+    convergence_claim,
+    last_and_smallest,
+    last_fall,
+    overfitting_claim,
+)
 from surrogate.studies.workshop import Workshop
 
 
 def test_losses_are_those_of_the_runs(workshop: Workshop) -> None:
     outcome = conduct(workshop)
-    for run, row in zip(("beam2d-det", "lshape2d-det"), outcome.tables[0].rows, strict=True):
+    (table,) = outcome.tables
+    for run, row in zip(("beam2d-det", "lshape2d-det"), table.rows, strict=True):
         text = (workshop.trained(run).folder / "metrics.jsonl").read_text()
         lines = [json.loads(line) for line in text.splitlines()]
         validation = [line["validation_loss"] for line in lines]
         assert row[1:3] == (len(lines), lines[-1]["train_loss"])
         assert row[3:] == (validation[-1], min(validation))
-    assert len(outcome.claims) == 1
-    assert outcome.figures.keys() == {"beam2d", "lshape2d"}
+    assert len(outcome.claims) == 2
+    ((figure, _),) = outcome.figures.values()
+    assert len(figure.axes) == 2
+
+
+def test_caption_says_which_loss(workshop: Workshop) -> None:
+    """The made-up scale trains on the mean absolute error, in units of the displacements' RMS."""
+    outcome = conduct(workshop)
+    ((_, caption),) = outcome.figures.values()
+    info = workshop.dataset_of("beam2d-det").info.displacement
+    unit = np.sqrt(np.mean(np.square(info.mean) + np.square(info.std)))
+    assert f"(2D beam (D), mean absolute error, {unit:.3g} m; 2D L-shape (D), " in caption
+    assert caption.endswith("The paper's loss is the mean squared error.")
 
 
 def test_without_validation_part() -> None:
@@ -23,7 +44,26 @@ def test_without_validation_part() -> None:
     assert last_and_smallest([3.0, 1.0, 2.0]) == (2.0, 1.0)
 
 
+def test_fall_in_the_last_tenth() -> None:
+    """Of 20 epochs the last two, 0.4 and 0.5, after a smallest loss of 0.8; of two the last one."""
+    losses = [2.0] * 16 + [0.8, 1.0, 0.4, 0.5]
+    assert last_fall(losses) == pytest.approx(0.5)
+    assert last_fall([2.0, 3.0]) == pytest.approx(1.5)
+    assert last_fall([2.0]) == pytest.approx(1)
+
+
+def test_convergence_claim() -> None:
+    """A fall by less than a tenth, of every run; here 1 to 0.91 and to 0.89 in the last epoch."""
+    assert convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.91]}).holds
+    claim = convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.89]})
+    assert claim.verdict == "differs"
+    assert "1.2 (a), 0.89 (b) (≥ 0.9)" in claim.evidence
+
+
 def test_overfitting_claim() -> None:
-    """A tenth above the smallest at most, of every run."""
-    assert overfitting_claim({"a": 1.0, "b": 1.09}).holds
-    assert not overfitting_claim({"a": 1.0, "b": 1.11}).holds
+    """A tenth above the smallest at most, of every run; over the training losses 2 / 4, 1.09 / 4."""
+    training = {"a": [9.0, 4.0], "b": [9.0, 4.0]}
+    claim = overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.09]})
+    assert claim.holds
+    assert "0.50 (a), 0.27 (b)" in claim.evidence
+    assert not overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.11]}).holds
