@@ -57,7 +57,7 @@ class Characteristics:
         return f"{self.dofs}{padded}", f"{low} to {high}", f"{self.train} + {self.test}"
 
     def agrees(self, other: Characteristics) -> bool:
-        """Whether DOFs, force range and N + M are the same, and the test split is of the same size."""
+        """Whether DOFs, force range, N + M and the test split's share of it are the same."""
         parts = (self.test / self.samples, other.test / other.samples)
         return (
             (self.dofs, self.padded, self.force) == (other.dofs, other.padded, other.force)
@@ -103,9 +103,7 @@ def conduct(workshop: Workshop) -> Outcome:
             )
         )
     head = ("dataset", "", "DOFs (padded)", "force component [N]", "N + M", "failed load cases")
-    caption = (
-        "Finite element datasets to train on. In brackets: components on the zero-padded grid."
-    )
+    caption = "Datasets to train on. In brackets: components on the zero-padded grid."
     return Outcome(
         tables=[Table(caption=caption, head=head, rows=tuple(rows)), table_of_others(workshop)],
         claims=claims,

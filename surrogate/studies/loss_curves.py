@@ -18,13 +18,13 @@ RISE = 1.1  # of the last validation loss over the smallest, at most
 
 def conduct(workshop: Workshop) -> Outcome:
     """Draw the losses of both cases, and judge how they end."""
-    rows, curves, kinds = [], {}, []
+    rows, curves, said = [], {}, []
     training: Losses = {}
     validation: Losses = {}
     for run in RUNS:
         lines, name = workshop.trained(run).metric_lines(), name_of(workshop, run)
         unit = float(workshop.surrogate(run).network.unit)
-        kinds.append(f"{name}, {figures.loss_name(workshop.scale.config_of(run))}, {unit:.3g} m")
+        said.append(f"{name}, {figures.loss_name(workshop.scale.config_of(run))}, {unit:.3g} m")
         training[name], curves[name] = [line["train_loss"] for line in lines], lines
         watched = [line["validation_loss"] for line in lines if "validation_loss" in line]
         if watched:
@@ -33,15 +33,12 @@ def conduct(workshop: Workshop) -> Outcome:
     outcome = Outcome(claims=[convergence_claim(training)])
     if validation:
         outcome.claims.append(overfitting_claim(training, validation))
-    said = (
-        f"displacements over their root mean square ({'; '.join(kinds)}). The paper's loss is the "
-        f"{PAPER_LOSS}."
-    )
     head = ("example", "epochs", "training loss, last", "validation loss, last", "smallest")
-    outcome.tables.append(Table(caption=f"Losses, of {said}", head=head, rows=tuple(rows)))
+    outcome.tables.append(Table(caption="Scaled losses.", head=head, rows=tuple(rows)))
     outcome.figures["loss-curves"] = (
         figures.loss_curves(curves),
-        f"Losses of training and validation part over the epochs, of {said}",
+        "Training and validation loss over the epochs, displacements in units of their root mean "
+        f"square: {'; '.join(said)}. The paper's loss is the {PAPER_LOSS}.",
     )
     return outcome
 

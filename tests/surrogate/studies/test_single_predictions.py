@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 from surrogate.studies.error_pattern import error_follows_displacement
-from surrogate.studies.single_predictions import EXAMPLES, conduct, pattern_claim
+from surrogate.studies.single_predictions import EXAMPLES, all_follow, conduct, pattern_claim
 from surrogate.studies.workshop import Workshop
 
 
@@ -26,7 +27,10 @@ def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(workshop: Work
         number = min(np.flatnonzero(there), key=lambda m: abs(moved[m] - aim))
         error = workshop.predicted_test(EXAMPLES[name].run).mean[number] - test.displacement[number]
         newtons = np.linalg.norm(test.force[number])
-        assert row[2:] == pytest.approx((newtons, moved[number], aim, 1e3 * np.abs(error).mean()))
+        assert row[2:6] == pytest.approx((newtons, moved[number], aim, 1e3 * np.abs(error).mean()))
+        free = dataset.geometry.coordinates[:, 0] > 0
+        norms = [np.linalg.norm(u, axis=1)[free] for u in (error, test.displacement[number])]
+        assert row[6] == pytest.approx(spearmanr(*norms).statistic)
         assert comparison.ours == pytest.approx(100 * np.linalg.norm(error[tip]) / moved[number])
 
 
@@ -53,6 +57,24 @@ def test_error_that_follows_the_displacement() -> None:
     assert found == pytest.approx([1, -1, -0.5])
 
 
+def test_pattern_of_the_whole_test_split(workshop: Workshop) -> None:
+    """Twelve samples a body, each by SciPy; the claim is on all three bodies."""
+    for run in ("beam2d-det", "beam3d-det"):
+        test, found = workshop.dataset_of(run).nodal_test, all_follow(workshop, run)
+        free = workshop.dataset_of(run).geometry.coordinates[:, 0] > 0
+        for m, predicted in enumerate(workshop.predicted_test(run).mean):
+            error = np.linalg.norm(predicted - test.displacement[m], axis=1)[free]
+            moved = np.linalg.norm(test.displacement[m], axis=1)[free]
+            assert found[m] == pytest.approx(spearmanr(error, moved).statistic)
+        assert found.shape == (12,)
+    (claim,) = conduct(workshop).claims
+    assert all(f"({body}, " in claim.evidence for body in ("2D beam", "2D L-shape", "3D beam"))
+
+
 def test_pattern_claim() -> None:
-    assert pattern_claim([0.9, 0.9, 0.1, 0.2]).holds
-    assert pattern_claim([0.9, 0.3, 0.1, 0.2]).verdict == "differs"
+    """Nine of ten samples of each body, however strong: then eight of them."""
+    nine = np.array([0.4] * 9 + [-0.4])
+    claim = pattern_claim({"a": np.full(3, 0.1), "b": nine})
+    assert claim.holds
+    assert "100% (a, 0.10 on average), 90% (b, 0.32 on average)" in claim.evidence
+    assert pattern_claim({"a": np.ones(3), "b": nine[1:]}).verdict == "differs"
