@@ -27,6 +27,10 @@ class ForceSweep:
         In N.
     reference, mean, std_epistemic, std_aleatoric : array, (N,)
         In m.
+    node_error, moved : array, (N,)
+        ‖U − u‖₂ and ‖u‖₂ at that node, in m: of all components.
+    covered_across : array of bool, (N,)
+        Forces for which its other components' errors are inside the 95 % band.
     covered_components : array, (N,)
         Share of all free components whose error is inside the 95 % band.
     """
@@ -38,6 +42,9 @@ class ForceSweep:
     mean: Array
     std_epistemic: Array
     std_aleatoric: Array
+    node_error: Array
+    moved: Array
+    covered_across: NDArray[np.bool_]
     covered_components: Array
 
     @property
@@ -61,15 +68,25 @@ class ForceSweep:
         return np.abs(self.error) <= half_width(BAND) * self.std
 
     @property
+    def senses(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Negative and positive forces beyond those of the training, (N,) each."""
+        return self.outside & (self.force < 0), self.outside & (self.force > 0)
+
+    @property
     def growth(self) -> float:
-        """Rank correlation of σ and |force| beyond the training; of both directions the smaller."""
-        sides = (self.outside & (self.force < 0), self.outside & (self.force > 0))
-        return min(float(rank_correlation(np.abs(self.force[s]), self.std[s])) for s in sides)
+        """Rank correlation of σ and |force| beyond the training; of both senses the smaller."""
+        return min(
+            float(rank_correlation(np.abs(self.force[sense]), self.std[sense]))
+            for sense in self.senses
+        )
+
+    def nearest(self, force: float) -> int:
+        """Number of the force that is nearest to `force`."""
+        return int(np.abs(self.force - force).argmin())
 
     def at(self, force: float, values: Array) -> float:
         """Mean of values (N,) at the forces nearest to ±`force`."""
-        nearest = [int(np.abs(self.force - f).argmin()) for f in (-force, force)]
-        return float(values[nearest].mean())
+        return float(values[[self.nearest(-force), self.nearest(force)]].mean())
 
 
 def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
@@ -89,6 +106,9 @@ def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
         result: Array = values[order, node, axis]
         return result
 
+    reference = extrapolation.samples.displacement[order, node]
+    error = predicted.mean[order, node] - reference
+    covered = np.abs(error) <= half_width(BAND) * predicted.std[order, node]
     return ForceSweep(
         axis=axis,
         limit=float(f"{limit:.3g}"),
@@ -97,5 +117,8 @@ def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
         mean=here(predicted.mean),
         std_epistemic=here(predicted.std_epistemic),
         std_aleatoric=here(predicted.std_aleatoric),
+        node_error=np.linalg.norm(error, axis=1),
+        moved=np.linalg.norm(reference, axis=1),
+        covered_across=np.delete(covered, axis, axis=1).all(axis=1),
         covered_components=extrapolation.inside[order],
     )

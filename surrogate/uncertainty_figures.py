@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -114,20 +118,28 @@ def error_beside_uncertainty(
     add_field(right, x + mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
     left.finish()
     right.finish(left.extent())
+    legend_below(figure, columns=1)
     return figure
 
 
 @styled
-def sweep(extrapolation: Extrapolation, deterministic: Extrapolation | None = None) -> Figure:
-    """Displacement under a sweep of forces at one node, beside its uncertainty and error.
+def sweep(
+    extrapolation: Extrapolation,
+    deterministic: Extrapolation | None = None,
+    name: str = "prediction",
+) -> Figure:
+    """Displacement under a sweep of forces at one node, beside its error and uncertainty.
 
-    Both at the loaded node, in the direction of the force; grey, the forces of the training.
+    Both at the loaded node, in the direction of the force; grey, the forces of the training. Errors
+    are drawn linearly up to σ inside the training range, and logarithmically beyond.
 
     Parameters
     ----------
     extrapolation : Extrapolation
     deterministic : Extrapolation, optional
         Of a deterministic network under the same forces, to be drawn as well.
+    name : str
+        What the prediction is called.
     """
     network = force_sweep(extrapolation)
     x, mean, band = network.force, network.mean, half_width(BAND) * network.std
@@ -136,22 +148,33 @@ def sweep(extrapolation: Extrapolation, deterministic: Extrapolation | None = No
     for axes in (left, right):
         axes.axvspan(-network.limit, network.limit, color="0.93", lw=0)
         axes.set_xlabel(f"force component {'xyz'[network.axis]} at the node [N]")
-    left.fill_between(
-        x, mean - band, mean + band, color=NETWORK, alpha=0.2, lw=0, label="95 % band"
-    )
+    shade: dict[str, Any] = {"color": NETWORK, "alpha": 0.2, "lw": 0}
+    left.fill_between(x, mean - band, mean + band, label="95 % band", **shade)
     left.plot(x, network.reference, color=REFERENCE, lw=1.8, label="finite elements")
-    left.plot(x, mean, color=NETWORK, lw=0.9, label="U-Net")
+    left.plot(x, mean, color=NETWORK, lw=0.9, label=name)
     left.set_ylabel(f"displacement component {'xyz'[network.axis]} [m]")
-    right.fill_between(x, -band * 1e3, band * 1e3, color=NETWORK, alpha=0.2, lw=0)
+    right.fill_between(x, -band * 1e3, band * 1e3, **shade)
     epistemic = network.std_epistemic * 1e3
     right.plot(x, epistemic, color=NETWORK, ls="dotted", lw=0.9, label="epistemic σ")
-    right.plot(x, network.error * 1e3, color=NETWORK, label="error")
+    right.plot(x, network.error * 1e3, color=NETWORK)
     right.set_ylabel("error and 95 % band [mm]")
     if deterministic is not None:
         other = force_sweep(deterministic)
         style = {"color": OTHER, "ls": "dashed"}
-        left.plot(other.force, other.mean, label="deterministic U-Net", **style)
-        right.plot(other.force, other.error * 1e3, label="error, deterministic", **style)
-    left.legend()
-    right.legend()
+        left.plot(other.force, other.mean, label="U-Net (D)", **style)
+        right.plot(other.force, other.error * 1e3, **style)
+    inside = network.std[~network.outside].max(initial=network.std.min())
+    scale_from_zero(right, float(inside) * 1e3)
+    legend_below(figure, columns=5)
     return figure
+
+
+def scale_from_zero(axes: Axes, linear: float) -> None:
+    """Scale an ordinate linearly up to about ± `linear`, logarithmically beyond, with few ticks."""
+    linear = float(f"{linear:.0e}")
+    largest = np.abs(axes.get_ylim()).max()
+    decades = linear * 10.0 ** np.arange(1 + max(0, math.floor(math.log10(largest / linear))))
+    ticks = (*-decades[::-1], 0.0, *decades)
+    axes.set_yscale("symlog", linthresh=linear)
+    axes.minorticks_off()
+    axes.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])

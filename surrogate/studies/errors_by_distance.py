@@ -19,8 +19,10 @@ class ErrorsByDistance:
         That distance in m, in this order as everything below.
     mean_error, max_error : array, (M,)
         e_m, and the largest error of a component, in m.
-    error, std : array, (M,)
-        ‖U − u‖₂ and ‖σ‖₂ at the loaded node in m.
+    moved, error, std : array, (M,)
+        ‖u‖₂, ‖U − u‖₂ and ‖σ‖₂ at the loaded node in m.
+    covered : array, (M,)
+        Share of the components of all free nodes whose error is inside the 95 % band.
     """
 
     def __init__(self, loads: Extrapolation) -> None:
@@ -34,5 +36,8 @@ class ErrorsByDistance:
         mean, reference = predicted.mean[self.order], samples.displacement[self.order]
         self.mean_error = sample_errors(mean, reference)
         self.max_error = np.abs(mean - reference).max(axis=(1, 2))
-        self.error = node_errors(mean, reference)[number, node[self.order]]
-        self.std = np.linalg.norm(predicted.std[self.order, node[self.order]], axis=1)
+        there = number, node[self.order]
+        self.moved = np.linalg.norm(reference[there], axis=1)
+        self.error = node_errors(mean, reference)[there]
+        self.std = np.linalg.norm(predicted.std[self.order][there], axis=1)
+        self.covered = loads.inside[self.order]

@@ -8,13 +8,14 @@ from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
 VARIATIONAL, DETERMINISTIC, SWEEP = "beam2d-vb", "beam2d-det", "beam2d_sweep"
-FORCES = (1.0, 2.5, 5.0, 8.0)  # N
 
 
 def conduct(workshop: Workshop) -> Outcome:
     """Compare both networks with the finite elements along the sweep."""
-    variational = workshop.predicted_loads(VARIATIONAL, SWEEP)
-    outcome = sweep_outcome(variational, workshop.predicted_loads(DETERMINISTIC, SWEEP), FORCES)
+    variational, deterministic = (
+        workshop.predicted_loads(run, SWEEP) for run in (VARIATIONAL, DETERMINISTIC)
+    )
+    outcome = sweep_outcome(variational, deterministic)
     outcome.claims.append(captured_outside(force_sweep(variational)))
     return outcome
 

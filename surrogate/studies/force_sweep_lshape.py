@@ -7,16 +7,14 @@ from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
 VARIATIONAL, DETERMINISTIC, SWEEP = "lshape2d-vb", "lshape2d-det", "lshape2d_sweep"
-FORCES = (0.5, 1.0, 3.0, 6.0)  # N
 
 
 def conduct(workshop: Workshop) -> Outcome:
     """Compare both networks with the finite elements along the sweep."""
-    return sweep_outcome(
-        workshop.predicted_loads(VARIATIONAL, SWEEP),
-        workshop.predicted_loads(DETERMINISTIC, SWEEP),
-        FORCES,
+    variational, deterministic = (
+        workshop.predicted_loads(run, SWEEP) for run in (VARIATIONAL, DETERMINISTIC)
     )
+    return sweep_outcome(variational, deterministic)
 
 
 STUDY = Study(

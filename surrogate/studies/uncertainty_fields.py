@@ -13,9 +13,16 @@ from surrogate.geometry import Geometry
 from surrogate.nodal_dataset import NodalSamples
 from surrogate.prediction import Distribution
 from surrogate.published import PUBLISHED
-from surrogate.studies.field_agreement import close, correlated, fields_table, measure_fields
+from surrogate.studies.field_agreement import (
+    FieldMeasures,
+    close,
+    correlated,
+    fields_table,
+    measure_fields,
+)
 from surrogate.studies.multiple_loads import LOADS, TIP_DISPLACEMENT
 from surrogate.studies.study import Outcome, Study
+from surrogate.studies.vertical_force import in_words
 from surrogate.studies.workshop import Workshop
 from surrogate.uncertainty_figures import error_beside_uncertainty
 
@@ -50,6 +57,11 @@ def conduct(workshop: Workshop) -> Outcome:
         claims=[
             *(correlated(example.what, measured[example.what]) for example in shown.values()),
             close(
+                "Within the training range the uncertainty gives an idea of the error: "
+                f"{shown['corner'].what}.",
+                measured[shown["corner"].what],
+            ),
+            close(
                 "Under several forces error and uncertainty closely follow each other.",
                 measured[shown["multiple"].what],
             ),
@@ -58,7 +70,10 @@ def conduct(workshop: Workshop) -> Outcome:
                 measured[beyond.what],
             ),
         ],
-        figures={name: figure_of(geometry, example) for name, example in shown.items()},
+        figures={
+            name: figure_of(geometry, example, measured[example.what])
+            for name, example in shown.items()
+        },
     )
 
 
@@ -84,8 +99,7 @@ def at_corner(workshop: Workshop, newtons: float) -> Example:
     loads = workshop.predicted_loads(RUN, SWEEP)
     vertical = loads.samples.force[..., 1].sum(axis=1)
     number = int(np.abs(vertical - newtons).argmin())
-    way = "upwards" if newtons > 0 else "downwards"
-    what = f"{abs(vertical[number]):.3g} N {way} at the corner"
+    what = f"{in_words(loads.samples.force[number])} at the corner"
     return example_of(what, loads.samples, loads.predicted, number)
 
 
@@ -100,15 +114,16 @@ def example_of(what: str, samples: NodalSamples, predicted: Distribution, number
     )
 
 
-def figure_of(geometry: Geometry, example: Example) -> tuple[Figure, str]:
+def figure_of(geometry: Geometry, example: Example, measures: FieldMeasures) -> tuple[Figure, str]:
     """Error and uncertainty fields of an example, and the caption."""
     drawn = error_beside_uncertainty(
         geometry, example.force, example.mean, example.std, example.reference
     )
     tip = np.linalg.norm(example.reference[geometry.tip])
     return drawn, (
-        f"2D beam, {example.what}, tip displacement {tip:.2f} m: error (left, with the mesh of the "
-        "finite elements) and one standard deviation (right) on the deformed mesh of the U-Net."
+        f"2D beam, {example.what}, tip displacement {tip:.2f} m: error (left) and one standard "
+        "deviation (right) on the deformed mesh of the U-Net, each in its own colour scale: the "
+        f"mean error is {measures.error / measures.std:.2g} times the mean σ."
     )
 
 

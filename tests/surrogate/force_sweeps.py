@@ -10,7 +10,10 @@ from surrogate.force_sweep import ForceSweep
 
 
 def hand_made(**changes: Any) -> ForceSweep:
-    """From −4 N to 4 N, trained up to 2 N; u = f m, no error, σ = 1 mm inside and f² mm outside."""
+    """From −4 N to 4 N, trained up to 2 N; u = f m, no error, σ = 1 mm inside and f² mm outside.
+
+    Nothing happens across the force unless `changes` says so.
+    """
     force = np.arange(-4.0, 5.0)
     std = np.where(np.abs(force) > 2, force**2, 1.0) * 1e-3
     fields: dict[str, Any] = {
@@ -22,5 +25,10 @@ def hand_made(**changes: Any) -> ForceSweep:
         "std_epistemic": std,
         "std_aleatoric": 0 * std,
         "covered_components": np.ones_like(force),
+    } | changes
+    along = {
+        "node_error": np.abs(fields["mean"] - fields["reference"]),
+        "moved": np.abs(fields["reference"]),
+        "covered_across": np.ones_like(fields["force"], dtype=bool),
     }
-    return ForceSweep(**fields | changes)
+    return ForceSweep(**along | fields)

@@ -8,21 +8,23 @@ from surrogate.studies.uncertainty_fields import conduct
 from surrogate.studies.workshop import Workshop
 
 # Three nodes in the plane, in m: errors of 5, 10 and 15 mm, σ of 5, 10 and 30 mm in norm.
-REFERENCE = np.zeros((3, 2))
-MEAN = np.array([[3.0, 4.0], [6.0, 8.0], [0.0, 15.0]]) * 1e-3
+REFERENCE = np.array([[0.0, 0.2], [0.1, 0.0], [0.0, 0.3]])
+MEAN = REFERENCE + np.array([[3.0, 4.0], [6.0, 8.0], [0.0, 15.0]]) * 1e-3
 STD = np.array([[4.0, 3.0], [6.0, 8.0], [30.0, 0.0]]) * 1e-3
 
 
 def test_measures() -> None:
     """Ranks agree; Pearson's of (5, 10, 15) and (5, 10, 30): 125 / √(50 · 350) = 0.9449.
 
-    σ = 0 with an error of 15 mm is the one component of six outside the band.
+    Displacements of (0.2, 0.1, 0.3) m have a rank correlation of 0.5 with the errors. σ = 0 with an
+    error of 15 mm is the one component of six outside the band.
     """
     measures = measure_fields(MEAN, STD, REFERENCE)
     assert measures.error == pytest.approx(10e-3)
     assert measures.std == pytest.approx(15e-3)
     assert measures.rank_correlation == pytest.approx(1.0)
     assert measures.linear_correlation == pytest.approx(125 / np.sqrt(50 * 350))
+    assert measures.with_displacement == pytest.approx(0.5)
     assert measures.covered == pytest.approx(5 / 6)
 
 
@@ -31,7 +33,8 @@ def test_correlated() -> None:
     assert correlated("it", measure_fields(MEAN, STD, REFERENCE)).holds
     claim = correlated("it", measure_fields(MEAN, STD[[1, 0, 2]], REFERENCE))
     assert not claim.holds
-    assert "0.50" in claim.evidence
+    assert "nodes 0.50" in claim.evidence
+    assert "with the displacement alone, rank correlation 0.50" in claim.evidence
 
 
 @pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (0.3, False), (1.4, False)])
@@ -61,4 +64,10 @@ def test_examples(workshop: Workshop) -> None:
         assert row[1] == pytest.approx(1e3 * np.linalg.norm(error, axis=1).mean())
         std = np.linalg.norm(loads.predicted.std[number, free], axis=1).mean()
         assert row[2] == pytest.approx(1e3 * std)
+    assert outcome.claims[3].holds == (0.5 <= float(first[3] or 0) <= 2)
     assert list(outcome.figures) == ["corner", "multiple", "beyond"]
+    for row, (figure, caption) in zip(
+        outcome.tables[0].rows, outcome.figures.values(), strict=False
+    ):
+        assert f"the mean error is {row[3]:.2g} times the mean σ" in caption
+        assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite elements"]
