@@ -212,7 +212,8 @@ def loss_curves(curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
         Lines of ``metrics.jsonl`` by the titles of their panels, which share the ordinate.
     """
     figure = make_figure(2.4 + 3.2 * len(curves), 3.2)
-    panels = figure.subplots(1, len(curves), sharey=True, squeeze=False)[0]
+    places = {"wspace": 0.08}
+    panels = figure.subplots(1, len(curves), sharey=True, squeeze=False, gridspec_kw=places)[0]
     drawn: list[float] = []
     for axes, (title, lines) in zip(panels, curves.items(), strict=True):
         epochs = [line["epoch"] for line in lines]

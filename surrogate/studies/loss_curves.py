@@ -57,7 +57,7 @@ def last_fall(losses: list[float]) -> float:
 def convergence_claim(training: Losses) -> Claim:
     """Claim on how far training losses still fall."""
     falls = {name: last_fall(losses) for name, losses in training.items()}
-    said = ", ".join(f"{fall:.3g} ({name})" for name, fall in falls.items())
+    said = ", ".join(f"{fall:.3g} of {name}" for name, fall in falls.items())
     return Claim(
         what="The training has converged: in the last tenth of the epochs the training loss no "
         "longer falls.",
@@ -69,9 +69,9 @@ def convergence_claim(training: Losses) -> Claim:
 def overfitting_claim(training: Losses, validation: Losses) -> Claim:
     """Claim on the last validation losses over the smallest ones."""
     rises = {name: losses[-1] / min(losses) for name, losses in validation.items()}
-    said = ", ".join(f"{rise:.3f} ({name})" for name, rise in rises.items())
+    said = ", ".join(f"{rise:.3f} of {name}" for name, rise in rises.items())
     ratios = ", ".join(
-        f"{losses[-1] / training[name][-1]:.2f} ({name})" for name, losses in validation.items()
+        f"{losses[-1] / training[name][-1]:.2f} of {name}" for name, losses in validation.items()
     )
     return Claim(
         what="The validation loss does not rise towards the end: nothing is overfitted.",

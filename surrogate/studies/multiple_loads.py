@@ -112,7 +112,7 @@ def superposition(surrogate: Surrogate, force: Array) -> Array:
 
 def sizes(force: Array, coordinates: Array) -> Array:
     """‖F‖ of the loads of a sample (n_nodes, d) in N, by their nodes' x: (n_loads,)."""
-    newtons = np.linalg.norm(force, axis=1)[np.argsort(coordinates[:, 0], kind="stable")]
+    newtons: Array = np.linalg.norm(force, axis=1)[np.argsort(coordinates[:, 0], kind="stable")]
     return newtons[newtons > 0]
 
 

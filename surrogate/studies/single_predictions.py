@@ -134,14 +134,14 @@ def pattern_claim(follows: dict[str, Array]) -> Claim:
     """Claim on the rank correlations of nodal error and displacement, (M,) of each body."""
     shares = {body: float((values > 0).mean()) for body, values in follows.items()}
     said = ", ".join(
-        f"{share:.0%} ({body}, {follows[body].mean():.2f} on average)"
+        f"{100 * share:.3g} % ({body}, {follows[body].mean():.2f} on average)"
         for body, share in shares.items()
     )
     return Claim(
         what="Errors are usually higher near the nodes with higher displacement magnitudes.",
         holds=min(shares.values()) >= USUALLY,
         evidence="Test samples in which the rank correlation of nodal error and displacement is "
-        f"positive: {said} (≥ {USUALLY:.0%} of each body).",
+        f"positive: {said} (≥ {100 * USUALLY:g} % of each body).",
     )
 
 

@@ -57,7 +57,7 @@ def test_convergence_claim() -> None:
     assert convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.91]}).holds
     claim = convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.89]})
     assert claim.verdict == "differs"
-    assert "1.2 (a), 0.89 (b) (≥ 0.9)" in claim.evidence
+    assert "1.2 of a, 0.89 of b (≥ 0.9)" in claim.evidence
 
 
 def test_overfitting_claim() -> None:
@@ -65,5 +65,5 @@ def test_overfitting_claim() -> None:
     training = {"a": [9.0, 4.0], "b": [9.0, 4.0]}
     claim = overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.09]})
     assert claim.holds
-    assert "0.50 (a), 0.27 (b)" in claim.evidence
+    assert "0.50 of a, 0.27 of b" in claim.evidence
     assert not overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.11]}).holds

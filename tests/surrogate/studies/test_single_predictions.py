@@ -76,5 +76,5 @@ def test_pattern_claim() -> None:
     nine = np.array([0.4] * 9 + [-0.4])
     claim = pattern_claim({"a": np.full(3, 0.1), "b": nine})
     assert claim.holds
-    assert "100% (a, 0.10 on average), 90% (b, 0.32 on average)" in claim.evidence
+    assert "100 % (a, 0.10 on average), 90 % (b, 0.32 on average)" in claim.evidence
     assert pattern_claim({"a": np.ones(3), "b": nine[1:]}).verdict == "differs"
