@@ -8,14 +8,17 @@ from itertools import pairwise
 
 from surrogate.hardware import hardware
 from surrogate.prediction import load
+from surrogate.published import PUBLISHED
 from surrogate.studies.accuracy import MM, test_errors
-from surrogate.studies.record import Cell, Claim, Table, compare
+from surrogate.studies.record import MARGIN, Cell, Claim, Table, compare
+from surrogate.studies.scale import Scale
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.timing import prediction_seconds
 from surrogate.studies.workshop import Workshop
 
-RUNS = "beam3d-c*"
+RUNS, STANDARD = "beam3d-c*", "beam3d-det"
 BEST, TOO_MANY = 64, 128  # of the paper
+TIMES_SHORTER = 3  # training with the best than of the standard U-Net, in the paper
 
 
 @dataclass(frozen=True)
@@ -28,18 +31,23 @@ class Network:
         ē and σ(e) in mm.
     minutes : float
         Of training.
-    prediction : float
+    prediction : float or None
         Time in ms.
+    training_loss, validation_loss : float or None
+        Scaled, of the last epoch.
     """
 
     mean: float
     std: float
     minutes: float
-    prediction: float
+    prediction: float | None = None
+    training_loss: float | None = None
+    validation_loss: float | None = None
 
     def cells(self) -> tuple[Cell, ...]:
         """As the table has them."""
-        return self.mean, self.std, self.minutes, self.prediction
+        losses = self.training_loss, self.validation_loss
+        return self.mean, self.std, self.minutes, self.prediction, *losses
 
 
 PAPER = {  # on one V100
@@ -48,6 +56,10 @@ PAPER = {  # on one V100
     64: Network(0.8, 0.5, 348, 7.5),
     128: Network(3.5, 3.3, 646, 9),
 }
+PUBLISHED_UNET = PUBLISHED["beam3d", "deterministic"]
+PAPER_STANDARD = Network(
+    MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error, PUBLISHED_UNET.training_minutes
+)
 
 
 def network(workshop: Workshop, run: str) -> Network:
@@ -55,12 +67,31 @@ def network(workshop: Workshop, run: str) -> Network:
     errors, trained = test_errors(workshop, run), workshop.trained(run)
     surrogate = load(trained.folder, workshop.device.type)
     seconds = prediction_seconds(surrogate, workshop.dataset_of(run).nodal_test.force[0])
-    minutes = workshop.run_record(run).minutes
-    return Network(MM * errors.mean_error, MM * errors.std_error, minutes, 1e3 * seconds)
+    last = trained.metric_lines()[-1]
+    return Network(
+        MM * errors.mean_error,
+        MM * errors.std_error,
+        last["seconds"] / 60,
+        1e3 * seconds,
+        last["train_loss"],
+        last.get("validation_loss"),
+    )
+
+
+def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
+    """Name of the run of the standard U-Net, if it is trained for as many epochs as c = 64.
+
+    At a scale whose 3D network has the same number of channels at every level, there is none.
+    """
+    if BEST not in runs or STANDARD not in scale.runs:
+        return None
+    standard, best = (scale.config_of(run) for run in (STANDARD, runs[BEST]))
+    as_long = standard.training.epochs == best.training.epochs
+    return STANDARD if standard.network.multiplier > 1 and as_long else None
 
 
 def conduct(workshop: Workshop) -> Outcome:
-    """Measure errors and times of all runs of the scale."""
+    """Measure errors, times and losses of all runs of the scale."""
     scale = workshop.scale
     runs = {scale.config_of(run).network.channels: run for run in scale.matching((RUNS,))}
     found = {channels: network(workshop, runs[channels]) for channels in sorted(runs)}
@@ -75,40 +106,97 @@ def conduct(workshop: Workshop) -> Outcome:
                 compare(f"c = {channels}: ē", "mm", here.mean, paper.mean),
                 compare(f"c = {channels}: σ(e)", "mm", here.std, paper.std),
             ]
-    head = ("channels c", "", "ē [mm]", "σ(e) [mm]", "training [min]", "prediction [ms]")
-    table = Table(
-        caption="3D beam, deterministic U-Nets with c channels at every level; predictions here "
-        f"on {hardware(workshop.device)}, in the paper on one V100.",
-        head=head,
+    run = standard_run(scale, runs)
+    standard = network(workshop, run) if run is not None else None
+    if standard is not None:
+        rows += [("standard", "here", *standard.cells())]
+        rows += [("standard", "paper", *PAPER_STANDARD.cells())]
+    return Outcome(
+        [channels_table(rows, hardware(workshop.device))], comparisons, claims_on(found, standard)
+    )
+
+
+def channels_table(rows: list[tuple[Cell, ...]], device: str) -> Table:
+    """Rows with their heads; predictions were timed on a device, in words."""
+    return Table(
+        caption="3D beam, deterministic U-Nets with c channels at every level (standard: doubling "
+        f"from level to level); predictions here on {device}, in the paper on one V100. Losses, "
+        "scaled, of the last epoch: of a network that overfits, the validation loss is well above "
+        "the training loss.",
+        head=(
+            "channels c",
+            "",
+            "ē [mm]",
+            "σ(e) [mm]",
+            "training [min]",
+            "prediction [ms]",
+            "training loss",
+            "validation loss",
+        ),
         rows=tuple(rows),
     )
-    return Outcome([table], comparisons, claims_on({c: here.mean for c, here in found.items()}))
 
 
-def claims_on(means: Mapping[int, float]) -> list[Claim]:
-    """The paper's claims on ē in mm, by number of channels, ascending."""
-    up_to_best = [mean for channels, mean in means.items() if channels <= BEST]
-    numbers = ", ".join(f"{mean:.3g} mm of c = {channels}" for channels, mean in means.items())
-    papers = ", ".join(f"{paper.mean} mm of c = {channels}" for channels, paper in PAPER.items())
-    missing = "" if TOO_MANY in means else f"; c = {TOO_MANY} was not run"
-    claims = [
-        Claim(
-            what=f"More channels make a smaller error, up to c = {BEST}.",
-            holds=all(fewer > more for fewer, more in pairwise(up_to_best)),
-            evidence=f"ē is {numbers}{missing}; the paper: {papers}.",
-        )
-    ]
-    if TOO_MANY in means and BEST in means:
-        claims.append(
-            Claim(
-                what=f"c = {TOO_MANY} is worse than c = {BEST}: it overfits.",
-                holds=means[TOO_MANY] > means[BEST],
-                evidence=f"ē is {means[TOO_MANY]:.3g} and {means[BEST]:.3g} mm; the paper: "
-                f"{PAPER[TOO_MANY].mean} and {PAPER[BEST].mean} mm.",
-                better=True,
-            )
-        )
+def claims_on(found: Mapping[int, Network], standard: Network | None) -> list[Claim]:
+    """The paper's claims on networks, by their number of channels, ascending."""
+    claims = [more_is_better(found, standard)]
+    if TOO_MANY in found and BEST in found:
+        claims.append(overfits(found[TOO_MANY], found[BEST]))
+    if standard is not None:
+        claims.append(as_good_sooner(found[BEST], standard))
     return claims
+
+
+def more_is_better(found: Mapping[int, Network], standard: Network | None) -> Claim:
+    """Whether the error falls with the number of channels, up to the paper's best."""
+    up_to_best = {c: here.mean for c, here in found.items() if c <= BEST}
+    missing = [f"c = {c}" for c in PAPER if c not in found]
+    if standard is None:
+        missing.append("the standard U-Net for as many epochs")
+    not_run = f" Of the paper's networks not run here: {', '.join(missing)}." if missing else ""
+    return Claim(
+        what=f"More channels make a smaller error, up to c = {max(up_to_best)}.",
+        holds=all(fewer > more for fewer, more in pairwise(up_to_best.values())),
+        evidence=f"{errors_in_words(found)}; the paper: {errors_in_words(PAPER)}.{not_run}",
+    )
+
+
+def errors_in_words(networks: Mapping[int, Network]) -> str:
+    """Mean errors by the number of channels, for a sentence."""
+    errors = ", ".join(f"{n.mean:.3g} mm (c = {c})" for c, n in networks.items())
+    return f"ē = {errors}"
+
+
+def overfits(many: Network, best: Network) -> Claim:
+    """Whether too many channels make the error larger again."""
+    return Claim(
+        what=f"c = {TOO_MANY} is worse than c = {BEST}: it overfits.",
+        holds=many.mean > best.mean,
+        evidence=f"ē = {many.mean:.3g} and {best.mean:.3g} mm; the paper: "
+        f"{PAPER[TOO_MANY].mean} and {PAPER[BEST].mean} mm.",
+        better=True,
+    )
+
+
+def as_good_sooner(best: Network, standard: Network) -> Claim:
+    """Whether constant channels are as good as the standard U-Net after a third of its training."""
+    least = TIMES_SHORTER / MARGIN
+
+    def said(one: Network, other: Network) -> tuple[str, str]:
+        return (
+            f"{one.mean:.3g} and {other.mean:.3g} mm",
+            f"{other.minutes / one.minutes:.2g} times shorter",
+        )
+
+    errors, times = said(best, standard)
+    papers = said(PAPER[BEST], PAPER_STANDARD)
+    return Claim(
+        what=f"c = {BEST} at every level has an error comparable to the standard U-Net's, after a "
+        "third of its training time.",
+        holds=best.mean <= MARGIN * standard.mean and standard.minutes >= least * best.minutes,
+        evidence=f"ē = {errors} (comparable: ≤ {MARGIN:g} times), training {times} "
+        f"(≥ {least:g}); the paper: {papers[0]}, {papers[1]}.",
+    )
 
 
 STUDY = Study(
@@ -117,6 +205,6 @@ STUDY = Study(
     labels=("const_channel",),
     question="How many channels are enough, if every level of the U-Net has the same?",
     conduct=conduct,
-    runs=(RUNS,),
+    runs=(RUNS, STANDARD),
     times=True,
 )

@@ -45,14 +45,14 @@ def refined(samples: NodalSamples) -> NodalSamples:
 
 
 def noisy(sweep: ForceSweep) -> NDArray[np.bool_]:
-    """Forces with noise, less none at all, (N,)."""
+    """Forces whose samples had noise in training, without 0 N, (N,)."""
     magnitude = np.abs(sweep.force)
     result: NDArray[np.bool_] = (magnitude > STEP / 2) & (magnitude < NOISY + STEP / 2)
     return result
 
 
 def free_of_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
-    """Forces of the training without noise, (N,)."""
+    """Forces in the training range whose samples had no noise, (N,)."""
     return ~sweep.outside & (np.abs(sweep.force) > NOISY + STEP / 2)
 
 
@@ -87,7 +87,9 @@ def draw_uncertainties(
             draw_panel(axes, sweep)
             axes.set_title(name, fontsize=10)
     for axes, sweep in zip(panels[:, 1], noise_free, strict=True):
-        axes.plot(sweep.force, MM * sweep.std, color=OTHER, lw=0.9, label="total σ without noise")
+        axes.plot(
+            sweep.force, MM * sweep.std, color=OTHER, lw=0.9, label="total σ, trained without noise"
+        )
     for axes in panels[:, 0]:
         axes.set_ylabel("standard deviation, error [mm]")
     handles, labels = panels[0, 1].get_legend_handles_labels()

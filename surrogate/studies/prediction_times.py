@@ -2,161 +2,123 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from surrogate.hardware import hardware
 from surrogate.prediction import PASSES, load
 from surrogate.studies.accuracy import BODIES
-from surrogate.studies.record import Cell, Claim, Comparison, Table, compare
+from surrogate.studies.pass_times import PassTimes, pass_comparisons, pass_table
+from surrogate.studies.record import Claim, Comparison, compare
+from surrogate.studies.speed_up import CPU, PAPER, Times, faster, real_time, times_table
 from surrogate.studies.study import Outcome, Study
-from surrogate.studies.timing import prediction_seconds, solving_seconds
+from surrogate.studies.times_by_load import (
+    Ends,
+    TimesByLoad,
+    load_table,
+    predicting_does_not,
+    solving_ends,
+    solving_grows,
+)
+from surrogate.studies.timing import (
+    Solutions,
+    alternating_seconds,
+    prediction_seconds,
+    read_solutions,
+)
 from surrogate.studies.workshop import Workshop
 
 MS = 1e3  # in a second
 DETERMINISTIC = {case: f"{case}-det" for case in BODIES}
 BAYESIAN = {case: f"{case}-vb" for case in ("beam2d", "lshape2d")}
-REAL_TIME = 10.0  # ms, the paper's limit
-
-
-@dataclass(frozen=True)
-class Times:
-    """A row of the table, in ms.
-
-    Attributes
-    ----------
-    solving : float
-        Finite elements, a typical load.
-    slowest : float or None
-        The load that took longest.
-    cpu : float
-        Network.
-    gpu : float or None
-    """
-
-    solving: float
-    slowest: float | None
-    cpu: float
-    gpu: float | None
-
-    def cells(self) -> tuple[Cell, ...]:
-        """Times and ratios as the table has them."""
-        by_gpu = None if self.gpu is None else self.solving / self.gpu
-        times = (self.solving, self.slowest, self.cpu, self.gpu)
-        return *times, self.solving / self.cpu, by_gpu
-
-
-PAPER = {
-    "beam2d": Times(123, None, 5, 1),
-    "lshape2d": Times(120, None, 7, 1),
-    "beam3d": Times(3100, None, 100, 9),
-}
-PAPER_PASSES = 100.0  # ms for 300 of them (Section "Prediction and training times")
-
-
-CPU = torch.device("cpu")
 
 
 def conduct(workshop: Workshop) -> Outcome:
-    """Time predictions of one load, and take the solver's times from the datasets."""
-    here = {case: times(workshop, run) for case, run in DETERMINISTIC.items()}
-    passes = {case: network_ms(workshop, run, workshop.device) for case, run in BAYESIAN.items()}
+    """Time predictions, and take the solver's times from the datasets."""
+    solutions = {
+        case: read_solutions(workshop.nodal_folder(workshop.scale.runs[run].data))
+        for case, run in DETERMINISTIC.items()
+    }
+    here = {case: times(workshop, case, found) for case, found in solutions.items()}
+    passes = {case: pass_times(workshop, run) for case, run in BAYESIAN.items()}
+    by_load = {case: times_by_load(workshop, case, found) for case, found in solutions.items()}
     comparisons: list[Comparison] = []
-    claims = []
+    claims: list[Claim] = []
     for case, paper in PAPER.items():
         name, found = BODIES[case], here[case]
-        claims.append(faster(name, found, paper))
-        comparisons.append(compare(f"{name}: t_CPU", "ms", found.cpu, paper.cpu))
-        if found.gpu is not None and paper.gpu is not None:
-            comparisons.append(compare(f"{name}: t_GPU", "ms", found.gpu, paper.gpu))
-            claims.append(real_time(name, found.gpu, paper.gpu))
-    for case, found_ms in passes.items():
-        name = f"{BODIES[case]}: {PASSES} passes"
-        comparisons.append(compare(name, "ms", found_ms, PAPER_PASSES))
-    return Outcome([times_table(here), passes_table(passes, workshop.device)], comparisons, claims)
+        for device, ms in found.network.items():
+            comparisons.append(compare(f"{name}: t_{device}", "ms", ms, paper.network[device]))
+            claims.append(faster(name, device, found, paper))
+        if "GPU" in found.network:
+            claims.append(real_time(name, found.network["GPU"], paper.network["GPU"]))
+    return Outcome(
+        tables=[
+            times_table(here),
+            load_table(by_load),
+            pass_table(passes, hardware(workshop.device)),
+        ],
+        comparisons=[*comparisons, *pass_comparisons(passes)],
+        claims=[*claims, solving_grows(by_load), predicting_does_not(by_load)],
+    )
 
 
-def network_ms(workshop: Workshop, run: str, device: torch.device) -> float:
-    """Time of one prediction, of all passes of a Bayesian network, in ms."""
-    surrogate = load(workshop.trained(run).folder, device.type)
+def times(workshop: Workshop, case: str, solutions: Solutions) -> Times:
+    """The row of a deterministic network, for the first test sample."""
+    run = DETERMINISTIC[case]
     force = workshop.dataset_of(run).nodal_test.force[0]
-    return MS * prediction_seconds(surrogate, force, PASSES)
+    devices = {"CPU": CPU}
+    if workshop.device.type == "cuda":
+        devices["GPU"] = workshop.device
+    network = {name: network_ms(workshop, run, force, device) for name, device in devices.items()}
+    solving = MS * solutions.seconds
+    return Times(float(np.median(solving)), float(solving.max()), network)
 
 
-def times(workshop: Workshop, run: str) -> Times:
-    """The row of a deterministic network."""
-    solving = MS * solving_seconds(workshop.nodal_folder(workshop.scale.runs[run].data))
-    is_gpu = workshop.device.type == "cuda"
-    return Times(
-        float(np.median(solving)),
-        float(solving.max()),
-        network_ms(workshop, run, CPU),
-        network_ms(workshop, run, workshop.device) if is_gpu else None,
-    )
+def times_by_load(workshop: Workshop, case: str, solutions: Solutions) -> TimesByLoad:
+    """Times of one body for small and for large loads: deterministic on a CPU, passes kept."""
+    force = workshop.dataset_of(DETERMINISTIC[case]).nodal_test.force
+    order = np.argsort(np.linalg.norm(force, axis=(1, 2)))
+    runs = {"D": (DETERMINISTIC[case], CPU)}
+    if case in BAYESIAN:
+        runs["VB"] = BAYESIAN[case], workshop.device
+    networks = {}
+    for kind, (run, device) in runs.items():
+        surrogate = load(workshop.trained(run).folder, device.type)
+        predictions = [
+            partial(surrogate.predict_distribution, force[order[end]], PASSES) for end in (0, -1)
+        ]
+        networks[kind] = Ends(*(MS * seconds for seconds in alternating_seconds(predictions)))
+    return TimesByLoad(*solving_ends(solutions), networks)
 
 
-def times_table(here: dict[str, Times]) -> Table:
-    """Finite elements and deterministic networks."""
-    rows: list[tuple[Cell, ...]] = []
-    for case, paper in PAPER.items():
-        rows += [(BODIES[case], "here", *here[case].cells())]
-        rows += [(BODIES[case], "paper", *paper.cells())]
-    return Table(
-        caption="Time of one solution, t_FEM: median and largest over the dataset's load cases, "
-        "each solved by one process on the machine that made the dataset; and of one prediction "
-        f"by deterministic networks, NumPy arrays in and out, on {hardware(CPU)}, and on a GPU "
-        "where there is one.",
-        head=(
-            "example",
-            "",
-            "t_FEM [ms]",
-            "largest t_FEM [ms]",
-            "t_CPU [ms]",
-            "t_GPU [ms]",
-            "t_FEM / t_CPU",
-            "t_FEM / t_GPU",
-        ),
-        rows=tuple(rows),
-    )
+def pass_times(workshop: Workshop, run: str) -> PassTimes:
+    """Both times of a Bayesian network, for the first test sample."""
+    force = workshop.dataset_of(run).nodal_test.force[0]
+    kept, anew = (network_ms(workshop, run, force, workshop.device, a) for a in (False, True))
+    return PassTimes(PASSES * workshop.scale.config_of(run).ensemble, kept, anew)
 
 
-def passes_table(passes: dict[str, float], device: torch.device) -> Table:
-    """Bayesian networks."""
-    rows = [(BODIES[case], ms, ms / PASSES) for case, ms in passes.items()]
-    return Table(
-        caption=f"Time of one Bayesian prediction, {PASSES} passes, on {hardware(device)}.",
-        head=("example", "all passes [ms]", "one pass [ms]"),
-        rows=(*rows, ("both, paper", PAPER_PASSES, PAPER_PASSES / PASSES)),
-    )
-
-
-def faster(name: str, found: Times, paper: Times) -> Claim:
-    """Whether the network is faster than the finite elements on a CPU."""
-    return Claim(
-        what=f"{name}: on a CPU the network is faster than the finite elements.",
-        holds=found.cpu < found.solving,
-        evidence=f"{found.solving / found.cpu:.3g} times, {found.cpu:.3g} against "
-        f"{found.solving:.3g} ms; the paper: {paper.solving / paper.cpu:.3g} times, {paper.cpu:g} "
-        f"against {paper.solving:g} ms.",
-    )
-
-
-def real_time(name: str, found: float, paper: float) -> Claim:
-    """Whether a prediction on a GPU keeps the paper's limit; times in ms."""
-    return Claim(
-        what=f"{name}: a prediction on a GPU takes no more than {REAL_TIME:g} ms.",
-        holds=found <= REAL_TIME,
-        evidence=f"{found:.3g} ms; the paper: {paper:g} ms.",
-    )
+def network_ms(
+    workshop: Workshop,
+    run: str,
+    force: NDArray[np.float64],
+    device: torch.device,
+    drawn_anew: bool = False,
+) -> float:
+    """Time of predicting one load in ms, of all passes if the network is Bayesian."""
+    surrogate = load(workshop.trained(run).folder, device.type)
+    return MS * prediction_seconds(surrogate, force, PASSES, drawn_anew)
 
 
 STUDY = Study(
     name="prediction-times",
     title="Time of a prediction",
     labels=("Tab: prediction_times",),
-    question="How much sooner than finite elements does a network answer?",
+    question="How much faster is a prediction than a solution by finite elements, and do their "
+    "times depend on the load?",
     conduct=conduct,
     runs=(*DETERMINISTIC.values(), *BAYESIAN.values()),
     times=True,

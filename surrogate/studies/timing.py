@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,20 +23,29 @@ SECONDS = 5.0  # at most, for one median
 
 def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
     """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
+    return alternating_seconds([work], repeats)[0]
+
+
+def alternating_seconds(
+    works: Sequence[Callable[[], object]], repeats: int = REPEATS
+) -> list[float]:
+    """Median wall times of works in turn, so that what else the machine does slows all of them."""
     for _ in range(WARM_UP):
-        work()
-    times: list[float] = []
-    while len(times) < repeats and sum(times) < SECONDS:
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))
+        for work in works:
+            work()
+    times: list[list[float]] = [[] for _ in works]
+    while len(times[0]) < repeats and sum(times[0]) < SECONDS:
+        for work, taken in zip(works, times, strict=True):
+            began = time.perf_counter()
+            work()
+            taken.append(time.perf_counter() - began)
+    return [float(np.median(taken)) for taken in times]
 
 
-def prediction_seconds(surrogate: Surrogate, force: Array, passes: int = 1) -> float:
+def prediction_seconds(
+    surrogate: Surrogate, force: Array, passes: int = 1, drawn_anew: bool = False
+) -> float:
     """Median time of predicting one load in s, NumPy arrays in and out.
-
-    Drawn weights stay drawn from one prediction to the next, as far as there is memory for them.
 
     Parameters
     ----------
@@ -44,20 +54,50 @@ def prediction_seconds(surrogate: Surrogate, force: Array, passes: int = 1) -> f
         In N.
     passes : int
         T.
+    drawn_anew : bool
+        Whether every prediction draws the passes' weights, which else stay drawn from the one
+        before as far as there is memory for them.
     """
-    return median_seconds(lambda: surrogate.predict_distribution(force, passes))
+
+    def predict() -> None:
+        if drawn_anew:
+            surrogate.passes.forget()
+        surrogate.predict_distribution(force, passes)
+
+    return median_seconds(predict)
 
 
-def solving_seconds(nodal: Path) -> Array:
-    """Time that every load case of a nodal dataset took on the machine that made it, (M,) in s.
+@dataclass(frozen=True)
+class Solutions:
+    """What the finite elements needed for every load case of a dataset.
+
+    Attributes
+    ----------
+    force : array, (M,)
+        ‖F‖₂ of all nodal forces in N.
+    seconds : array, (M,)
+        Wall time on what made the dataset.
+    iterations : array of int, (M,)
+        Of Newton's method, in all load steps.
+    """
+
+    force: Array
+    seconds: Array
+    iterations: NDArray[np.int64]
+
+
+def read_solutions(nodal: Path) -> Solutions:
+    """Read what a nodal dataset says of its solutions.
 
     Raises
     ------
     InputError
         If there is none, or it is damaged.
     """
-    shards = read_manifest(nodal, "nodal").shards
-    times: Array = np.concatenate(
-        [read_shard(nodal / shard.file, "nodal")["samples/wall_time"] for shard in shards]
+    entries = read_manifest(nodal, "nodal").shards
+    shards = [read_shard(nodal / entry.file, "nodal") for entry in entries]
+    force, seconds, iterations = (
+        np.concatenate([shard[f"samples/{name}"] for shard in shards])
+        for name in ("force", "wall_time", "newton_iterations")
     )
-    return times
+    return Solutions(np.linalg.norm(force, axis=(1, 2)), seconds, iterations)

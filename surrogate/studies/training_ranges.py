@@ -17,7 +17,7 @@ from surrogate.uncertainty_figures import OTHER
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
 FORCES = tuple(range(1, 9))  # N
-MOST = 0.9  # share of forces that counts as all but a few
+MOST = 0.9  # share of the forces that counts as nearly all
 
 
 def conduct(workshop: Workshop) -> Outcome:
@@ -31,8 +31,9 @@ def conduct(workshop: Workshop) -> Outcome:
         figures={
             "bands": (
                 draw_bands(larger, smaller),
-                "95 % bands of the vertical displacement of the corner under vertical forces "
-                "there, by networks trained on larger and on smaller forces (dotted: the ranges).",
+                "95 % bands (± 1.96 σ) of the vertical displacement of the corner under vertical "
+                "forces there, by networks trained on larger and on smaller forces; dotted, the "
+                "training ranges.",
             )
         },
     )
@@ -45,8 +46,9 @@ def ratio_table(larger: ForceSweep, smaller: ForceSweep) -> Table:
         wide, narrow = (s.at(force, s.std) for s in (larger, smaller))
         rows.append((force, MM * wide, MM * narrow, narrow / wide))
     return Table(
-        caption="Standard deviation of the vertical displacement of the corner, mean of both "
-        "senses of the force, by the range of the training.",
+        caption="Standard deviation σ of the vertical displacement of the corner, mean of both "
+        "senses of the force, by networks trained on larger and on smaller forces (range in "
+        "brackets).",
         head=(
             "force [N]",
             f"σ (±{larger.limit:g} N) [mm]",
@@ -64,8 +66,8 @@ def more_uncertain(larger: ForceSweep, smaller: ForceSweep) -> Claim:
     return Claim(
         what="A network trained on smaller forces is more uncertain at higher ones.",
         holds=share >= MOST,
-        evidence=f"Its standard deviation is larger at {share:.0%} of the forces beyond "
-        f"±{smaller.limit:g} N (at least {MOST:.0%}), {np.median(ratio):.1f} times in the median.",
+        evidence=f"Its standard deviation is larger at {100 * share:.0f} % of the forces beyond "
+        f"±{smaller.limit:g} N (≥ {100 * MOST:.0f} %), {np.median(ratio):.1f} times in the median.",
     )
 
 

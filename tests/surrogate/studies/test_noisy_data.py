@@ -53,7 +53,9 @@ def test_unreliable_where_wrong() -> None:
     wrong = fine(mean=FORCE + 1)
     sure = fine(mean=FORCE + 1, std_aleatoric=np.full_like(FORCE, 0.1))
     assert unreliable({"a": sure}).verdict == "reproduced"
-    assert unreliable({"a": sure, "b": wrong}).verdict == "better"
+    claim = unreliable({"a": sure, "b": wrong})
+    assert claim.verdict == "better"
+    assert "a 0 %, b 100 % (not reliable: < 50 %)" in claim.evidence
 
 
 def test_growing_beyond_the_noise() -> None:

@@ -14,7 +14,7 @@ def test_more_uncertain_at_nearly_every_force_outside() -> None:
     twice = 2 * larger.std_epistemic
     claim = more_uncertain(larger, hand_made(std_epistemic=twice))
     assert claim.holds
-    assert "100%" in claim.evidence
+    assert "100 %" in claim.evidence
     assert "2.0 times" in claim.evidence
     smaller = hand_made(std_epistemic=np.where(larger.force == 3, 0.001, twice))
     assert not more_uncertain(larger, smaller).holds

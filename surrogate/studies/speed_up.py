@@ -1,0 +1,106 @@
+"""How much faster predictions by deterministic networks are than solutions by finite elements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+
+from surrogate.hardware import hardware
+from surrogate.studies.accuracy import BODIES
+from surrogate.studies.record import Cell, Claim, Table
+
+FASTER = {"CPU": 10, "GPU": 100}  # times at least, for the paper's 17 to 31 and 120 to 345
+REAL_TIME = 10.0  # ms, the paper's limit
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True)
+class Times:
+    """A row of the table, in ms.
+
+    Attributes
+    ----------
+    solving : float
+        Finite elements, a typical load.
+    slowest : float or None
+        The load that took longest.
+    network : dict of str to float
+        A prediction on the "CPU", and on the "GPU" where there is one.
+    """
+
+    solving: float
+    slowest: float | None
+    network: dict[str, float]
+
+    def speed_up(self, device: str) -> float:
+        """Finite elements over network."""
+        return self.solving / self.network[device]
+
+    def in_words(self, device: str) -> str:
+        """The same, with both times."""
+        times = f"{self.solving:.4g} / {self.network[device]:.4g} ms"
+        return f"{self.speed_up(device):.3g} ({times})"
+
+    def cells(self) -> tuple[Cell, ...]:
+        """Times and ratios as the table has them."""
+        times = [self.network.get(device) for device in FASTER]
+        ratios = [self.speed_up(d) if d in self.network else None for d in FASTER]
+        return self.solving, self.slowest, *times, *ratios
+
+
+PAPER = {
+    "beam2d": Times(123, None, {"CPU": 5, "GPU": 1}),
+    "lshape2d": Times(120, None, {"CPU": 7, "GPU": 1}),
+    "beam3d": Times(3100, None, {"CPU": 100, "GPU": 9}),
+}
+
+
+def times_table(here: Mapping[str, Times]) -> Table:
+    """Finite elements and deterministic networks."""
+    rows: list[tuple[Cell, ...]] = []
+    for case, paper in PAPER.items():
+        rows += [(BODIES[case], "here", *here[case].cells())]
+        rows += [(BODIES[case], "paper", *paper.cells())]
+    return Table(
+        caption="Time of one solution by finite elements, t_FEM: median and largest of the "
+        "wall times that the dataset keeps of its load cases, on the machine that made it, which "
+        "it does not name; the paper's of the 3D beam is that of some loads of its test set. Time "
+        "of one prediction by a deterministic U-Net, NumPy arrays in and out: t_CPU on "
+        f"{hardware(CPU)}, t_GPU where there is a GPU.",
+        head=(
+            "example",
+            "",
+            "t_FEM [ms]",
+            "largest t_FEM [ms]",
+            "t_CPU [ms]",
+            "t_GPU [ms]",
+            "t_FEM / t_CPU",
+            "t_FEM / t_GPU",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def faster(name: str, device: str, found: Times, paper: Times) -> Claim:
+    """Whether the network is faster than the finite elements by as much as the paper says."""
+    least, slowest = FASTER[device], ""
+    if found.slowest is not None:
+        slowest = f"; of the slowest load {found.slowest / found.network[device]:.4g}"
+    return Claim(
+        what=f"{name}: on a {device} the network is at least {least} times faster than the finite "
+        "elements.",
+        holds=found.speed_up(device) >= least,
+        evidence=f"t_FEM / t_{device} = {found.in_words(device)}{slowest}; the paper: "
+        f"{paper.in_words(device)}.",
+    )
+
+
+def real_time(name: str, found: float, paper: float) -> Claim:
+    """Whether a prediction on a GPU keeps the paper's limit; times in ms."""
+    return Claim(
+        what=f"{name}: a prediction on a GPU takes no more than {REAL_TIME:g} ms.",
+        holds=found <= REAL_TIME,
+        evidence=f"{found:.3g} ms; the paper: {paper:g} ms.",
+    )
