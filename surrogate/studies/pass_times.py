@@ -57,7 +57,7 @@ def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
 def pass_comparisons(times: Mapping[str, PassTimes]) -> list[Comparison]:
     """Both times of every case beside the paper's."""
     return [
-        compare(f"{BODIES[case]}: {found.passes} passes, weights {how}", "ms", ms, PAPER)
+        compare(f"{BODIES[case]}: Bayesian prediction, weights {how}", "ms", ms, PAPER)
         for case, found in times.items()
         for how, ms in found.by_weights().items()
     ]

@@ -36,6 +36,7 @@ class RunRecord(Frozen):
         Digest of configuration and dataset.
     epochs : int
     minutes : float
+        Number of epochs times the median time of one.
     parameters : int
         Trainable ones.
     network, training : str

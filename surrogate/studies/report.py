@@ -166,7 +166,8 @@ def appendix(records: Sequence[Record]) -> str:
     return (
         f"## What was run\n\n{trained}\n\n{made}\n\nStudies on {'; '.join(machines)}. Every record "
         "(`*.json` beside this page) holds the whole digests, the changes to the configurations, "
-        "the minutes of the study and the versions of the software."
+        "the minutes of the study and the versions of the software. Minutes of a training: its "
+        "epochs times the median time of one, so that pauses do not count."
     )
 
 

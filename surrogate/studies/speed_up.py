@@ -66,8 +66,8 @@ def times_table(here: Mapping[str, Times]) -> Table:
     return Table(
         caption="Time of one solution by finite elements, t_FEM: median and largest of the "
         "wall times that the dataset keeps of its load cases, on the machine that made it, which "
-        "it does not name; the paper's of the 3D beam is that of some loads of its test set. Time "
-        "of one prediction by a deterministic U-Net, NumPy arrays in and out: t_CPU on "
+        "it does not name (the paper's of the 3D beam: of some loads of its test set). Time of "
+        "one prediction by a deterministic U-Net, NumPy arrays in and out: t_CPU on "
         f"{hardware(CPU)}, t_GPU where there is a GPU.",
         head=(
             "example",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import torch
 
 from shared_schema.errors import InputError
@@ -152,15 +153,15 @@ class Workshop:
     def run_record(self, name: str) -> RunRecord:
         """What a trained network is, for the report."""
         spec, config, run = self.scale.runs[name], self.scale.config_of(name), self.trained(name)
-        last = run.metric_lines()[-1]
+        lines = run.metric_lines()
         return RunRecord(
             config=spec.config,
             change=spec.change,
             data=spec.data,
             seed=config.seed,
             fingerprint=self.run_fingerprint(name),
-            epochs=last["epoch"],
-            minutes=last["seconds"] / 60,
+            epochs=lines[-1]["epoch"],
+            minutes=minutes_of([line["seconds"] for line in lines]),
             parameters=parameter_count(self.surrogate(name).network),
             network=network_in_words(config),
             training=training_in_words(config),
@@ -175,3 +176,16 @@ class Workshop:
             self._kept[key] = make()
         kept: Value = self._kept[key]
         return kept
+
+
+def minutes_of(seconds: Sequence[float]) -> float:
+    """Minutes of a training: as many as its epochs had taken, if each had taken their median time.
+
+    So a pause of the machine, or a stay on a busier one, does not count.
+
+    Parameters
+    ----------
+    seconds : sequence of float
+        From the start to the end of every epoch.
+    """
+    return float(np.median(np.diff(seconds, prepend=0)) * len(seconds) / 60)

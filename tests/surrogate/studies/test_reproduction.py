@@ -18,7 +18,7 @@ from surrogate.studies.report import PAGE, cell
 from surrogate.studies.reproduction import find_studies, reproduce
 from surrogate.studies.scale import merged, read_scale
 from surrogate.studies.study import Outcome, Study, current_record
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.workshop import Workshop, minutes_of
 
 
 def make_studies(calls: list[str]) -> list[Study]:
@@ -149,6 +149,11 @@ def test_every_table_and_figure_with_a_result_has_a_study() -> None:
     assert labels == sorted({*TABLES, *FIGURES} - {*SCHEMATICS})
     assert number_of("const_channel") == "Table 8"
     assert number_of("fig: MLEvsBayes") == "Figure 21"
+
+
+def test_minutes_leave_out_a_pause() -> None:
+    """Five epochs of 60 s, in the third of which the machine slept for an hour."""
+    assert minutes_of([60, 120, 3780, 3840, 3900]) == pytest.approx(5)
 
 
 def test_tally() -> None:
