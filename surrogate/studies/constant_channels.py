@@ -71,7 +71,7 @@ def network(workshop: Workshop, run: str) -> Network:
     return Network(
         MM * errors.mean_error,
         MM * errors.std_error,
-        last["seconds"] / 60,
+        workshop.run_record(run).minutes,
         1e3 * seconds,
         last["train_loss"],
         last.get("validation_loss"),
