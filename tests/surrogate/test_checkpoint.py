@@ -15,20 +15,27 @@ from surrogate.unet import UNet, UNetConfig
 
 def make(seed: int, memory_format: torch.memory_format) -> tuple[nn.Module, list[Any]]:
     torch.manual_seed(seed)
-    network = UNet(2, 2, UNetConfig(levels=2, channels=8))
+    dimension = 3 if memory_format == torch.channels_last_3d else 2
+    network = UNet(dimension, dimension, UNetConfig(levels=2, channels=8))
     network = network.to(memory_format=memory_format)  # type: ignore[call-overload]
     return network, make_optimisers(network, OptimiserConfig(name="muon", learning_rate=1e-2))
 
 
 def step(network: nn.Module, optimisers: list[Any], seed: int) -> None:
-    x = torch.randn(4, 2, 8, 4, generator=torch.Generator().manual_seed(seed))
+    dimension = 3 if any(p.dim() == 5 for p in network.parameters()) else 2
+    shape = (4, dimension, 8, 4, 4)[: dimension + 2]
+    x = torch.randn(shape, generator=torch.Generator().manual_seed(seed))
     network.zero_grad()
     network(x).square().sum().backward()
     for optimiser in optimisers:
         optimiser.step()
 
 
-@pytest.mark.parametrize("memory_format", [torch.contiguous_format, torch.channels_last], ids=str)
+@pytest.mark.parametrize(
+    "memory_format",
+    [torch.contiguous_format, torch.channels_last, torch.channels_last_3d],
+    ids=str,
+)
 def test_next_step_is_the_same(tmp_path: Path, memory_format: torch.memory_format) -> None:
     """Weights, running means and states of both optimisers are taken up, in any memory layout."""
     path = tmp_path / "last.safetensors"

@@ -78,8 +78,17 @@ def layout(dimension: int, precision: str, device: torch.device) -> torch.memory
 def test_memory_layouts() -> None:
     cpu = torch.device("cpu")
     assert layout(2, "float32", cpu) == torch.channels_last
-    assert layout(3, "float32", cpu) == torch.contiguous_format
+    assert layout(3, "float32", cpu) == torch.channels_last_3d
     assert layout(3, "bfloat16", cpu) == torch.contiguous_format
+
+
+def test_only_kernels_are_laid_out() -> None:
+    """A scale of every node, (3, nx, ny, nz), has four dimensions, but no channels to come last."""
+    convolution, scale = nn.Conv3d(4, 4, 3), nn.Parameter(torch.ones(3, 4, 5, 6))
+    convolution.register_parameter("scale", scale)
+    lay_out(convolution, 3, "float32", torch.device("cpu"))
+    assert convolution.weight.is_contiguous(memory_format=torch.channels_last_3d)
+    assert scale.is_contiguous()
 
 
 @pytest.mark.gpu
