@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from surrogate.calibration import rank_correlation
 from surrogate.metrics import node_errors
+from surrogate.studies.workshop import Workshop
 
 Array = NDArray[np.float64]
 
@@ -29,3 +30,10 @@ def error_follows_displacement(
     """
     error, moved = node_errors(predicted, reference), np.linalg.norm(reference, axis=-1)
     return rank_correlation(error[..., free], moved[..., free])
+
+
+def all_follow(workshop: Workshop, run: str) -> Array:
+    """Rank correlation of nodal error and displacement in every test sample, (M,)."""
+    dataset, predicted = workshop.dataset_of(run), workshop.predicted_test(run).mean
+    reference = dataset.nodal_test.displacement
+    return error_follows_displacement(predicted, reference, ~dataset.geometry.clamped)

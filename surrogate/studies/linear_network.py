@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from surrogate.published import PUBLISHED
 from surrogate.studies.accuracy import BODIES, MM, test_errors
+from surrogate.studies.datasets import PAPER
 from surrogate.studies.record import Cell, Claim, Comparison, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -37,7 +38,7 @@ class Network:
 
 
 PAPER_CASE = "beam3d"
-PAPER_DOFS = 12096  # of the 3D beam; weights of the paper's linear network are their square
+PAPER_DOFS = PAPER[PAPER_CASE].dofs  # weights of the paper's linear network are their square
 PAPER_LINEAR = Network(PAPER_DOFS**2 / 1e6, 7.0, 8.0)
 PUBLISHED_UNET = PUBLISHED[PAPER_CASE, "deterministic"]
 PAPER_UNET = Network(

@@ -8,7 +8,7 @@ from surrogate.force_sweep import ForceSweep
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.force_sweeps import GROWTH
 from surrogate.studies.noise import END, draw_uncertainties, free_of_noise, noise_ratio, predict
-from surrogate.studies.record import Claim, Table
+from surrogate.studies.record import Claim, Table, listed
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
@@ -95,11 +95,6 @@ def growing(sweeps: dict[str, ForceSweep]) -> Claim:
         evidence=f"Rank correlation with the force outside: {listed(growths)} (≥ {GROWTH}); "
         f"standard deviation at {END:g} N over the largest inside: {listed(ratios)} (> 1).",
     )
-
-
-def listed(numbers: dict[str, float]) -> str:
-    """Numbers with their names, for a sentence."""
-    return ", ".join(f"{name} {number:.2f}" for name, number in numbers.items())
 
 
 def noise_table(sweeps: dict[str, ForceSweep]) -> Table:

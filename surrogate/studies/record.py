@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 from pydantic import Field
@@ -10,6 +11,7 @@ from shared_schema.configuration import Frozen
 
 Verdict = Literal["better", "reproduced", "differs"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's
+LARGE = 999.5  # from here on numbers are written as whole ones
 Cell = str | float | int | None
 
 
@@ -176,3 +178,17 @@ def tally(findings: Findings) -> dict[Verdict, int]:
     """How many numbers and statements got each verdict, the best first."""
     verdicts = [c.verdict for c in findings.comparisons] + [c.verdict for c in findings.claims]
     return {verdict: verdicts.count(verdict) for verdict in get_args(Verdict)}
+
+
+def cell(value: Cell) -> str:
+    """A cell: whole numbers as they are, others in three digits or more, nothing as a dash."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
+    return str(value)
+
+
+def listed(numbers: Mapping[str, float]) -> str:
+    """Numbers with their names, for a sentence."""
+    return ", ".join(f"{name} {number:.2f}" for name, number in numbers.items())

@@ -10,14 +10,13 @@ from pydantic import Field
 from shared_schema.atomic_file import write_text
 from shared_schema.configuration import Frozen, read_yaml, validate
 from surrogate.studies.paper_numbers import number_of
-from surrogate.studies.record import Cell, Comparison, Record, Verdict, tally
+from surrogate.studies.record import Comparison, Record, Verdict, cell, tally
 from surrogate.studies.scale import Scale
 from surrogate.studies.study import Study
 
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
 NOT_DONE = "not done"
-LARGE = 999.5  # from here on numbers are written as whole ones
 
 
 class Discussion(Frozen):
@@ -169,15 +168,6 @@ def appendix(records: Sequence[Record]) -> str:
         "the minutes of the study and the versions of the software. Minutes of a training: its "
         "epochs times the median time of one, so that pauses do not count."
     )
-
-
-def cell(value: Cell) -> str:
-    """A cell: whole numbers as they are, others in three digits or more, nothing as a dash."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        return f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
-    return str(value)
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:

@@ -11,7 +11,7 @@ from surrogate import figures
 from surrogate.example import find_example, tip_measures
 from surrogate.geometry import Geometry
 from surrogate.studies.accuracy import BODIES, MM
-from surrogate.studies.error_pattern import error_follows_displacement
+from surrogate.studies.error_pattern import all_follow, error_follows_displacement
 from surrogate.studies.record import Claim, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -121,13 +121,6 @@ def conduct(workshop: Workshop) -> Outcome:
         pattern_claim({BODIES[workshop.case_of(run)]: all_follow(workshop, run) for run in RUNS})
     )
     return outcome
-
-
-def all_follow(workshop: Workshop, run: str) -> Array:
-    """Rank correlation of nodal error and displacement in every test sample, (M,)."""
-    dataset, predicted = workshop.dataset_of(run), workshop.predicted_test(run).mean
-    reference = dataset.nodal_test.displacement
-    return error_follows_displacement(predicted, reference, ~dataset.geometry.clamped)
 
 
 def pattern_claim(follows: dict[str, Array]) -> Claim:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.studies.accuracy import BODIES
-from surrogate.studies.record import Cell, Claim, Table
+from surrogate.studies.record import Cell, Claim, Table, listed
 from surrogate.studies.timing import Solutions
 
 TENTH = 10  # of the load cases
@@ -98,8 +98,3 @@ def predicting_does_not(times: Mapping[str, TimesByLoad]) -> Claim:
         evidence=f"Under the largest over the smallest load: {listed(ratios)} (each within a "
         f"factor of {GROWTH:g}).",
     )
-
-
-def listed(ratios: Mapping[str, float]) -> str:
-    """Ratios with their names, for a sentence."""
-    return ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items())

@@ -8,8 +8,7 @@ from surrogate.likelihoods import Likelihood
 from surrogate.published import PUBLISHED
 from surrogate.studies.accuracy import BODIES, name_of
 from surrogate.studies.datasets import PAPER
-from surrogate.studies.record import Cell, Claim, Table, compare
-from surrogate.studies.report import cell
+from surrogate.studies.record import Cell, Claim, Table, cell, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 

@@ -103,6 +103,9 @@ class Workshop:
 
     def run_fingerprint(self, name: str) -> str:
         """Digest of a run's configuration and dataset."""
+        return self._once(("fingerprint", name), lambda: self._run_fingerprint(name))
+
+    def _run_fingerprint(self, name: str) -> str:
         config = self.scale.config_of(name)
         data = self.manifest(self.scale.runs[name].data).digest
         return digest_of({"config": config.plain(), "data": data})

@@ -39,6 +39,7 @@ from surrogate.prediction import PASSES, Surrogate, load
 from surrogate.run_config import RunConfig, read_config
 from surrogate.run_description import DataFingerprint, RunDescription
 from surrogate.run_folder import RunFolder
+from surrogate.studies import pass_times, speed_up
 from surrogate.studies.timing import median_seconds
 from surrogate.unet import UNetConfig, parameter_count
 from tests.benchmarks.publication import (
@@ -54,10 +55,6 @@ MODULE = "prediction_latency"
 RECIPES = ("paper", "fast")
 LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")
 WAYS = ("PyTorch", "compiled", "ONNX")
-# ms: finite elements, U-Net on a CPU, U-Net on a GPU (Deshpande et al. 2022, Table
-# "prediction_times"), and 300 passes in the plane (Section "Prediction and training times")
-PAPER = {"beam2d": (123, 5, 1), "lshape2d": (120, 7, 1), "beam3d": (3100, 100, 9)}
-PAPER_PASSES = 100
 
 Array = NDArray[np.float64]
 Work = Callable[[], object]
@@ -224,6 +221,13 @@ def runs(body: Body, recipes: tuple[str, ...], folder: Path) -> Iterator[RunFold
             yield untrained(body, recipe, likelihood, folder / f"{recipe}-{likelihood}")
 
 
+def papers(case: str) -> tuple[str, ...]:
+    """The paper's times in ms: finite elements, U-Net on a CPU and on a GPU; or nothing."""
+    paper = speed_up.PAPER.get(case)
+    times = (paper.solving, paper.network["CPU"], paper.network["GPU"]) if paper else ("",) * 3
+    return tuple(map(str, times))
+
+
 def table(results: Results) -> str:
     """The results as a page."""
 
@@ -249,10 +253,7 @@ def table(results: Results) -> str:
     )
     solving = markdown_table(
         ("case", "finite elements", "paper: finite elements", "U-Net, CPU", "U-Net, GPU"),
-        (
-            (f"`{case}`", f"{ms:.3g}", *(str(value) for value in PAPER.get(case, ("",) * 3)))
-            for case, ms in results["solving_ms"].items()
-        ),
+        ((f"`{case}`", f"{ms:.3g}", *papers(case)) for case, ms in results["solving_ms"].items()),
     )
     return (
         "# How long a prediction takes\n\n"
@@ -266,7 +267,7 @@ def table(results: Results) -> str:
         "## The same by finite elements\n\n"
         "Median time in ms of `datagen`'s solver over the samples of the dataset, on the machine "
         "that made it, and the\npaper's times; it has "
-        f"{PAPER_PASSES} ms for {PASSES} passes in the plane.\n\n"
+        f"{pass_times.PAPER:g} ms for {PASSES} passes in the plane.\n\n"
         f"{solving}\n{footer(results)}"
     )
 

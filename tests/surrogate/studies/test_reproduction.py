@@ -13,8 +13,8 @@ from shared_schema.figure_style import make_figure
 from surrogate.studies.catalogue import STUDIES
 from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.paper_numbers import FIGURES, SCHEMATICS, TABLES, number_of
-from surrogate.studies.record import Claim, Findings, compare, tally
-from surrogate.studies.report import PAGE, cell
+from surrogate.studies.record import Claim, Findings, cell, compare, tally
+from surrogate.studies.report import PAGE
 from surrogate.studies.reproduction import find_studies, reproduce
 from surrogate.studies.scale import merged, read_scale
 from surrogate.studies.study import Outcome, Study, current_record

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from surrogate.studies.error_pattern import error_follows_displacement
-from surrogate.studies.single_predictions import EXAMPLES, all_follow, conduct, pattern_claim
+from surrogate.studies.error_pattern import all_follow, error_follows_displacement
+from surrogate.studies.single_predictions import EXAMPLES, conduct, pattern_claim
 from surrogate.studies.workshop import Workshop
 
 
