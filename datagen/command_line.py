@@ -16,12 +16,12 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 
 from datagen import __version__
-from shared_schema.atomic_file import require_writable
 from shared_schema.checker import check_dataset
-from shared_schema.command_line import run_command
-from shared_schema.errors import FAILED, InputError, StoppedError, WorkError
-from shared_schema.point_load import nodal_forces
-from shared_schema.solution_file import require_suffix, write_solution
+from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.command_line import run_command
+from shared_schema.common.errors import FAILED, InputError, StoppedError, WorkError
+from shared_schema.common.point_load import nodal_forces
+from shared_schema.common.solution_file import require_suffix, write_solution
 
 VOLUMETRIC = ("paper", "quadratic")
 
@@ -149,8 +149,8 @@ def _parser() -> argparse.ArgumentParser:
 def _run(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from datagen.case import read_case
-    from datagen.farm import run
+    from datagen.cases.case import read_case
+    from datagen.farm.farm import run
 
     case = read_case(options.case, options.volumetric, options.samples)
     manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
@@ -159,7 +159,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _structure(options: argparse.Namespace) -> None:
-    from datagen.structure import structure
+    from datagen.structure.structure import structure
 
     order = options.order, options.order_seed
     info = structure(options.nodal, options.out, *order, options.grid).structured
@@ -181,7 +181,7 @@ def _grid_shape(text: str) -> tuple[int, ...]:
 
 
 def _noise(options: argparse.Namespace) -> None:
-    from datagen.noise import add_noise
+    from datagen.structure.noise import add_noise
 
     manifest = add_noise(
         options.nodal, options.out, options.seed, options.relative, options.threshold
@@ -192,9 +192,9 @@ def _noise(options: argparse.Namespace) -> None:
 def _solve(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from datagen.body import make_body
-    from datagen.case import read_case
-    from datagen.load_stepping import solve_load_case
+    from datagen.cases.body import make_body
+    from datagen.cases.case import read_case
+    from datagen.solver.load_stepping import solve_load_case
 
     require_suffix(options.out)
     require_writable(options.out)
@@ -234,10 +234,10 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _info(options: argparse.Namespace) -> None:
-    from datagen.info import summary
+    from datagen.output.info import summary
 
     if options.figure is not None:
-        from datagen.dataset_figure import SUFFIXES, plot_dataset
+        from datagen.output.dataset_figure import SUFFIXES, plot_dataset
 
         require_suffix(options.figure, SUFFIXES, "--figure")
         plot_dataset(options.dataset, options.figure)
@@ -245,7 +245,7 @@ def _info(options: argparse.Namespace) -> None:
 
 
 def _plot(options: argparse.Namespace) -> None:
-    from datagen.dataset_figure import SUFFIXES, plot_dataset
+    from datagen.output.dataset_figure import SUFFIXES, plot_dataset
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
@@ -254,7 +254,7 @@ def _plot(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from datagen.export import SUFFIXES, export
+    from datagen.output.export import SUFFIXES, export
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from mpi4py import MPI
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 
 Result = TypeVar("Result")
 

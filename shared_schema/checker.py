@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.cells import CELL_TYPES
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.grid import grid_problems
 from shared_schema.grid_map import NO_NODE
 from shared_schema.manifest import Manifest, StructuredInfo, digest_of, read_manifest

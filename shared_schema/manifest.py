@@ -13,9 +13,9 @@ from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from shared_schema.atomic_file import write_text
-from shared_schema.configuration import Frozen, validate
-from shared_schema.errors import InputError
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import Frozen, validate
+from shared_schema.common.errors import InputError
 from shared_schema.layout import SCHEMA_VERSION, Kind
 
 MANIFEST = "manifest.json"

@@ -17,8 +17,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.atomic_file import complete_or_absent
-from shared_schema.errors import InputError, first_line
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import InputError, first_line
 from shared_schema.layout import (
     SCHEMA_VERSION,
     SHARD_ATTRIBUTES,

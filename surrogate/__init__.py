@@ -5,7 +5,7 @@
 >>> displacement = model.predict(forces)                # doctest: +SKIP
 """
 
-from surrogate.prediction import Surrogate, load
+from surrogate.inference.prediction import Surrogate, load
 
 __version__ = "0.1.0"
 __all__ = ["Surrogate", "load"]

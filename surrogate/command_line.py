@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared_schema.command_line import run_command
+from shared_schema.common.command_line import run_command
 
 if TYPE_CHECKING:
     from surrogate.studies.study import Study
@@ -140,11 +140,11 @@ def _passes(options: argparse.Namespace) -> dict[str, int]:
 
 
 def _train(options: argparse.Namespace) -> None:
-    from surrogate.data_parallel import joined
-    from surrogate.dataset import read_dataset
-    from surrogate.run_config import read_config
-    from surrogate.run_folder import RunFolder
-    from surrogate.training import train
+    from surrogate.data.dataset import read_dataset
+    from surrogate.runs.configuration import read_config
+    from surrogate.runs.folder import RunFolder
+    from surrogate.training.data_parallel import joined
+    from surrogate.training.train import train
 
     config = read_config(options.config)
     run = RunFolder(options.out)
@@ -163,7 +163,9 @@ def _train(options: argparse.Namespace) -> None:
 
 def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
-    from surrogate.evaluation import evaluate
+    from surrogate.evaluation.evaluate import evaluate
+    from surrogate.presentation.run_figures import write_figures
+    from surrogate.runs.folder import RunFolder
 
     device = choose_device(options.device).type
     evaluation = evaluate(
@@ -174,6 +176,7 @@ def _evaluate(options: argparse.Namespace) -> None:
         conformal=options.conformal,
         **_passes(options),
     )
+    write_figures(evaluation, RunFolder(options.run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
         f"{options.run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
@@ -188,12 +191,12 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
-    from shared_schema.point_load import nodal_forces
-    from shared_schema.solution_file import require_suffix, write_solution
+    from shared_schema.common.point_load import nodal_forces
+    from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
-    from surrogate.intervals import load_intervals
-    from surrogate.prediction import load
-    from surrogate.run_folder import RunFolder
+    from surrogate.inference.prediction import load
+    from surrogate.runs.folder import RunFolder
+    from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
     intervals = None
@@ -222,14 +225,14 @@ def _predict(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from surrogate.export import export
+    from surrogate.inference.export import export
 
     difference = export(options.run, options.format, options.out, **_passes(options))
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")
 
 
 def _report(options: argparse.Namespace) -> None:
-    from surrogate.report import write_report
+    from surrogate.presentation.report import write_report
 
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())

@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import nn
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 
 Precision = Literal["float32", "bfloat16"]
 

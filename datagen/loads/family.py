@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationError
 
-from datagen.regions import Region
-from shared_schema.configuration import Frozen, first_problem
+from datagen.mesh.regions import Region
+from shared_schema.common.configuration import Frozen, first_problem
 
 SHIPPED = {
     "random_node": "datagen.loads.random_node:RandomNode",

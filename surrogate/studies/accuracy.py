@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from surrogate.metrics import ErrorMeasures, measure
-from surrogate.published import Published
+from surrogate.evaluation.metrics import ErrorMeasures, measure
+from surrogate.evaluation.published import Published
 from surrogate.studies.record import Comparison, Table, compare
 from surrogate.studies.workshop import Workshop
 

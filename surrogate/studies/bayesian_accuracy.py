@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.calibration import INTERVALS, CalibrationMeasures, judge
-from surrogate.published import PUBLISHED
+from surrogate.evaluation.published import PUBLISHED
 from surrogate.studies.accuracy import (
     BODIES,
     MM,
@@ -15,6 +14,7 @@ from surrogate.studies.accuracy import (
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
+from surrogate.uncertainty.calibration import INTERVALS, CalibrationMeasures, judge
 
 CASES = ("beam2d", "lshape2d")
 BAYESIAN = tuple(f"{case}-vb" for case in CASES)

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from shared_schema.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
-from shared_schema.mesh_drawing import make_drawing
-from surrogate.geometry import Geometry
+from shared_schema.drawing.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
+from shared_schema.drawing.mesh_drawing import make_drawing
+from surrogate.data.geometry import Geometry
 
 
 @styled

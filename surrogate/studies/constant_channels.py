@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
+from surrogate.evaluation.published import PUBLISHED
 from surrogate.hardware import hardware
-from surrogate.prediction import load
-from surrogate.published import PUBLISHED
+from surrogate.inference.prediction import load
 from surrogate.studies.accuracy import MM, test_errors
 from surrogate.studies.record import MARGIN, Cell, Claim, Table, compare
 from surrogate.studies.scale import Scale

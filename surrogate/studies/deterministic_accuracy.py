@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.published import PUBLISHED
+from surrogate.evaluation.published import PUBLISHED
 from surrogate.studies.accuracy import accuracy_table, error_comparisons
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shared_schema.figure_style import make_figure, styled
-from surrogate.metrics import displacement_at_load, sample_errors
-from surrogate.published import PUBLISHED
+from shared_schema.drawing.figure_style import make_figure, styled
+from surrogate.evaluation.metrics import displacement_at_load, sample_errors
+from surrogate.evaluation.published import PUBLISHED
+from surrogate.presentation.uncertainty_figures import CURVES
 from surrogate.studies.accuracy import MM, name_of, test_errors
 from surrogate.studies.record import MARGIN, Claim, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
-from surrogate.uncertainty_figures import CURVES
 
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.calibration import rank_correlation
-from surrogate.metrics import node_errors
+from surrogate.evaluation.metrics import node_errors
 from surrogate.studies.workshop import Workshop
+from surrogate.uncertainty.calibration import rank_correlation
 
 Array = NDArray[np.float64]
 

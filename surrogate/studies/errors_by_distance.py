@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from surrogate.extrapolation import Extrapolation
-from surrogate.metrics import node_errors, sample_errors
+from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.evaluation.metrics import node_errors, sample_errors
 
 
 class ErrorsByDistance:

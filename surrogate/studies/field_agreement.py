@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.calibration import half_width, rank_correlation
-from surrogate.extrapolation import BAND
-from surrogate.metrics import node_errors
+from surrogate.evaluation.extrapolation import BAND
+from surrogate.evaluation.metrics import node_errors
 from surrogate.studies.accuracy import MM
 from surrogate.studies.record import Claim, Table
+from surrogate.uncertainty.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]
 STRONG = 0.7  # a rank correlation from which fields count as strongly correlated

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.force_sweep import force_sweep
+from surrogate.evaluation.force_sweep import force_sweep
 from surrogate.studies.force_sweeps import captured_outside, sweep_outcome
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.extrapolation import Extrapolation
-from surrogate.force_sweep import ForceSweep, force_sweep
+from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
+from surrogate.presentation.uncertainty_figures import sweep as draw_sweep
 from surrogate.studies.accuracy import MM
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome
-from surrogate.uncertainty_figures import sweep as draw_sweep
 
 MATCH = 0.05  # of the largest displacement: an error up to which a prediction matches
 GROWTH = 0.9  # a rank correlation from which uncertainty grows steadily

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.run_config import RunConfig
+from surrogate.runs.configuration import RunConfig
 
 ERRORS = {"mse": "squared error", "mae": "absolute error"}
 

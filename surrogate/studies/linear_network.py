@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from surrogate.published import PUBLISHED
+from surrogate.evaluation.published import PUBLISHED
 from surrogate.studies.accuracy import BODIES, MM, test_errors
 from surrogate.studies.datasets import PAPER
 from surrogate.studies.record import Cell, Claim, Comparison, Table, compare

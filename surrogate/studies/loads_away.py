@@ -6,16 +6,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shared_schema.figure_style import NETWORK, make_figure, styled
-from surrogate import figures
-from surrogate.extrapolation import Extrapolation
+from shared_schema.drawing.figure_style import NETWORK, make_figure, styled
+from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.presentation import figures
+from surrogate.presentation.uncertainty_figures import CURVES
 from surrogate.studies.accuracy import MM
 from surrogate.studies.errors_by_distance import ErrorsByDistance
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.vertical_force import in_words
 from surrogate.studies.workshop import Workshop
-from surrogate.uncertainty_figures import CURVES
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
 TWO_ORDERS = 10**1.5  # from here on: two orders of magnitude, rounded

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate import figures
+from surrogate.presentation import figures
 from surrogate.studies.accuracy import name_of
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study

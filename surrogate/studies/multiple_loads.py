@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import figures
-from surrogate.example import find_example, tip_measures
-from surrogate.extrapolation import Extrapolation
-from surrogate.metrics import measure
-from surrogate.prediction import Surrogate
+from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.evaluation.metrics import measure
+from surrogate.inference.prediction import Surrogate
+from surrogate.presentation import figures
 from surrogate.studies.accuracy import MM, test_errors
 from surrogate.studies.error_pattern import all_follow, error_follows_displacement
 from surrogate.studies.record import Claim, Table, compare

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from shared_schema.figure_style import make_figure, styled
+from shared_schema.drawing.figure_style import make_figure, styled
 from shared_schema.grid_map import GridMap
-from surrogate.geometry import Geometry
-from surrogate.published import PUBLISHED
+from surrogate.data.geometry import Geometry
+from surrogate.evaluation.published import PUBLISHED
 from surrogate.studies.accuracy import MM, test_errors
 from surrogate.studies.record import Claim, Table, compare
 from surrogate.studies.study import Outcome, Study

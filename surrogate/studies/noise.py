@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from shared_schema.figure_style import NETWORK, REFERENCE, make_figure, styled
-from surrogate.extrapolation import Extrapolation
-from surrogate.force_sweep import ForceSweep, force_sweep
-from surrogate.nodal_dataset import NodalSamples
+from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
+from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
+from surrogate.presentation.uncertainty_figures import OTHER
 from surrogate.studies.accuracy import MM
 from surrogate.studies.workshop import SEED, Workshop
-from surrogate.uncertainty_figures import OTHER
 
 Array = NDArray[np.float64]
 NOISE, NOISY = 0.2, 0.7  # u → (1 + γ) u with γ ~ U(−0.2, 0.2), where the force is 0.7 N at most

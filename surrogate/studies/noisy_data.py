@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surrogate.force_sweep import ForceSweep
+from surrogate.evaluation.force_sweep import ForceSweep
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.force_sweeps import GROWTH
 from surrogate.studies.noise import END, draw_uncertainties, free_of_noise, noise_ratio, predict

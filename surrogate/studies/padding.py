@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import ArrayLike
 
-from shared_schema.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
+from shared_schema.drawing.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
+from shared_schema.drawing.mesh_drawing import make_drawing
 from shared_schema.grid_map import GridMap
-from shared_schema.mesh_drawing import make_drawing
-from surrogate.geometry import Geometry
+from surrogate.data.geometry import Geometry
 
 
 @styled

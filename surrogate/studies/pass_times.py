@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from surrogate.prediction import PASSES
+from surrogate.inference.prediction import PASSES
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.record import Cell, Comparison, Table, compare
 

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from surrogate.hardware import hardware
-from surrogate.prediction import PASSES, load
+from surrogate.inference.prediction import PASSES, load
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.pass_times import PassTimes, pass_comparisons, pass_table
 from surrogate.studies.record import Claim, Comparison, compare

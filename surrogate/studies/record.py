@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field
 
-from shared_schema.configuration import Frozen
+from shared_schema.common.configuration import Frozen
 
 Verdict = Literal["better", "reproduced", "differs"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import Field
 
-from shared_schema.atomic_file import write_text
-from shared_schema.configuration import Frozen, read_yaml, validate
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import Frozen, read_yaml, validate
 from surrogate.studies.paper_numbers import number_of
 from surrogate.studies.record import Comparison, Record, Verdict, cell, tally
 from surrogate.studies.scale import Scale

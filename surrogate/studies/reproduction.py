@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from surrogate.studies.catalogue import STUDIES
 from surrogate.studies.report import write_report
 from surrogate.studies.study import Study, current_record, do

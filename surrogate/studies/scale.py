@@ -9,10 +9,10 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from shared_schema.configuration import Frozen, read_named, validate
+from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.manifest import NodeOrder
-from surrogate.prediction import PASSES
-from surrogate.run_config import SHIPPED, RunConfig
+from surrogate.inference.prediction import PASSES
+from surrogate.runs.configuration import SHIPPED, RunConfig
 
 SCALES = Path(__file__).parent / "scales"
 

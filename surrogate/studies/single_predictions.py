@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import figures
-from surrogate.example import find_example, tip_measures
-from surrogate.geometry import Geometry
+from surrogate.data.geometry import Geometry
+from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.presentation import figures
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.error_pattern import all_follow, error_follows_displacement
 from surrogate.studies.record import Claim, Table, compare

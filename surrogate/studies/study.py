@@ -12,10 +12,10 @@ from pathlib import Path
 import torch
 from matplotlib.figure import Figure
 
-from shared_schema.atomic_file import write_text
-from shared_schema.configuration import validate
-from shared_schema.errors import InputError
-from shared_schema.figure_style import save
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import validate
+from shared_schema.common.errors import InputError
+from shared_schema.drawing.figure_style import save
 from shared_schema.manifest import digest_of
 from surrogate.hardware import hardware
 from surrogate.studies.record import Claim, Comparison, Findings, Record, Table

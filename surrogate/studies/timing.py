@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
-from surrogate.prediction import Surrogate
+from surrogate.inference.prediction import Surrogate
 
 Array = NDArray[np.float64]
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from shared_schema.figure_style import NETWORK, legend_below, make_figure, styled
-from surrogate.calibration import half_width
-from surrogate.extrapolation import BAND
-from surrogate.force_sweep import ForceSweep, force_sweep
+from shared_schema.drawing.figure_style import NETWORK, legend_below, make_figure, styled
+from surrogate.evaluation.extrapolation import BAND
+from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
+from surrogate.presentation.uncertainty_figures import OTHER
 from surrogate.studies.accuracy import MM
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
-from surrogate.uncertainty_figures import OTHER
+from surrogate.uncertainty.calibration import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
 FORCES = tuple(range(1, 9))  # N

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from surrogate.likelihoods import Likelihood
-from surrogate.published import PUBLISHED
+from surrogate.evaluation.published import PUBLISHED
+from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.studies.accuracy import BODIES, name_of
 from surrogate.studies.datasets import PAPER
 from surrogate.studies.record import Cell, Claim, Table, cell, compare

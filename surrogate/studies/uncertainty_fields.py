@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from surrogate.example import find_example
-from surrogate.geometry import Geometry
-from surrogate.nodal_dataset import NodalSamples
-from surrogate.prediction import Distribution
-from surrogate.published import PUBLISHED
+from surrogate.data.geometry import Geometry
+from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.evaluation.example import find_example
+from surrogate.evaluation.published import PUBLISHED
+from surrogate.inference.prediction import Distribution
+from surrogate.presentation.uncertainty_figures import error_beside_uncertainty
 from surrogate.studies.field_agreement import (
     FieldMeasures,
     close,
@@ -24,7 +25,6 @@ from surrogate.studies.multiple_loads import LOADS, TIP_DISPLACEMENT
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.vertical_force import in_words
 from surrogate.studies.workshop import Workshop
-from surrogate.uncertainty_figures import error_beside_uncertainty
 
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"

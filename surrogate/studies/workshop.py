@@ -9,19 +9,19 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.layout import Kind
 from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
-from surrogate.dataset import Dataset, read_dataset
-from surrogate.extrapolation import Extrapolation, extrapolate
-from surrogate.nodal_dataset import NodalDataset, read_nodal_dataset
-from surrogate.prediction import Distribution, Surrogate, load
-from surrogate.run_folder import RunFolder
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
+from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
+from surrogate.inference.prediction import Distribution, Surrogate, load
+from surrogate.networks.unet import parameter_count
+from surrogate.runs.folder import RunFolder
 from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.record import DatasetRecord, RunRecord
 from surrogate.studies.scale import Scale
-from surrogate.training import train
-from surrogate.unet import parameter_count
+from surrogate.training.train import train
 
 Value = TypeVar("Value")
 SEED = 0  # of stochastic passes

@@ -23,10 +23,10 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from datagen.body import Body, make_body
-from datagen.case import Case, read_case
-from datagen.load_stepping import solve_load_case
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import Case, read_case
 from datagen.loads import LoadCase
+from datagen.solver.load_stepping import solve_load_case
 from tests.benchmarks.publication import (
     Results,
     command,

@@ -23,9 +23,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from datagen.case import Case, read_case
-from datagen.farm import run
-from datagen.structure import structure
+from datagen.cases.case import Case, read_case
+from datagen.farm.farm import run
+from datagen.structure.structure import structure
 from shared_schema.layout import Kind
 from shared_schema.shard import Arrays, read_shard, write_shard
 from tests.benchmarks.publication import (

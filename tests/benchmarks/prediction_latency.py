@@ -25,23 +25,23 @@ import onnxruntime
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo, read_manifest
 from shared_schema.shard import read_attributes, read_shard
-from surrogate.export import NodalFunction, export
-from surrogate.flipout import VariationalConfig
-from surrogate.geometry import Geometry
-from surrogate.likelihoods import Likelihood
-from surrogate.network import make_network
-from surrogate.nodal_dataset import scatter
-from surrogate.prediction import PASSES, Surrogate, load
-from surrogate.run_config import RunConfig, read_config
-from surrogate.run_description import DataFingerprint, RunDescription
-from surrogate.run_folder import RunFolder
+from surrogate.data.geometry import Geometry
+from surrogate.data.nodal_dataset import scatter
+from surrogate.inference.export import NodalFunction, export
+from surrogate.inference.prediction import PASSES, Surrogate, load
+from surrogate.networks.unet import UNetConfig, parameter_count
+from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.probabilistic.likelihoods import Likelihood
+from surrogate.runs.configuration import RunConfig, read_config
+from surrogate.runs.description import DataFingerprint, RunDescription
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.network import make_network
 from surrogate.studies import pass_times, speed_up
 from surrogate.studies.timing import median_seconds
-from surrogate.unet import UNetConfig, parameter_count
 from tests.benchmarks.publication import (
     Results,
     command,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from shared_schema.atomic_file import write_text
+from shared_schema.common.atomic_file import write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
 Results = dict[str, Any]

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from datagen.case import SHIPPED
+from datagen.cases.case import SHIPPED
 from tests.benchmarks.publication import (
     Results,
     command,

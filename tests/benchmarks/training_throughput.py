@@ -25,15 +25,15 @@ import torch
 from torch.nn import functional
 from torch.utils.data import DataLoader, TensorDataset
 
-from shared_schema.command_line import Progress
-from surrogate.dataset import Dataset, Samples, read_dataset
+from shared_schema.common.command_line import Progress
+from surrogate.data.dataset import Dataset, Samples, read_dataset
 from surrogate.device import lay_out
-from surrogate.field_network import FieldNetwork
-from surrogate.network import make_network
-from surrogate.run_config import RunConfig, read_config
-from surrogate.run_description import describe
-from surrogate.trainer import Trainer
-from surrogate.unet import parameter_count
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.unet import parameter_count
+from surrogate.runs.configuration import RunConfig, read_config
+from surrogate.runs.description import describe
+from surrogate.runs.network import make_network
+from surrogate.training.trainer import Trainer
 from tests.benchmarks.publication import (
     Results,
     command,

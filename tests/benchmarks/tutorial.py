@@ -12,10 +12,10 @@ from dolfinx.nls.petsc import NewtonSolver
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from datagen.body import Body
-from datagen.case import Case
+from datagen.cases.body import Body
+from datagen.cases.case import Case
 from datagen.loads import LoadCase
-from datagen.material import deformation_gradient, strain_energy
+from datagen.solver.material import deformation_gradient, strain_energy
 
 
 class TutorialProblem(fem_petsc.NonlinearProblem):

@@ -13,13 +13,13 @@ import pytest
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from datagen.body import Body, make_body
-from datagen.case import Case, read_case
-from datagen.equilibrium import EquilibriumProblem
-from datagen.geometries import Box
-from datagen.material import NeoHookean, Volumetric
-from datagen.meshing import Mesh, make_mesh
-from datagen.solver_settings import SolverSettings
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import Case, read_case
+from datagen.mesh.distributed_mesh import Mesh, make_mesh
+from datagen.mesh.geometries import Box
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.material import NeoHookean, Volumetric
+from datagen.solver.settings import SolverSettings
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]

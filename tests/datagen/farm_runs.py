@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from datagen.case import SHIPPED
+from datagen.cases.case import SHIPPED
 from shared_schema.checker import check_dataset
 from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from datagen.case import read_case
-from datagen.farm import run
+from datagen.cases.case import read_case
+from datagen.farm.farm import run
 from tests.datagen.farm_runs import assert_same, command, finish, write_case
 
 pytestmark = pytest.mark.mpi

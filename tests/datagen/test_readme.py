@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from datagen.case import SHIPPED
+from datagen.cases.case import SHIPPED
 from datagen.command_line import main
 from shared_schema.shard import read_shard
 
@@ -38,7 +38,7 @@ def test_load_family_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_shipped_case_is_read() -> None:
-    from datagen.case import read_case
+    from datagen.cases.case import read_case
 
     for path in SHIPPED.glob("*.yaml"):
         assert read_case(path.stem).name == path.stem

@@ -13,14 +13,60 @@ ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
 LEARNER = {"torch", "safetensors"}
 DRAWING = {  # who may import matplotlib, besides the learner
-    "shared_schema/figure_style.py",
-    "shared_schema/mesh_drawing.py",
-    "datagen/dataset_figure.py",
+    "shared_schema/drawing/figure_style.py",
+    "shared_schema/drawing/mesh_drawing.py",
+    "datagen/output/dataset_figure.py",
 }
 FORBIDDEN = {
     "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate"},
     "datagen": LEARNER | {"surrogate"},
     "surrogate": FACTORY | {"datagen"},
+}
+
+
+LAYERS = {  # packages and modules of the root, from the ground up
+    "shared_schema": [
+        "common",
+        "cells",
+        "layout",
+        "manifest",
+        "shard",
+        "grid_map",
+        "embedded_grid",
+        "grid",
+        "stiffness",
+        "checker",
+        "drawing",
+    ],
+    "datagen": [
+        "ranks",
+        "mesh",
+        "loads",
+        "solver",
+        "cases",
+        "farm",
+        "structure",
+        "output",
+        "command_line",
+    ],
+    "surrogate": [
+        "seeds",
+        "device",
+        "hardware",
+        "data",
+        "optim",
+        "probabilistic",
+        "networks",
+        "baselines",
+        "runs",
+        "inference",
+        "uncertainty",
+        "training",
+        "evaluation",
+        "presentation",
+        "studies",
+        "command_line",
+    ],
 }
 
 
@@ -45,6 +91,44 @@ def test_no_import_against_the_arrows(package: str) -> None:
         assert not against, f"{path.relative_to(ROOT)} imports {sorted(against)}"
 
 
+def imported_packages(path: Path, program: str) -> set[str]:
+    """Packages and root modules of its own program that a file imports, in functions as well."""
+    packages: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        names: list[str] = []
+        if isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            top, *rest = name.split(".")
+            if top == program and rest and rest[0] in LAYERS[program]:
+                packages.add(rest[0])
+    return packages
+
+
+@pytest.mark.parametrize("program", sorted(LAYERS))
+def test_no_package_imports_upward(program: str) -> None:
+    layers = LAYERS[program]
+    found = {path.relative_to(ROOT / program).parts[0] for path in (ROOT / program).rglob("*.py")}
+    assert {name.removesuffix(".py") for name in found} == {*layers, "__init__"}
+    for height, layer in enumerate(layers):
+        package = ROOT / program / layer
+        files = [*package.rglob("*.py")] if package.is_dir() else [package.with_suffix(".py")]
+        for path in files:
+            upward = imported_packages(path, program) & set(layers[height + 1 :])
+            assert not upward, f"{path.relative_to(ROOT)} imports {sorted(upward)} above it"
+
+
+def test_no_package_is_a_corridor() -> None:
+    """At most 15 files in a package; the studies, one a table or figure family, are more."""
+    for program in LAYERS:
+        for package in {path.parent for path in (ROOT / program).rglob("*.py")}:
+            modules = [path for path in package.glob("*.py") if path.name != "__init__.py"]
+            if package != ROOT / "surrogate" / "studies":
+                assert len(modules) <= 15, f"{package.relative_to(ROOT)} holds {len(modules)} files"
+
+
 def test_matplotlib_is_for_those_who_draw() -> None:
     for package in ("shared_schema", "datagen"):
         for path in (ROOT / package).rglob("*.py"):
@@ -67,11 +151,11 @@ def test_the_learner_loads_nothing_of_the_factory() -> None:
 
 def test_contract_and_command_line_load_no_matplotlib() -> None:
     """It is optional in the one, and only some commands of the other draw."""
-    files = [str(p.relative_to(ROOT)) for p in (ROOT / "shared_schema").glob("[a-z]*.py")]
+    files = [str(p.relative_to(ROOT)) for p in (ROOT / "shared_schema").rglob("[a-z]*.py")]
     modules = [file[:-3].replace("/", ".") for file in files if file not in DRAWING]
     assert len(modules) > 10
     assert loaded([*modules, "datagen.command_line"], {"matplotlib"}) == []
-    assert loaded(["shared_schema.figure_style"], {"matplotlib"}) == ["matplotlib"]
+    assert loaded(["shared_schema.drawing.figure_style"], {"matplotlib"}) == ["matplotlib"]
 
 
 def loaded(modules: list[str], among: set[str]) -> list[str]:

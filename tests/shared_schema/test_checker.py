@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset, require_intact
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
 from tests.shared_schema.damage import SHARD, assert_only_problem, edit_manifest, update_checksums
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.shard import read_shard
 from tests.shared_schema.damage import SHARD, assert_only_problem, damage
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from shared_schema.atomic_file import write_text
-from shared_schema.errors import InputError
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import digest_of, read_manifest, write_manifest
 
 

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from shared_schema.errors import InputError
+from shared_schema.common.errors import InputError
 from shared_schema.layout import LAYOUTS, SCHEMA_VERSION, Kind
 from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
 

@@ -25,14 +25,15 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard import Arrays, write_shard
-from surrogate.dataset import Dataset, read_dataset
-from surrogate.evaluation import evaluate
-from surrogate.flipout import VariationalConfig
-from surrogate.likelihoods import Likelihood
-from surrogate.run_config import RunConfig, TrainingConfig
-from surrogate.run_folder import RunFolder
-from surrogate.training import train
-from surrogate.unet import UNetConfig
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.evaluation.evaluate import evaluate
+from surrogate.networks.unet import UNetConfig
+from surrogate.presentation.run_figures import write_figures
+from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.probabilistic.likelihoods import Likelihood
+from surrogate.runs.configuration import RunConfig, TrainingConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
 
 SAMPLES, TEST = 60, 12
 CASES: dict[int, dict[str, Any]] = {
@@ -277,5 +278,5 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset, data: 
     """A trained and evaluated run; not to be changed."""
     folder = tmp_path_factory.mktemp("runs") / "evaluated"
     train(small_config(epochs=40), dataset, RunFolder(folder), torch.device("cpu"))
-    evaluate(folder, data)
+    write_figures(evaluate(folder, data), RunFolder(folder))
     return folder

@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from safetensors.torch import load_file
 
-from surrogate.dataset import Dataset
-from surrogate.run_config import RunConfig
-from surrogate.run_folder import RunFolder
-from surrogate.training import train
+from surrogate.data.dataset import Dataset
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
 
 CPU = torch.device("cpu")
 TIMES = ("seconds", "samples_per_second")

@@ -8,9 +8,9 @@ from types import ModuleType
 import pytest
 import torch
 
-from surrogate.dataset import Dataset
-from surrogate.run_config import RunConfig
-from surrogate.unet import UNetConfig
+from surrogate.data.dataset import Dataset
+from surrogate.networks.unet import UNetConfig
+from surrogate.runs.configuration import RunConfig
 from tests.benchmarks import prediction_latency, training_throughput
 from tests.benchmarks.publication import machine, page_path, result_path
 

@@ -13,10 +13,10 @@ import yaml
 
 import surrogate
 from surrogate.command_line import main
-from surrogate.dataset import Dataset
-from surrogate.run_config import RunConfig
-from surrogate.run_folder import RunFolder
-from surrogate.training import train
+from surrogate.data.dataset import Dataset
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from surrogate.command_line import _parser
-from surrogate.run_config import RunConfig
-from surrogate.run_folder import RunFolder
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
 from tests.surrogate.resuming import untimed
 
 MakeConfig = Callable[..., RunConfig]

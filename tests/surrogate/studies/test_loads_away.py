@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from surrogate.extrapolation import Extrapolation
+from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.studies.errors_by_distance import ErrorsByDistance
 from surrogate.studies.loads_away import (
     conduct,

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from surrogate.force_sweep import ForceSweep
-from surrogate.nodal_dataset import NodalSamples
+from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.evaluation.force_sweep import ForceSweep
 from surrogate.studies.noise import free_of_noise, noise_ratio, refined, true_std
 from surrogate.studies.noisy_data import captured, conduct, growing, unreliable
 from surrogate.studies.workshop import Workshop

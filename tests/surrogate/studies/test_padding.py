@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from shared_schema.grid_map import GridMap
-from surrogate.geometry import Geometry
+from surrogate.data.geometry import Geometry
 from surrogate.studies.padding import draw_padding
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from shared_schema.errors import InputError
-from shared_schema.figure_style import make_figure
+from shared_schema.common.errors import InputError
+from shared_schema.drawing.figure_style import make_figure
 from surrogate.studies.catalogue import STUDIES
 from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.paper_numbers import FIGURES, SCHEMATICS, TABLES, number_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.gaussian_parameter import GaussianParameter
+from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.studies import timing
 from surrogate.studies.workshop import Workshop
 

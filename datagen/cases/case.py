@@ -1,0 +1,112 @@
+"""The configuration of a case: geometry, material, supports, loads, solver, dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, SerializeAsAny, field_validator
+
+from datagen.loads import LoadFamily, load_family
+from datagen.mesh.geometries import Geometry
+from datagen.mesh.mesh_file import MeshFile
+from datagen.mesh.regions import Region
+from datagen.solver.material import NeoHookean, Volumetric
+from datagen.solver.settings import SolverSettings
+from shared_schema.common.configuration import Frozen, read_named, validate
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import digest_of
+
+SHIPPED = Path(__file__).parents[1] / "configs"
+
+
+class DatasetSettings(Frozen):
+    """How many samples are made, and how they are stored.
+
+    Attributes
+    ----------
+    samples : int
+        Load cases in all, training and test.
+    seed : int
+        With the sample number, it determines each load.
+    shard_size : int
+        Load cases in one shard, the unit in which work is handed out and kept.
+    test_fraction : float
+        Part of the samples that `datagen structure` sets aside as the test split.
+    """
+
+    samples: int = Field(gt=0)
+    seed: int = Field(0, ge=0)
+    shard_size: int = Field(500, gt=0)
+    test_fraction: float = Field(0.05, gt=0, lt=1)
+
+
+class Case(Frozen):
+    """A case: everything that determines a dataset.
+
+    Attributes
+    ----------
+    name : str
+    mesh : Box, LShape or MeshFile
+    material : NeoHookean
+    supports : tuple of Region
+        Nodes in any of them are clamped.
+    load : LoadFamily
+    solver : SolverSettings
+    dataset : DatasetSettings
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    mesh: Geometry
+    material: NeoHookean
+    supports: tuple[Region, ...] = Field(min_length=1)
+    load: SerializeAsAny[LoadFamily]
+    solver: SolverSettings = SolverSettings()
+    dataset: DatasetSettings
+
+    @field_validator("load", mode="before")
+    @classmethod
+    def _of_its_family(cls, value: Any) -> Any:
+        return load_family(value) if isinstance(value, dict) else value
+
+    def plain(self) -> dict[str, Any]:
+        """The whole configuration as plain data, as the manifest keeps it."""
+        return self.model_dump(mode="json")
+
+    def digest(self) -> str:
+        """SHA-256 of the configuration."""
+        return digest_of(self.plain())
+
+
+def read_case(name: str, volumetric: Volumetric | None = None, samples: int | None = None) -> Case:
+    """Read a case from a YAML file, or by the name of a shipped one.
+
+    Parameters
+    ----------
+    name : str
+        Path of a YAML file, or a name such as ``beam2d``.
+    volumetric : {"paper", "quadratic"}, optional
+        Replaces the material's volumetric term.
+    samples : int, optional
+        Replaces the number of samples.
+
+    Raises
+    ------
+    InputError
+        If there is no such case, or a key or value in it is wrong.
+    """
+    content, source = read_named(name, SHIPPED, "case")
+    for section, key, value in (
+        ("material", "volumetric", volumetric),
+        ("dataset", "samples", samples),
+    ):
+        if value is not None and isinstance(content.get(section), dict):
+            content[section][key] = value
+    case = validate(Case, content, source)
+    if isinstance(case.mesh, MeshFile):
+        try:
+            mesh = case.mesh.found_from(Path(source).parent)
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from None
+        case = case.model_copy(update={"mesh": mesh})
+    return case

@@ -1,0 +1,1 @@
+"""Every load case of a dataset solved by all ranks, killed and resumed at any time."""

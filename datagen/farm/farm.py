@@ -1,0 +1,219 @@
+"""The farm: every load case of a dataset solved, by all ranks, whatever happens on the way.
+
+The samples are cut into shards once and for all. The ranks form groups, each with a mesh of its
+own; a group takes the next piece of work, a shard or at the end a part of one, solves its samples
+one after the other, and its leader writes them. So the dataset does not depend on the number of
+groups or restarts, nothing that is finished is ever done again, and all groups end together.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import Case
+from datagen.farm.interruption import Interruption
+from datagen.farm.journal import Journal
+from datagen.farm.shard_job import ShardJob, merged
+from datagen.farm.software import software_versions
+from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
+from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
+from shared_schema.common.command_line import Progress
+from shared_schema.common.errors import InputError, StoppedError, WorkError
+from shared_schema.manifest import Manifest, ShardEntry, write_manifest
+from shared_schema.shard import read_shard, write_shard
+
+POLL = 0.05  # seconds between two looks at the others' progress, when rank 0 has nothing to do
+
+
+def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> Manifest:
+    """Make the nodal dataset of a case in `folder`, going on with what is there (collective).
+
+    Each group of ranks solves on a mesh of its own, and its leader writes its shards; rank 0
+    writes the manifest.
+
+    Parameters
+    ----------
+    case : Case
+    folder : Path
+    comm : mpi4py communicator
+    ranks_per_solve : int
+        Ranks of a group, over which its mesh is distributed.
+
+    Returns
+    -------
+    Manifest
+        On every rank.
+
+    Raises
+    ------
+    InputError
+        On every rank, if the folder belongs to another case or run, the case fits no mesh, or
+        the ranks make no whole number of groups.
+    StoppedError
+        On every rank, after SIGINT or SIGTERM to any; what was solved is kept.
+    """
+    group = RankGroup.of(comm, ranks_per_solve)
+    journal = Journal(folder)
+    body = None
+    if on_rank_zero(comm, lambda: journal.is_new):
+        body = _body(case, group)  # wrong input shows here, before anything is written
+    on_rank_zero(comm, lambda: journal.open(case))
+    try:
+        remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+        if remaining:
+            _make_shards(case, journal, remaining, group, body or _body(case, group))
+        return on_rank_zero(comm, lambda: _finish(case, journal))
+    finally:
+        journal.close()
+
+
+def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
+    """Sample numbers that are still to be solved, of each shard that is not complete."""
+    complete = journal.entries()
+    remaining = {}
+    for shard in range(shard_count(case)):
+        if shard_name(shard) not in complete:
+            parts = journal.parts(shard)
+            names = ("samples/number", "failed/number")
+            done = {int(n) for part in parts for name in names for n in part[name]}
+            remaining[shard] = [n for n in shard_samples(case, shard) if n not in done]
+    return remaining
+
+
+def _make_shards(
+    case: Case, journal: Journal, remaining: dict[int, list[int]], group: RankGroup, body: Body
+) -> None:
+    pieces = plan(remaining, group.count)
+    finished = {shard: f"finished pieces of shard {shard}" for shard in remaining}
+    counters = SharedCounters(
+        group.world, "taken", "samples", "failed", "ended", "interrupted", *finished.values()
+    )
+    total = case.dataset.samples
+    before = total - sum(len(numbers) for numbers in remaining.values())
+    title = f"datagen run {case.name}"
+    progress = Progress(total, before, "samples", title, group.world.rank != 0)
+
+    def show() -> None:
+        failed = counters.read("failed")
+        progress.update(before + counters.read("samples"), f"{failed} failed" if failed else "")
+
+    def count(solved: bool) -> None:
+        if group.is_leader:
+            counters.add("samples", 1)
+            if not solved:
+                counters.add("failed", 1)
+        if group.world.rank == 0:
+            show()
+
+    def is_last(piece: Piece) -> bool:
+        return counters.add(finished[piece.shard], 1) == piece.of - 1
+
+    with Interruption() as interruption:
+
+        def stopped() -> bool:
+            if interruption.asked:
+                counters.add("interrupted", 1)
+            return group.agree(lambda: counters.read("interrupted") > 0)
+
+        while not stopped():
+            position = group.agree(lambda: counters.add("taken", 1))
+            if position >= len(pieces):
+                break
+            try:
+                _make_piece(case, journal, body, pieces[position], group, count, stopped, is_last)
+            except InputError as error:  # on these ranks alone, so that it cannot be the run's
+                name = shard_name(pieces[position].shard)
+                raise WorkError(f"{name}: {error}") from error
+        counters.add("ended", 1)
+        if group.world.rank == 0:
+            while counters.read("ended") < group.world.size:
+                show()
+                time.sleep(POLL)
+            show()
+        progress.close()
+        group.world.barrier()
+        interrupted = counters.read("interrupted") > 0
+        counters.free()
+    if interrupted:
+        raise StoppedError
+
+
+def _make_piece(
+    case: Case,
+    journal: Journal,
+    body: Body,
+    piece: Piece,
+    group: RankGroup,
+    count: Callable[[bool], None],
+    stopped: Callable[[], bool],
+    is_last: Callable[[Piece], bool],
+) -> None:
+    """Solve a piece and keep it, or what there is of it if stopped (collective over the group).
+
+    Whoever finishes the last piece of a shard puts the shard together and writes it.
+    """
+    job = ShardJob(case, body, piece.numbers)
+    while not (job.is_complete or stopped()):
+        count(job.solve_next())
+    if not group.is_leader:
+        return
+    cell_type = body.mesh.cell_type
+    if job.done and not (job.is_complete and piece.of == 1):
+        journal.keep_part(piece.shard, job.arrays(), case, cell_type)
+    if not (job.is_complete and is_last(piece)):
+        return
+    parts = journal.parts(piece.shard)
+    shard = merged([*parts, job.arrays()] if piece.of == 1 else parts)
+    path = journal.folder / shard_name(piece.shard)
+    digest = write_shard(path, "nodal", shard, case.digest(), cell_type)
+    journal.record(
+        ShardEntry(
+            file=path.name,
+            samples=len(shard["samples/number"]),
+            failed=len(shard["failed/number"]),
+            sha256=digest,
+        )
+    )
+    journal.drop_parts(piece.shard)
+
+
+def _body(case: Case, group: RankGroup) -> Body:
+    """Build the group's own body; the group of rank 0 first, so that only it compiles forms."""
+    if group.number == 0:
+        try:
+            body = make_body(case, group.comm)
+        except InputError:  # which the other groups find as well
+            group.world.barrier()
+            raise
+    group.world.barrier()
+    if group.number != 0:
+        body = make_body(case, group.comm)
+    return body
+
+
+def _finish(case: Case, journal: Journal) -> Manifest:
+    entries = journal.entries()
+    shards = tuple(entries[shard_name(k)] for k in range(shard_count(case)))
+    first = read_shard(journal.folder / shards[0].file, "nodal")
+    manifest = write_manifest(
+        journal.folder,
+        Manifest(
+            kind="nodal",
+            name=case.name,
+            case=case.plain(),
+            case_digest=case.digest(),
+            seed=case.dataset.seed,
+            software=software_versions(),
+            dimension=first["mesh/coordinates"].shape[1],
+            samples=sum(entry.samples for entry in shards),
+            failed=sum(entry.failed for entry in shards),
+            shards=shards,
+        ),
+    )
+    journal.remove()
+    return manifest

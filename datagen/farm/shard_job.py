@@ -1,0 +1,136 @@
+"""Load cases of one shard: solving them, and turning what was found into the schema's arrays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.cases.body import Body
+from datagen.cases.case import Case
+from datagen.loads import LoadCase
+from datagen.solver.load_stepping import solve_load_case
+from shared_schema.grid_map import NO_NODE
+from shared_schema.shard import Arrays
+
+COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A load case with its equilibrium; fields as the schema's datasets below ``samples/``."""
+
+    number: int
+    load: LoadCase
+    displacement: NDArray[np.float64]
+    counts: tuple[int, ...]
+    residual_norm: float
+    wall_time: float
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A load case without one; fields as the schema's datasets below ``failed/``."""
+
+    number: int
+    load: LoadCase
+    load_factor: float
+    reason: str
+
+
+@dataclass
+class ShardJob:
+    """Some load cases of one shard, solved one after the other.
+
+    Attributes
+    ----------
+    case : Case
+    body : Body
+        Shared by the ranks that solve together; `solve_next` is collective over them.
+    numbers : sequence of int
+        Their sample numbers.
+    solved : list of Solved
+    failed : list of Failed
+    """
+
+    case: Case
+    body: Body
+    numbers: Sequence[int]
+    solved: list[Solved] = field(default_factory=list)
+    failed: list[Failed] = field(default_factory=list)
+
+    @property
+    def done(self) -> int:
+        """Number of load cases that are dealt with."""
+        return len(self.solved) + len(self.failed)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every load case is dealt with."""
+        return self.done == len(self.numbers)
+
+    def solve_next(self) -> bool:
+        """Deal with the next load case; tell whether it was solved."""
+        case, problem = self.case, self.body.problem
+        number = self.numbers[self.done]
+        load = case.load.draw(number, case.dataset.seed, self.body.loadable_nodes)
+        began = time.perf_counter()
+        report = solve_load_case(problem, load.nodes, load.forces, case.solver)
+        elapsed = time.perf_counter() - began
+        if report.solved:
+            counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
+            displacement = problem.displacement()
+            self.solved.append(
+                Solved(number, load, displacement, counts, report.residual_norm, elapsed)
+            )
+        else:
+            self.failed.append(Failed(number, load, report.load_factor, report.explanation))
+        return report.solved
+
+    def arrays(self) -> dict[str, Any]:
+        """What was found so far, by the schema's paths of a shard."""
+        body, dimension = self.body, self.body.mesh.coordinates.shape[1]
+        width = self.case.load.loads_per_sample(body.loadable_nodes)
+        solved, failed = self.solved, self.failed
+        loaded_nodes, force = _pad([s.load for s in solved], width, dimension)
+        failed_nodes, failed_force = _pad([f.load for f in failed], width, dimension)
+        displacement = np.array([s.displacement for s in solved], dtype=np.float64)
+        counts = np.array([s.counts for s in solved], dtype=np.int64).reshape(-1, len(COUNTS))
+        return {
+            **body.shard_arrays(),
+            "samples/number": np.array([s.number for s in solved], dtype=np.int64),
+            "samples/loaded_nodes": loaded_nodes,
+            "samples/force": force,
+            "samples/displacement": displacement.reshape(-1, len(body.clamped), dimension),
+            **{f"samples/{name}": counts[:, i] for i, name in enumerate(COUNTS)},
+            "samples/residual_norm": np.array([s.residual_norm for s in solved], dtype=np.float64),
+            "samples/wall_time": np.array([s.wall_time for s in solved], dtype=np.float64),
+            "failed/number": np.array([f.number for f in failed], dtype=np.int64),
+            "failed/loaded_nodes": failed_nodes,
+            "failed/force": failed_force,
+            "failed/load_factor": np.array([f.load_factor for f in failed], dtype=np.float64),
+            "failed/reason": np.array([f.reason for f in failed], dtype=object),
+        }
+
+
+def merged(parts: Sequence[Arrays]) -> Arrays:
+    """Put the arrays of parts of a shard together, load cases in the order of their numbers."""
+    arrays = dict(parts[0])
+    for group in ("samples", "failed"):
+        order = np.argsort(np.concatenate([part[f"{group}/number"] for part in parts]))
+        for name in (name for name in arrays if name.startswith(f"{group}/")):
+            arrays[name] = np.concatenate([part[name] for part in parts])[order]
+    return arrays
+
+
+def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
+    nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
+    force = np.zeros((len(loads), width, dimension))
+    for row, load in enumerate(loads):
+        nodes[row, : len(load.nodes)] = load.nodes
+        force[row, : len(load.nodes)] = load.forces
+    return nodes, force

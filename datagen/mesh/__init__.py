@@ -1,0 +1,1 @@
+"""Geometries and mesh files as arrays, distributed meshes, regions of nodes."""

@@ -1,0 +1,65 @@
+"""gmsh: one session at a time, and its mesh as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+
+MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 15: "vertex"}
+
+
+@contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """Start gmsh, silent, and give the module; it is ended afterwards."""
+    import gmsh
+
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("mesh")
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def mesh_of(model: Any) -> RawMesh:
+    """Take the mesh of a gmsh model, nodes in the order of their tags.
+
+    Where physical groups of the highest dimension are defined, their cells are the mesh, else all
+    cells. Every physical group is a group of nodes, by its name or its number.
+
+    Raises
+    ------
+    ValueError
+        As `raw_mesh`.
+    """
+    tags, points, _ = model.mesh.getNodes()
+    order = np.argsort(tags)
+    tags, points = tags[order], points.reshape(-1, 3)[order]
+    dimension = max((dim for dim, _ in model.getEntities() if _has_cells(model, dim)), default=0)
+    bodies = [
+        entity
+        for dim, tag in model.getPhysicalGroups(dimension)
+        for entity in model.getEntitiesForPhysicalGroup(dim, tag)
+    ]
+    blocks = []
+    for entity in sorted(set(bodies)) or [-1]:
+        for kind, _, nodes in zip(*model.mesh.getElements(dimension, entity), strict=True):
+            name, _, _, corners, _, _ = model.mesh.getElementProperties(kind)
+            cells = np.searchsorted(tags, nodes).reshape(-1, corners)
+            blocks.append((MESHIO_NAMES.get(kind, str(name)), cells))
+    groups: dict[str, Any] = {}
+    for dim, tag in model.getPhysicalGroups():
+        name = model.getPhysicalName(dim, tag) or str(tag)
+        members = np.searchsorted(tags, model.mesh.getNodesForPhysicalGroup(dim, tag)[0])
+        groups[name] = np.union1d(groups.get(name, members), members)
+    return raw_mesh(points, blocks, groups)
+
+
+def _has_cells(model: Any, dimension: int) -> bool:
+    return len(model.mesh.getElements(dimension)[0]) > 0

@@ -1,0 +1,97 @@
+"""A mesh of one's own: a gmsh script or mesh, or any file that meshio reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr
+
+from datagen.mesh.gmsh_model import gmsh_session, mesh_of
+from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from shared_schema.common.configuration import Frozen
+from shared_schema.common.errors import InputError, first_line
+from shared_schema.shard import sha256
+
+OF_GMSH = (".geo", ".msh")
+
+
+class MeshFile(Frozen):
+    """A mesh file, in metres: triangles or quadrilaterals in the plane, tetrahedra or hexahedra.
+
+    Attributes
+    ----------
+    kind : "file"
+    path : str
+        Relative to the case file. ``.geo`` is meshed by gmsh, ``.msh`` read by it, anything else
+        is read by meshio.
+    sha256 : str, optional
+        Of the file; filled in when a case is read, so that a dataset belongs to one mesh.
+    """
+
+    kind: Literal["file"]
+    path: str = Field(min_length=1)
+    sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
+    _folder: Path = PrivateAttr(default=Path())
+
+    def found_from(self, folder: Path) -> MeshFile:
+        """The same, with the file looked for from `folder` and its checksum filled in.
+
+        Raises
+        ------
+        InputError
+            If there is no such file, or it is not the one whose checksum is given.
+        """
+        path = folder / self.path
+        if not path.is_file():
+            raise InputError(f"key 'mesh.path' = '{self.path}': no such file {path}")
+        digest = sha256(path)
+        if self.sha256 not in (None, digest):
+            raise InputError(f"key 'mesh.sha256' = {self.sha256!r}: {path} has {digest}")
+        found = self.model_copy(update={"sha256": digest})
+        found._folder = folder
+        return found
+
+    def raw_mesh(self) -> RawMesh:
+        """Read the mesh, or have it made by gmsh.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or its mesh is unfit (see `datagen.mesh.raw_mesh`).
+        """
+        path = self._folder / self.path
+        try:
+            return _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
+        except (Exception, SystemExit) as error:  # gmsh and meshio raise whatever they like
+            raise InputError(f"key 'mesh.path' = '{self.path}': {first_line(error)}") from None
+
+
+def _by_gmsh(path: Path) -> RawMesh:
+    if path.suffix == ".geo" and not path.read_bytes().endswith(b"\n"):
+        raise ValueError(
+            "expected a line feed at the end, gmsh leaves out what stands after the last"
+        )
+    with gmsh_session() as gmsh:
+        gmsh.open(str(path))
+        if len(gmsh.model.mesh.getElements()[0]) == 0:
+            gmsh.model.mesh.generate(gmsh.model.getDimension())
+        return mesh_of(gmsh.model)
+
+
+def _by_meshio(path: Path) -> RawMesh:
+    import meshio
+
+    mesh = meshio.read(path)
+    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
+    groups: dict[str, Any] = {name: np.asarray(m) for name, m in mesh.point_sets.items()}
+    for name, members in mesh.cell_sets.items():
+        nodes = [
+            cells[np.asarray(chosen, dtype=np.int64)].ravel()
+            for (_, cells), chosen in zip(blocks, members, strict=True)
+            if chosen is not None and len(chosen)
+        ]
+        groups[name] = np.unique(np.concatenate([groups.get(name, np.empty(0, int)), *nodes]))
+    points = np.asarray(mesh.points, dtype=np.float64)
+    return raw_mesh(points, blocks, {k: np.asarray(v, dtype=np.int64) for k, v in groups.items()})

@@ -1,0 +1,110 @@
+"""Regions that pick out nodes: by coordinates, ``{x: "> 0", y: 1}``, or by ``{group: name}``."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer
+
+from shared_schema.common.configuration import Frozen
+
+AXES = ("x", "y", "z")
+COMPARISONS = {
+    ">": operator.gt,
+    "<": operator.lt,
+    ">=": operator.ge,
+    "<=": operator.le,
+}
+CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
+RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
+
+
+class Region(Frozen):
+    """The nodes that meet every condition given.
+
+    Attributes
+    ----------
+    group : str or None
+        A named group of the mesh: a physical group of gmsh, a node or element set.
+    x, y, z : float, str or None
+        A number (equality), a comparison such as ``"> 0"`` or ``"<= 2"``, or nothing. In metres.
+    """
+
+    group: str | None = None
+    x: float | str | None = None
+    y: float | str | None = None
+    z: float | str | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_unused_group(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the group out where there is none, so that older datasets keep their case."""
+        content: dict[str, Any] = plain(self)
+        return {key: value for key, value in content.items() if (key, value) != ("group", None)}
+
+    @field_validator("x", "y", "z")
+    @classmethod
+    def _is_condition(cls, value: float | str | None) -> float | str | None:
+        if isinstance(value, str):
+            parse_condition(value)
+        return value
+
+    def select(
+        self,
+        coordinates: NDArray[np.float64],
+        groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
+    ) -> NDArray[np.bool_]:
+        """Tell which nodes lie in the region.
+
+        Parameters
+        ----------
+        coordinates : array, (n_nodes, d)
+            Node coordinates in m.
+        groups : mapping of str to array of int
+            Node numbers of every named group of the mesh.
+
+        Returns
+        -------
+        array of bool, (n_nodes,)
+
+        Raises
+        ------
+        ValueError
+            If the mesh has no such group.
+        """
+        tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
+        inside = np.ones(len(coordinates), dtype=bool)
+        if self.group is not None:
+            if self.group not in groups:
+                names = ", ".join(sorted(groups)) or "none"
+                raise ValueError(f"group '{self.group}': the mesh has no such group, but {names}")
+            inside[:] = False
+            inside[groups[self.group]] = True
+        for axis, name in enumerate(AXES[: coordinates.shape[1]]):
+            condition = getattr(self, name)
+            if condition is None:
+                continue
+            values = coordinates[:, axis]
+            if isinstance(condition, str):
+                symbol, bound = parse_condition(condition)
+                margin = tolerance if symbol in (">", "<=") else -tolerance
+                inside &= COMPARISONS[symbol](values, bound + margin)
+            else:
+                inside &= np.abs(values - condition) <= tolerance
+        return inside
+
+
+def parse_condition(text: str) -> tuple[str, float]:
+    """Split ``"> 0.5"`` into its comparison and its bound; ValueError if it is not of that form."""
+    match = CONDITION.match(text)
+    try:
+        if match is None:
+            raise ValueError
+        return match[1], float(match[2])
+    except ValueError:
+        raise ValueError("expected a number or a comparison such as '> 0'") from None

@@ -1,0 +1,1 @@
+"""What leaves a dataset for people: figures, series for ParaView, summaries."""

@@ -1,0 +1,147 @@
+"""One figure of a nodal dataset: mesh, supports, loadable nodes, and some samples deformed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+
+from datagen.output.nodal_samples import NodalSamples, Sample
+from shared_schema.drawing.figure_style import (
+    NETWORK,
+    REFERENCE,
+    UNDEFORMED,
+    make_figure,
+    save,
+    styled,
+)
+from shared_schema.drawing.mesh_drawing import Drawing, make_drawing
+
+SUFFIXES = (".png", ".svg", ".pdf")
+SHOWN = 4  # samples, where none are named
+COLUMNS, PANEL = 2, 3.1  # panels side by side, and the width of one in inches
+AROUND = 0.75  # inches that title and labels take above and below a panel
+HIGHEST = 1.2  # height of a panel over its width; a body that is higher is drawn narrower
+FACE = "#fbefef"  # of a deformed body
+SUPPORT, REST = "black", "0.45"
+CELLS = {
+    "quad": "quadrilaterals",
+    "triangle": "triangles",
+    "tetra": "tetrahedra",
+    "hexahedron": "hexahedra",
+}
+
+
+def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
+    """Draw a nodal dataset.
+
+    Parameters
+    ----------
+    folder : Path
+        The dataset.
+    path : Path
+        Picture to write, ending in .png, .svg or .pdf.
+    chosen : str, optional
+        Sample numbers N,N,…; otherwise four, evenly over the order of largest displacement.
+
+    Returns
+    -------
+    list of int
+        Numbers of the samples shown.
+
+    Raises
+    ------
+    InputError
+        If there is no intact nodal dataset, or it has no such sample.
+    """
+    dataset = NodalSamples(folder)
+    numbers = dataset.spread(SHOWN) if chosen is None else dataset.named(chosen)
+    save(draw(dataset, [dataset[number] for number in numbers]), path)
+    return numbers
+
+
+@styled
+def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
+    """Draw the mesh with its marks, then each sample over the undeformed mesh, all to one scale."""
+    figure = make_figure(COLUMNS * (PANEL + 0.5), 1.0)
+    rows = -(-len(shown) // COLUMNS)
+    grid = GridSpec(1 + rows, COLUMNS, figure=figure)
+    first = make_drawing(figure, dataset, grid[0, 0])
+    _draw_marks(first, dataset)
+    drawings = [
+        make_drawing(figure, dataset, grid[1 + place // COLUMNS, place % COLUMNS])
+        for place in range(len(shown))
+    ]
+    for drawing, sample in zip(drawings, shown, strict=True):
+        _draw_sample(drawing, dataset, sample)
+    first.finish()
+    lower, upper = (
+        np.array(corners)
+        for corners in zip(*(drawing.extent() for drawing in (first, *drawings)), strict=True)
+    )
+    left, right = lower[:, 0].min(), upper[:, 0].max()
+    bottom, top = lower[1:, 1].min(), upper[1:, 1].max()
+    for drawing in drawings:
+        drawing.finish((np.array((left, bottom)), np.array((right, top))), labelled=False)
+    first.axes.set_xlim(left, right)
+    heights = [_height(drawing.axes) for drawing in (first, *drawings[::COLUMNS])]
+    grid.set_height_ratios(heights)
+    figure.set_figheight(sum(heights))
+    _draw_key(figure.add_subplot(grid[0, 1]), dataset)
+    return figure
+
+
+def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
+    x = dataset.coordinates
+    size = 12 if len(x) < 500 else 2
+    drawing.body(x, UNDEFORMED, "white", linewidth=_line(dataset))
+    drawing.markers(x[dataset.clamped], SUPPORT, marker="s", s=size)
+    drawing.markers(x[dataset.loadable], NETWORK, marker="o", s=size)
+
+
+def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> None:
+    x = dataset.coordinates + sample.displacement
+    drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
+    drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
+    said = drawing.forces(x, sample.force)
+    largest = np.linalg.norm(sample.displacement, axis=1).max()
+    title = f"sample {sample.number}: displaced by up to {largest:.3g} m"
+    if not said:
+        loads = int(sample.force.any(axis=1).sum())
+        resultant = np.linalg.norm(sample.force.sum(axis=0))
+        title += f"\n{loads} forces, resultant {resultant:.2f} N"
+    drawing.axes.set_title(title, fontsize=10)
+
+
+def _draw_key(axes: Axes, dataset: NodalSamples) -> None:
+    """What the figure shows, in the place beside the mesh."""
+    axes.set_axis_off()
+    manifest = dataset.manifest
+    title = (
+        f"{manifest.name}: {manifest.samples} samples\n"
+        f"{len(dataset.coordinates)} nodes, {len(dataset.cells)} {CELLS[dataset.cell_type]}"
+    )
+    size = 4.0
+    handles = [
+        Line2D([], [], color=SUPPORT, ls="", marker="s", ms=size, mew=0, label="clamped node"),
+        Line2D([], [], color=NETWORK, ls="", marker="o", ms=size, mew=0, label="loadable node"),
+        Line2D([], [], color=REST, lw=0.8, ls="dashed", label="undeformed"),
+        Line2D([], [], color=REFERENCE, lw=1.0, label="deformed, in equilibrium"),
+    ]
+    axes.legend(handles=handles, loc="center left", title=title, alignment="left")
+
+
+def _line(dataset: NodalSamples) -> float:
+    """Line width that leaves something to see between the lines, in points."""
+    return float(np.clip(7.0 / np.sqrt(len(dataset.cells)), 0.25, 0.7))
+
+
+def _height(axes: Axes) -> float:
+    """Height in inches of a panel with what is around it."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    return PANEL * min((top - bottom) / (right - left), HIGHEST) + AROUND

@@ -1,0 +1,216 @@
+"""Samples of a nodal dataset as a series for ParaView: time is the sample number.
+
+``.xdmf`` names an ``.h5`` file beside it that holds the arrays; ``.pvd`` names one ``.vtu`` file a
+sample in a folder beside it. Points are those of the undeformed mesh, with ``displacement`` in m
+and ``force`` in N, three components each, float64.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from io import FileIO
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import h5py
+from meshio.xdmf import TimeSeriesWriter
+
+from datagen.output.nodal_samples import NodalSamples, Sample
+from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
+from shared_schema.common.command_line import Progress
+from shared_schema.common.errors import InputError
+from shared_schema.common.solution_file import in_space, require_suffix, write_solution
+
+SUFFIXES = (".xdmf", ".pvd")
+FIRST = 100  # samples, where no range is given
+MADE_BY = "made_by"  # attribute of an .h5 file that this module wrote
+OURS = "datagen export"
+
+
+def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
+    """Write samples as a series; it appears complete or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+        The dataset.
+    path : Path
+        Ending in .xdmf or .pvd.
+    chosen : str, optional
+        Half-open range A:B of sample numbers; otherwise the first 100 samples. Load cases in it
+        that could not be solved are left out.
+
+    Returns
+    -------
+    list of int
+        Numbers of the samples written.
+
+    Raises
+    ------
+    InputError
+        If there is no intact nodal dataset, it has no such samples, or what should be written
+        beside `path` would replace something else.
+    OSError
+        If the files cannot be written.
+    """
+    require_suffix(path, SUFFIXES)
+    data = path.with_suffix(".h5" if path.suffix == ".xdmf" else "")
+    _require_replaceable(path, data)
+    dataset = NodalSamples(folder)
+    numbers = dataset.numbers[:FIRST].tolist() if chosen is None else dataset.within(chosen)
+    write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
+    with _both(path, data) as (partial, partial_data):
+        write(partial, partial_data, data.name, dataset, _in_turn(dataset, numbers))
+    return numbers
+
+
+def _in_turn(dataset: NodalSamples, numbers: list[int]) -> Iterator[Sample]:
+    progress = Progress(len(numbers), 0, "samples", f"datagen export {dataset.manifest.name}")
+    for done, number in enumerate(numbers, 1):
+        yield dataset[number]
+        progress.update(done)
+    progress.close()
+
+
+def _write_xdmf(
+    path: Path, data: Path, name: str, dataset: NodalSamples, samples: Iterable[Sample]
+) -> None:
+    with _Series(path, data, name) as series:
+        mesh = in_space(dataset.coordinates), [(dataset.cell_type, dataset.cells)]
+        series.write_points_cells(*mesh)
+        for sample in samples:
+            series.write_data(sample.number, point_data=_fields(sample))
+
+
+class _Series(TimeSeriesWriter):
+    """meshio's writer, which by itself puts the arrays into the working folder.
+
+    Parameters
+    ----------
+    path, data : Path
+        Where to write the index and the arrays.
+    name : str
+        What the index calls the file of the arrays.
+    """
+
+    def __init__(self, path: Path, data: Path, name: str) -> None:
+        super().__init__(path)
+        self.h5_filename = name
+        self._file = _HeldBackErrors(data)
+
+    def __enter__(self) -> _Series:
+        self.h5_file = h5py.File(self._file, "w")
+        self.h5_file.attrs[MADE_BY] = OURS
+        return self
+
+    def write_data(self, *args: Any, **kwargs: Any) -> None:
+        super().write_data(*args, **kwargs)
+        self._file.check()
+
+    def __exit__(self, *error: Any) -> None:
+        super().__exit__(*error)
+        self._file.close()
+        self._file.check()
+
+
+class _HeldBackErrors(FileIO):
+    """A new file that keeps its first error for `check`: HDF5 crashes where the disk is full."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._error: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        left = memoryview(content)
+        with self._held_back():
+            while left:
+                left = left[super().write(left) :]
+        return memoryview(content).nbytes
+
+    def truncate(self, size: int | None = None) -> int:
+        with self._held_back():
+            super().truncate(size)
+        return size or 0
+
+    def check(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    @contextmanager
+    def _held_back(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._error = self._error or error
+
+
+def _write_pvd(
+    path: Path, data: Path, name: str, dataset: NodalSamples, samples: Iterable[Sample]
+) -> None:
+    data.mkdir()
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    for sample in samples:
+        file = f"sample-{sample.number:05d}.vtu"
+        mesh = dataset.coordinates, dataset.cells, dataset.cell_type
+        write_solution(data / file, *mesh, _fields(sample))
+        attributes = {"timestep": str(sample.number), "file": f"{name}/{file}"}
+        ElementTree.SubElement(collection, "DataSet", attributes)
+    ElementTree.indent(root)
+    ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _fields(sample: Sample) -> dict[str, Any]:
+    return {"displacement": in_space(sample.displacement), "force": in_space(sample.force)}
+
+
+def _require_replaceable(path: Path, data: Path) -> None:
+    """See that what stands where the data go, if anything, was exported before."""
+    if path.suffix == ".xdmf" and ":" in path.name:
+        raise InputError(f"--out '{path}': expected a file name without ':' for .xdmf")
+    if not (data.exists() or data.is_symlink()):
+        return
+    ours = _is_our_folder(data) if data.is_dir() else _is_our_file(data)
+    if data.is_symlink() or not ours:
+        raise InputError(f"--out '{path}': would replace {data}, which holds something else")
+
+
+def _is_our_folder(data: Path) -> bool:
+    return all(re.fullmatch(r"sample-\d{5,}\.vtu", file.name) for file in data.iterdir())
+
+
+def _is_our_file(data: Path) -> bool:
+    try:
+        with h5py.File(data, "r") as file:
+            return bool(file.attrs.get(MADE_BY) == OURS)
+    except OSError:
+        return False
+
+
+@contextmanager
+def _both(path: Path, data: Path) -> Iterator[tuple[Path, Path]]:
+    """Write an index and its data to the paths that are given; they take their names together.
+
+    The old index goes before the old data do, so that none ever names the data of another.
+    """
+    partial_data = data.with_name(f"{PARTIAL}{os.getpid()}-{data.name}")
+    try:
+        with complete_or_absent(path) as partial:
+            yield partial, partial_data
+            path.unlink(missing_ok=True)
+            _remove(data)
+            partial_data.replace(data)
+    finally:
+        _remove(partial_data)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,148 @@
+"""Single samples of a nodal dataset, found by their number."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.checker import require_intact
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import Manifest, read_manifest
+from shared_schema.shard import Arrays, read_attributes, read_shard
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One equilibrium.
+
+    Attributes
+    ----------
+    number : int
+    force : array, (n_nodes, d)
+        In N.
+    displacement : array, (n_nodes, d)
+        In m.
+    """
+
+    number: int
+    force: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+
+
+class NodalSamples:
+    """The samples of a nodal dataset; one shard at a time is in memory.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Attributes
+    ----------
+    manifest : Manifest
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+    cell_type : str
+        meshio's name.
+    clamped, loadable : array of bool, (n_nodes,)
+    numbers : array of int, (n_samples,)
+        Of the solved samples, from low to high.
+    largest : array, (n_samples,)
+        Largest displacement of a node in each of them, in m.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no intact nodal dataset, or one without a solved sample.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.manifest: Manifest = read_manifest(folder, "nodal")
+        require_intact(folder, self.manifest)
+        if self.manifest.samples == 0:
+            raise InputError(f"{folder}: no solved sample, expected 1 at least")
+        paths = [folder / entry.file for entry in self.manifest.shards]
+        self._loaded: Path | None = None
+        self._arrays: Arrays = {}
+        self._shard_of: dict[int, Path] = {}
+        largest: dict[int, float] = {}
+        for path in paths:
+            self._load(path)
+            numbers = self._arrays["samples/number"].tolist()
+            moved = np.linalg.norm(self._arrays["samples/displacement"], axis=2).max(axis=1)
+            self._shard_of |= dict.fromkeys(numbers, path)
+            largest |= dict(zip(numbers, moved.tolist(), strict=True))
+        self.numbers = np.array(sorted(largest))
+        self.largest = np.array([largest[number] for number in sorted(largest)])
+        self.coordinates: NDArray[np.float64] = self._arrays["mesh/coordinates"]
+        self.cells: NDArray[np.int64] = self._arrays["mesh/cells"]
+        self.clamped: NDArray[np.bool_] = self._arrays["mesh/clamped"]
+        self.loadable: NDArray[np.bool_] = self._arrays["mesh/loadable"]
+        self.cell_type = str(read_attributes(paths[0], "nodal")["cell_type"])
+
+    def __getitem__(self, number: int) -> Sample:
+        """Read a solved sample; samples of one shard in turn read it once."""
+        self._load(self._shard_of[number])
+        row = self._arrays["samples/number"].tolist().index(number)
+        nodes = self._arrays["samples/loaded_nodes"][row]
+        force = np.zeros_like(self.coordinates)
+        np.add.at(force, nodes[nodes >= 0], self._arrays["samples/force"][row][nodes >= 0])
+        return Sample(number, force, self._arrays["samples/displacement"][row])
+
+    def _load(self, path: Path) -> None:
+        if path != self._loaded:
+            self._loaded, self._arrays = path, read_shard(path, "nodal")
+
+    def named(self, text: str) -> list[int]:
+        """Read the solved samples that ``--samples N,N,…`` names, in its order.
+
+        Raises
+        ------
+        InputError
+            If it is no list of different sample numbers, or one of them has no equilibrium.
+        """
+        if not re.fullmatch(r"\d{1,15}(,\d{1,15})*", text, re.ASCII):
+            raise InputError(f"--samples '{text}': expected sample numbers N,N,…")
+        numbers = [int(number) for number in text.split(",")]
+        if len(set(numbers)) < len(numbers):
+            raise InputError(f"--samples '{text}': expected each sample number once")
+        for number in numbers:
+            if number not in self._shard_of:
+                raise InputError(
+                    f"--samples '{text}': no sample {number} was solved, expected numbers of "
+                    f"solved ones, {self.numbers[0]} to {self.numbers[-1]}"
+                )
+        return numbers
+
+    def within(self, text: str) -> list[int]:
+        """Read the solved samples in the half-open range that ``--samples A:B`` names.
+
+        Raises
+        ------
+        InputError
+            If it is no such range, reaches beyond the last sample, or none of it was solved.
+        """
+        match = re.fullmatch(r"(\d{1,15}):(\d{1,15})", text, re.ASCII)
+        end = self.manifest.samples + self.manifest.failed
+        if match is None or not int(match[1]) < int(match[2]) <= end:
+            raise InputError(f"--samples '{text}': expected A:B with 0 <= A < B <= {end}")
+        first, last = int(match[1]), int(match[2])
+        numbers = self.numbers[(self.numbers >= first) & (self.numbers < last)].tolist()
+        if not numbers:
+            raise InputError(f"--samples '{text}': none of these load cases was solved")
+        return [int(number) for number in numbers]
+
+    def spread(self, count: int) -> list[int]:
+        """Choose up to `count` samples evenly over the order of largest displacement.
+
+        The k-th of n is the one that k/n of all samples do not move farther than; so the last is
+        the one that moves most.
+        """
+        order = np.argsort(self.largest, kind="stable")
+        count = min(count, len(order))
+        ranks = -(-np.arange(1, count + 1) * len(order) // count) - 1
+        return [int(number) for number in self.numbers[order[ranks]]]

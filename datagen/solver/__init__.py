@@ -1,0 +1,1 @@
+"""Equilibrium of a Neo-Hookean solid: material, assembly, linear solver, load stepping."""

@@ -1,0 +1,29 @@
+"""The stiffness of the undeformed body: the tangent of linear elasticity, for linear surrogates."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+from scipy.sparse import coo_array
+
+from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.raw_mesh import RawMesh
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.material import NeoHookean
+from datagen.solver.settings import SolverSettings
+from shared_schema.stiffness import Stiffness
+
+
+def stiffness_of(mesh: RawMesh, material: NeoHookean) -> Stiffness:
+    """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone."""
+    free = np.zeros(len(mesh.coordinates), dtype=bool)
+    domain = distributed(mesh, MPI.COMM_SELF)
+    problem = EquilibriumProblem(domain, material, free, SolverSettings())
+    d, nodes = problem.dimension, problem.numbering.node_of_block
+    number = (nodes[:, None] * d + np.arange(d)).ravel()
+    indptr, indices, data = problem.tangent().getValuesCSR()
+    problem.close()
+    row_of = np.repeat(number, np.diff(indptr))
+    matrix = coo_array((data, (row_of, number[indices])), shape=(number.size,) * 2).tocsr()
+    matrix.sort_indices()
+    return Stiffness(matrix.data, matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64))

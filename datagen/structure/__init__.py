@@ -1,0 +1,1 @@
+"""Steps from one dataset to the next: nodal fields onto grids, noise."""

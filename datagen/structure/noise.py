@@ -1,0 +1,94 @@
+"""Noise on displacements, as in the paper's section on noisy data: a step between datasets.
+
+Where ‖f‖₂ ≤ threshold, u → (1 + γ) u with one γ ~ U(−relative, relative) a sample.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.structure.new_folder import require_free
+from shared_schema.checker import require_intact
+from shared_schema.common.command_line import Progress
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import Manifest, read_manifest, write_manifest
+from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+
+RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
+
+
+def add_noise(
+    source: Path,
+    folder: Path,
+    seed: int,
+    relative: float = RELATIVE,
+    threshold: float = THRESHOLD,
+) -> Manifest:
+    """Copy a nodal dataset with noise on its displacements.
+
+    Parameters
+    ----------
+    source : Path
+        Nodal dataset.
+    folder : Path
+        Where the noisy one shall be.
+    seed : int
+        With the sample number, it determines γ.
+    relative : float
+        Largest |γ|.
+    threshold : float
+        Largest ‖f‖₂ of a sample that gets noise, in N.
+
+    Raises
+    ------
+    InputError
+        If the source is no intact nodal dataset, a number is out of range, or the folder holds
+        something else.
+    """
+    if not 0 < relative < 1:
+        raise InputError(f"--relative {relative}: expected a number between 0 and 1")
+    if not threshold > 0:
+        raise InputError(f"--threshold {threshold}: expected a positive number of newtons")
+    manifest = read_manifest(source, "nodal")
+    require_intact(source, manifest)
+    step: dict[str, Any] = {
+        "name": "noise",
+        "relative": relative,
+        "threshold": threshold,
+        "seed": seed,
+        "source_digest": manifest.digest,
+    }
+    noisy = manifest.model_copy(update={"transforms": (*manifest.transforms, step)})
+    require_free(folder, noisy)
+    progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
+    entries, done = [], 0
+    folder.mkdir(parents=True, exist_ok=True)
+    for entry in manifest.shards:
+        arrays = read_shard(source / entry.file, "nodal")
+        factor = noise_factor(arrays, seed, relative, threshold)
+        arrays["samples/displacement"] = arrays["samples/displacement"] * factor[:, None, None]
+        cell_type = str(read_attributes(source / entry.file, "nodal")["cell_type"])
+        digest = write_shard(folder / entry.file, "nodal", arrays, manifest.case_digest, cell_type)
+        entries.append(entry.model_copy(update={"sha256": digest}))
+        done += entry.samples
+        progress.update(done)
+    progress.close()
+    return write_manifest(folder, noisy.model_copy(update={"shards": tuple(entries)}))
+
+
+def noise_factor(
+    arrays: Arrays, seed: int, relative: float, threshold: float
+) -> NDArray[np.float64]:
+    """1 + γ of every sample of a nodal shard, 1 where the force is above the threshold: (N,)."""
+    gamma = np.array(
+        [
+            np.random.default_rng([seed, number]).uniform(-relative, relative)
+            for number in arrays["samples/number"].tolist()
+        ]
+    )
+    small = np.linalg.norm(arrays["samples/force"], axis=(1, 2)) <= threshold
+    return np.where(small, 1.0 + gamma, 1.0)

@@ -1,0 +1,252 @@
+"""From a nodal dataset to a structured one: fields on the grid, split, statistics, stiffness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.cases.case import Case
+from datagen.mesh.raw_mesh import RawMesh
+from datagen.solver.stiffness import stiffness_of
+from datagen.structure.embedding import embed
+from datagen.structure.new_folder import require_free
+from shared_schema.checker import require_intact
+from shared_schema.common.command_line import Progress
+from shared_schema.common.configuration import validate
+from shared_schema.common.errors import InputError
+from shared_schema.embedded_grid import EmbeddedGrid
+from shared_schema.grid import Grid, grid_arrays
+from shared_schema.grid_map import GridMap
+from shared_schema.manifest import (
+    MANIFEST,
+    ComponentStatistics,
+    EmbeddingInfo,
+    Manifest,
+    NodeOrder,
+    ShardEntry,
+    StructuredInfo,
+    read_manifest,
+    write_manifest,
+)
+from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+from shared_schema.stiffness import write_stiffness
+
+SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
+
+
+def structure(
+    source: Path,
+    folder: Path,
+    order: NodeOrder = "preferred",
+    order_seed: int = 0,
+    shape: tuple[int, ...] | None = None,
+) -> Manifest:
+    """Lay a nodal dataset on its grid, or on one that is embedded on a mesh that has none.
+
+    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact, and
+    with an embedded grid the nodal samples are kept beside those on the grid.
+
+    Parameters
+    ----------
+    source : Path
+        Nodal dataset.
+    folder : Path
+        Where the structured one shall be; made new, or made again from the same source.
+    order : {"preferred", "gmsh", "random"}
+        Which node stands at a grid point. Convolutions need the preferred order, in which
+        neighbours in space are neighbours on the grid; the others are for the study of that.
+    order_seed : int
+        Of the random order.
+    shape : tuple of d ints, optional
+        Grid points along each axis: embeds a grid, even on a mesh that has one of its own.
+
+    Raises
+    ------
+    InputError
+        If the source is no intact nodal dataset, order or shape do not fit its mesh, or the folder
+        holds something else.
+    """
+    manifest = read_manifest(source, "nodal")
+    case = validate(Case, manifest.case, str(source / MANIFEST))
+    require_intact(source, manifest)
+    if manifest.samples < 2:
+        raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
+    first = read_shard(source / manifest.shards[0].file, "nodal")
+    cell_type = str(read_attributes(source / manifest.shards[0].file, "nodal")["cell_type"])
+    grid = _grid_of(first, cell_type, shape, order, order_seed)
+    made = _already_made(folder, manifest, grid, order, order_seed)
+    if made is not None:
+        return made
+    require_free(folder, manifest.model_copy(update={"kind": "structured"}))
+    is_test = split(case, manifest.samples)
+    progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
+    force, displacement = RunningStatistics(), RunningStatistics()
+    round_trips: list[NDArray[np.float64]] = []
+    entries: list[ShardEntry] = []
+    start = 0
+    folder.mkdir(parents=True, exist_ok=True)
+    for entry in manifest.shards:
+        nodal = read_shard(source / entry.file, "nodal")
+        stop = start + entry.samples
+        arrays = structured_arrays(nodal, grid, is_test[start:stop])
+        start = stop
+        train = ~arrays["samples/is_test"]
+        force.add(arrays["samples/force"][train][..., grid.mask])
+        displacement.add(arrays["samples/displacement"][train][..., grid.mask])
+        round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
+        digest = write_shard(
+            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
+        )
+        entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
+        progress.update(stop)
+    progress.close()
+    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
+    stiffness = stiffness_of(mesh, case.material)
+    errors = np.concatenate(round_trips)
+    info = StructuredInfo(
+        grid_shape=grid.shape,
+        order=order,
+        order_seed=order_seed,
+        train=int((~is_test).sum()),
+        test=int(is_test.sum()),
+        split_seed=case.dataset.seed,
+        force=force.result(),
+        displacement=displacement.result(),
+        source_digest=manifest.digest,
+        embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
+        if isinstance(grid, EmbeddedGrid)
+        else None,
+        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
+    )
+    update: dict[str, Any] = {
+        "kind": "structured",
+        "failed": 0,
+        "shards": tuple(entries),
+        "structured": info,
+    }
+    return write_manifest(folder, manifest.model_copy(update=update))
+
+
+def _already_made(
+    folder: Path, source: Manifest, grid: Grid, order: NodeOrder, order_seed: int
+) -> Manifest | None:
+    """The manifest of an intact dataset that this step made before from the same source."""
+    try:
+        made = read_manifest(folder, "structured")
+        require_intact(folder, made)
+    except InputError:
+        return None
+    info = made.structured
+    assert info is not None
+    embedded = isinstance(grid, EmbeddedGrid)
+    wanted = (source.digest, order, order_seed, grid.shape, embedded)
+    found = (info.source_digest, info.order, info.order_seed, info.grid_shape)
+    return made if (*found, info.embedding is not None) == wanted else None
+
+
+def _grid_of(
+    nodal: Arrays,
+    cell_type: str,
+    shape: tuple[int, ...] | None,
+    order: NodeOrder,
+    order_seed: int,
+) -> Grid:
+    """The mesh's own grid with its nodes in the order asked for, or an embedded one."""
+    x = nodal["mesh/coordinates"]
+    if shape is None:
+        try:
+            return in_order(GridMap.from_coordinates(x), order, order_seed)
+        except ValueError as error:
+            if order != "preferred":
+                raise InputError(f"--order {order}: {error}") from None
+    elif order != "preferred":
+        raise InputError(f"--order {order}: an embedded grid (--grid) has no other order")
+    elif len(shape) != x.shape[1] or min(shape) < 2:
+        raise InputError(
+            f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
+        )
+    return embed(x, nodal["mesh/cells"], cell_type, shape)
+
+
+def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:
+    """Put the nodes on the grid points in the order asked for."""
+    if order == "preferred":
+        return grid
+    nodes = np.arange(grid.nodes)
+    if order == "random":
+        nodes = np.random.default_rng(seed).permutation(nodes)
+    return grid.reordered(nodes)
+
+
+def split(case: Case, samples: int) -> NDArray[np.bool_]:
+    """Choose the test split at random: round(test_fraction · samples) of them, one at least."""
+    test = min(max(1, round(case.dataset.test_fraction * samples)), samples - 1)
+    order = np.random.default_rng([case.dataset.seed, SPLIT_STREAM, samples]).permutation(samples)
+    is_test = np.zeros(samples, dtype=bool)
+    is_test[order[:test]] = True
+    return is_test
+
+
+def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> Arrays:
+    """Lay the arrays of one nodal shard on the grid: (N, n_nodes, d) → (N, d, nx, ny[, nz])."""
+    force, displacement = nodal_forces_of(nodal), nodal["samples/displacement"]
+    arrays = {
+        **{name: values for name, values in nodal.items() if name.startswith("mesh/")},
+        **grid_arrays(grid),
+        "samples/number": nodal["samples/number"],
+        "samples/is_test": is_test,
+        "samples/force": grid.forces_to_grid(force).astype(np.float32),
+        "samples/displacement": grid.to_grid(displacement).astype(np.float32),
+    }
+    if isinstance(grid, EmbeddedGrid):
+        arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]
+        arrays["samples/nodal_force"] = nodal["samples/force"].astype(np.float32)
+        arrays["samples/nodal_displacement"] = displacement.astype(np.float32)
+    return arrays
+
+
+def round_trip_errors(grid: Grid, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """‖u_grid→nodes − u‖₂ / ‖u‖₂ of every sample: (N, n_nodes, d) → (N,)."""
+    back = grid.to_nodes(grid.to_grid(displacement))
+    size = np.linalg.norm(displacement, axis=(1, 2))
+    return np.linalg.norm(back - displacement, axis=(1, 2)) / np.where(size > 0, size, 1.0)
+
+
+def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:
+    """Force at every node, (N, n_nodes, d) in N, from the loaded nodes of a shard's samples."""
+    force = np.zeros_like(nodal["samples/displacement"])
+    sample, load = np.nonzero(nodal["samples/loaded_nodes"] >= 0)
+    nodes = nodal["samples/loaded_nodes"][sample, load]
+    force[sample, nodes] = nodal["samples/force"][sample, load]
+    return force
+
+
+class RunningStatistics:
+    """Mean, standard deviation and largest magnitude of each component, shard by shard."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._sum: Any = 0.0
+        self._squares: Any = 0.0
+        self._max: Any = 0.0
+
+    def add(self, values: NDArray[np.float32]) -> None:
+        """Take in values of shape (N, d, n_nodes)."""
+        if values.size == 0:
+            return
+        exact = values.astype(np.float64)
+        self._count += exact.shape[0] * exact.shape[2]
+        self._sum = self._sum + exact.sum(axis=(0, 2))
+        self._squares = self._squares + (exact**2).sum(axis=(0, 2))
+        self._max = np.maximum(self._max, np.abs(exact).max(axis=(0, 2)))
+
+    def result(self) -> ComponentStatistics:
+        """Statistics of everything taken in."""
+        mean = self._sum / self._count
+        std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
+        return ComponentStatistics(
+            mean=tuple(mean.tolist()), std=tuple(std.tolist()), max_abs=tuple(self._max.tolist())
+        )

@@ -1,0 +1,98 @@
+"""Files that appear complete under their name, or not at all, and seeing first that they can."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from shared_schema.common.errors import InputError
+
+PARTIAL = ".partial-"
+REFUSALS = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ENAMETOOLONG)
+
+
+@contextmanager
+def complete_or_absent(path: Path) -> Iterator[Path]:
+    """Write to the path that is given; it takes its name, on the disk, when all went well.
+
+    File and folder are synchronised with the disk, so that a power cut afterwards loses nothing.
+
+    Parameters
+    ----------
+    path : Path
+        Name that the file shall have.
+
+    Yields
+    ------
+    Path
+        Where to write, beside it and with the same ending.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written (a full disk, say); it names `path`, and nothing is left behind.
+    """
+    partial = path.with_name(f"{PARTIAL}{os.getpid()}-{path.name}")
+    try:
+        yield partial
+        with partial.open("rb+") as written:
+            os.fsync(written.fileno())
+        partial.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        with suppress(OSError):  # not there, or as unwritable as it was in writing
+            partial.unlink()
+    _synchronise(path.parent)
+
+
+def _synchronise(folder: Path) -> None:
+    """Put the names of a folder's files on the disk, where the file system can be told to."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno != errno.EINVAL:
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file that appears complete, or not at all."""
+    with complete_or_absent(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed processes left behind in a folder."""
+    for partial in folder.glob(f"{PARTIAL}*"):
+        partial.unlink(missing_ok=True)
+
+
+def require_writable(out: Path) -> None:
+    """See that a file or folder `out` can be made, before there is anything to write.
+
+    A nameless file is made and dropped in the folder, or the nearest one above it that exists.
+
+    Raises
+    ------
+    InputError
+        If permissions or a read-only file system forbid it.
+    """
+    try:
+        folder = out if out.is_dir() else out.parent
+        while not folder.exists():
+            folder = folder.parent
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        if error.errno not in REFUSALS:
+            raise
+        raise InputError(f"--out '{out}': cannot be written to ({error.strerror})") from None

@@ -1,0 +1,107 @@
+"""What both command lines have in common: running a command, exit codes, progress."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+
+from tqdm import tqdm
+
+from shared_schema.common.errors import (
+    DONE,
+    FAILED,
+    WRONG_INPUT,
+    InputError,
+    StoppedError,
+    WorkError,
+)
+
+LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
+
+
+def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:
+    """Run a command and turn what it raises into an exit code and one line on stderr.
+
+    Parameters
+    ----------
+    program : str
+        Its name, which the line begins with.
+    command : callable
+    speaks : bool
+        Print the line of what all of many ranks meet alike (wrong input, a stop); one should.
+    """
+    try:
+        command()
+    except InputError as error:
+        if speaks:
+            print(f"{program}: error: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    except (WorkError, OSError) as error:
+        print(f"{program}: failed: {error}", file=sys.stderr)
+        return FAILED
+    except (StoppedError, KeyboardInterrupt):
+        if speaks:
+            print(f"{program}: stopped; the same command goes on from here", file=sys.stderr)
+        return FAILED
+    return DONE
+
+
+class Progress:
+    """Progress with rate and remaining time: a bar on a terminal, plain lines elsewhere.
+
+    Parameters
+    ----------
+    total : int
+        Units of work in all.
+    done : int
+        Units done before this start.
+    unit : str
+        Name of a unit, for the rate.
+    title : str
+    silent : bool
+        Show nothing.
+    """
+
+    def __init__(
+        self, total: int, done: int = 0, unit: str = "", title: str = "", silent: bool = False
+    ) -> None:
+        self._total, self._start, self._done = total, done, done
+        self._unit, self._title, self._silent = unit, title, silent
+        self._began = time.perf_counter()
+        self._last_line = self._began
+        on_terminal = sys.stderr.isatty() and not silent
+        self._bar = (
+            tqdm(total=total, initial=done, unit=f" {unit}", desc=title, dynamic_ncols=True)
+            if on_terminal
+            else None
+        )
+
+    def update(self, done: int, note: str = "") -> None:
+        """Say how many units are done in all, with a note such as the current loss."""
+        advanced = done - self._done
+        self._done = done
+        if self._bar is not None:
+            if note:
+                self._bar.set_postfix_str(note, refresh=False)
+            self._bar.update(advanced)
+        elif not self._silent and time.perf_counter() - self._last_line >= LINE_EVERY:
+            self._print(note)
+
+    def close(self, note: str = "") -> None:
+        """Finish the bar, or print the last line."""
+        if self._bar is not None:
+            self._bar.close()
+        elif not self._silent:
+            self._print(note)
+
+    def _print(self, note: str) -> None:
+        now = time.perf_counter()
+        self._last_line = now
+        elapsed = now - self._began
+        rate = (self._done - self._start) / elapsed if elapsed > 0 else 0.0
+        left = (
+            f"{(self._total - self._done) / rate:.0f} s left" if rate > 0 else "time left unknown"
+        )
+        text = f"{self._title}: {self._done}/{self._total} {self._unit}, {rate:.1f}/s, {left}"
+        print(text + (f", {note}" if note else ""), file=sys.stderr, flush=True)

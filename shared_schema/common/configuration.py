@@ -1,0 +1,110 @@
+"""Frozen configuration models: an unknown key, a wrong type or a value out of range is an error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from shared_schema.common.errors import InputError
+
+
+class Frozen(BaseModel):
+    """Base of every configuration model: immutable, and refusing keys that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=Frozen)
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML file that holds one mapping.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no YAML, or holds anything but a mapping.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a mapping of keys to values")
+    return content
+
+
+def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str]:
+    """Read a YAML file, or one of those that are shipped, by its name.
+
+    Parameters
+    ----------
+    name : str
+        Path of a file, or name of a shipped one without its ending.
+    shipped : Path
+        Folder of the shipped ones.
+    what : str
+        What it is, for the message.
+
+    Returns
+    -------
+    content : dict
+    source : str
+        Path of the file.
+
+    Raises
+    ------
+    InputError
+        If there is neither, or it is no mapping.
+    """
+    path = Path(name)
+    if not path.is_file():
+        path = shipped / f"{name}.yaml"
+    if not path.is_file():
+        names = ", ".join(sorted(p.stem for p in shipped.glob("*.yaml")))
+        raise InputError(f"{what} '{name}': no such file, and not one of those shipped ({names})")
+    return read_yaml(path), str(path)
+
+
+def validate(model: type[Model], content: Any, source: str) -> Model:
+    """Build `model` from plain data, or name the first key that is wrong.
+
+    Parameters
+    ----------
+    model : type
+        The configuration model.
+    content : Any
+        What was read, usually a dictionary.
+    source : str
+        Where it came from, for the message.
+
+    Raises
+    ------
+    InputError
+        One line: source, key, value and what was expected.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{source}: {first_problem(error)}") from None
+
+
+def first_problem(error: ValidationError) -> str:
+    """Say the first problem of a pydantic error in one line: key, value, expectation."""
+    problem = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in problem["loc"]) or "(top level)"
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key '{key}'"
+    if problem["type"] == "missing":
+        return f"key '{key}' is missing"
+    message = problem["msg"].removeprefix("Value error, ")
+    value = problem["input"]
+    found = "" if isinstance(value, (dict, list, BaseModel)) else f" = {value!r}"
+    return f"key '{key}'{found}: {message[:1].lower()}{message[1:]}"

@@ -1,0 +1,87 @@
+"""Loads as a user writes them: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at the node at a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+
+RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A force vector at a point.
+
+    Attributes
+    ----------
+    position : tuple of d floats
+        In m.
+    force : tuple of d floats
+        In N.
+    """
+
+    position: tuple[float, ...]
+    force: tuple[float, ...]
+
+    @classmethod
+    def parse(cls, text: str, dimension: int) -> PointLoad:
+        """Read ``"X,Y[,Z]:FX,FY[,FZ]"``.
+
+        Raises
+        ------
+        InputError
+            If the text is not of that form, has another dimension, or holds a NaN or an infinity.
+        """
+        expected = "X,Y:FX,FY" if dimension == 2 else "X,Y,Z:FX,FY,FZ"
+        try:
+            parts = [tuple(float(v) for v in part.split(",")) for part in text.split(":")]
+        except ValueError:
+            parts = []
+        if len(parts) != 2 or any(len(part) != dimension for part in parts):
+            raise InputError(f"--load '{text}': expected {expected}, metres and newtons")
+        if not np.isfinite(parts).all():
+            raise InputError(f"--load '{text}': expected finite numbers")
+        return cls(*parts)
+
+
+def nodal_forces(
+    loads: Sequence[str], coordinates: NDArray[np.float64], clamped: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Turn loads as a user writes them into nodal forces; loads at one node add up.
+
+    Parameters
+    ----------
+    loads : sequence of str
+        Each ``"X,Y[,Z]:FX,FY[,FZ]"``.
+    coordinates : array, (n_nodes, d)
+        In m.
+    clamped : array of bool, (n_nodes,)
+
+    Returns
+    -------
+    array, (n_nodes, d)
+        Force at every node, in N.
+
+    Raises
+    ------
+    InputError
+        If a load is not well formed, stands where no node is, or stands on a clamped node.
+    """
+    forces = np.zeros_like(coordinates)
+    tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
+    for text in loads:
+        load = PointLoad.parse(text, coordinates.shape[1])
+        distance = np.linalg.norm(coordinates - load.position, axis=1)
+        node = int(distance.argmin())
+        if distance[node] > tolerance:
+            nearest = ",".join(f"{value:g}" for value in coordinates[node])
+            raise InputError(f"--load '{text}': no node stands there, the nearest is at {nearest}")
+        if clamped[node]:
+            raise InputError(f"--load '{text}': the node is clamped, expected a free one")
+        forces[node] += load.force
+    return forces

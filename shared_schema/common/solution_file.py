@@ -1,0 +1,83 @@
+"""Files that hold one solution: ``.npz`` for programs, ``.vtu`` (and ``.xdmf``) for ParaView.
+
+``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and whatever further
+nodal fields are given, under their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import InputError
+
+SUFFIXES = (".npz", ".vtu", ".xdmf")
+
+
+def require_suffix(path: Path, allowed: tuple[str, ...] = SUFFIXES, option: str = "--out") -> None:
+    """Raise InputError unless the file name ends as one of `allowed` and its folder exists."""
+    if path.suffix not in allowed:
+        raise InputError(f"{option} '{path}': expected a file name ending in {', '.join(allowed)}")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} '{path}': no such folder {path.parent}")
+    if path.is_dir():
+        raise InputError(f"{option} '{path}': expected a file, found a folder")
+
+
+def in_space(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give vectors (n, d) three components, as ParaView wants them: (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def write_solution(
+    path: Path,
+    coordinates: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    cell_type: str,
+    fields: Mapping[str, NDArray[np.float64]],
+) -> None:
+    """Write nodal fields on the undeformed mesh; the file appears complete or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Ending in .npz, .vtu or .xdmf.
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+    cell_type : str
+        meshio's name.
+    fields : mapping of str to array (n_nodes, d)
+        ``force`` in N, ``displacement`` in m, and so on.
+    """
+    require_suffix(path)
+    with complete_or_absent(path) as partial:
+        if path.suffix == ".npz":
+            with partial.open("wb") as file:
+                np.savez(file, coordinates=coordinates, **fields)  # type: ignore[arg-type]
+        else:
+            _write_mesh(partial, coordinates, cells, cell_type, fields)
+
+
+def _write_mesh(
+    path: Path,
+    coordinates: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    cell_type: str,
+    fields: Mapping[str, NDArray[np.float64]],
+) -> None:
+    import meshio
+
+    mesh = meshio.Mesh(
+        in_space(coordinates),
+        [(cell_type, cells)],
+        point_data={name: in_space(values) for name, values in fields.items()},
+    )
+    if path.suffix == ".xdmf":
+        meshio.write(path, mesh, file_format="xdmf", data_format="XML")
+    else:
+        meshio.write(path, mesh, file_format="vtu")

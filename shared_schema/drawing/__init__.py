@@ -1,0 +1,1 @@
+"""Figures of both programs: one style, and meshes in two and three dimensions."""

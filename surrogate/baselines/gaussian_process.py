@@ -1,0 +1,88 @@
+r"""Gaussian process regression on nodal forces.
+
+.. math:: k(f, f') = a \exp\left(-\frac{\|f - f'\|_2^2}{2 ℓ^2}\right) + σ_n^2 δ_{f f'}
+
+over all components of the forces at loaded nodes. Outputs are standardised, independent and share
+one kernel, whose parameters maximise the marginal likelihood.
+"""
+
+from __future__ import annotations
+
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surrogate.baselines.fitted import Fitted
+
+TUNING_SAMPLES = 500  # at most, for the kernel's parameters: each step of the search takes O(n³)
+
+
+class GaussianProcess(Fitted):
+    """Regression from nodal forces to some outputs, with the standard deviation of each.
+
+    Parameters
+    ----------
+    samples : int
+        At most as many are conditioned on, chosen at random.
+
+    Attributes
+    ----------
+    kernel : Tensor, (3,)
+        a, ℓ and σ_n².
+    inputs : Tensor, (n, d · n_loaded)
+        Forces conditioned on.
+    cholesky : Tensor, (n, n)
+        L with L Lᵀ = k(inputs, inputs).
+    alpha : Tensor, (n, n_outputs)
+        (L Lᵀ)⁻¹ of the standardised outputs.
+    mean, std : Tensor, (n_outputs,)
+        Of the outputs, for their standardisation.
+    """
+
+    kernel: Tensor
+    inputs: Tensor
+    cholesky: Tensor
+    alpha: Tensor
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, samples: int) -> None:
+        super().__init__("kernel", "inputs", "cholesky", "alpha", "mean", "std")
+        self.samples = samples
+
+    def fit(self, force: Tensor, outputs: Tensor, generator: torch.Generator) -> None:
+        """Fit to samples: scaled forces (N, d, n_loaded) and outputs (N, n_outputs)."""
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+        chosen = torch.randperm(len(force), generator=generator)[: self.samples]
+        x, y = force.flatten(1)[chosen], outputs[chosen]
+        self.inputs, self.mean, self.std = x, y.mean(dim=0), y.std(dim=0, correction=0)
+        y = (y - self.mean) / self.std
+        start = ConstantKernel(10.0, (1e-3, 1e5)) * RBF(1.0, (1e-2, 1e3))
+        start += WhiteKernel(1e-4, (1e-8, 1.0))
+        few = slice(TUNING_SAMPLES)
+        with catch_warnings():
+            simplefilter("ignore", ConvergenceWarning)  # σ_n² at its bound: data without noise
+            tuned = GaussianProcessRegressor(start).fit(x[few].numpy(), y[few].numpy())
+        model = GaussianProcessRegressor(tuned.kernel_, optimizer=None).fit(x.numpy(), y.numpy())
+        self.kernel = torch.from_numpy(np.exp(tuned.kernel_.theta))
+        self.cholesky = torch.from_numpy(model.L_)
+        self.alpha = torch.from_numpy(model.alpha_)
+
+    def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
+        """Predict outputs and their standard deviations, (N, n_outputs) both.
+
+        The latter are of what would be observed, σ_n² included.
+        """
+        amplitude, length, noise = self.kernel
+        x, y = force.flatten(1) / length, self.inputs / length
+        half_square = 0.5 * (x.square().sum(dim=1)[:, None] + y.square().sum(dim=1)) - x @ y.T
+        covariance = amplitude * torch.exp(-half_square)
+        mean = covariance @ self.alpha * self.std + self.mean
+        explained = torch.linalg.solve_triangular(self.cholesky, covariance.T, upper=False)
+        variance = (amplitude + noise - explained.square().sum(dim=0)).clamp(min=0.0)
+        return mean, variance.sqrt()[:, None] * self.std

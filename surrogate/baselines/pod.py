@@ -1,0 +1,124 @@
+r"""Proper orthogonal decomposition of displacements, with regression of the coefficients.
+
+.. math:: u(f) ≈ \bar u + \sum_{k=1}^{r} c_k(f) \, φ_k
+
+The orthonormal modes φ are the leading principal components of the training displacements
+(snapshots), c comes from ridge regression or from a Gaussian process (Guo and Hesthaven 2018). A
+Gaussian process gives standard deviations too, which the modes and their truncation error take to
+the nodes:
+
+.. math:: σ_i^2 = \sum_k φ_{ki}^2 \, σ_k(f)^2 + \frac{1}{N} \sum_n (u_{ni} - \tilde u_{ni})^2
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from shared_schema.common.configuration import Frozen
+from surrogate.baselines.fitted import Fitted
+from surrogate.baselines.gaussian_process import GaussianProcess
+from surrogate.baselines.ridge_regression import RidgeRegression
+from surrogate.networks.field_network import SMALLEST_STD
+from surrogate.probabilistic.likelihoods import Prediction
+
+
+class PODConfig(Frozen):
+    """Number of modes, and the regression of their coefficients.
+
+    Attributes
+    ----------
+    regression : {"ridge", "gp"}
+        Ridge regression or a Gaussian process.
+    energy : float
+        Part of the training displacements' variance that the modes hold.
+    rank : int, optional
+        r, in place of `energy`; for large bodies, as it needs no whole decomposition.
+    degree : int
+        Of the polynomials of ridge regression.
+    penalty : float
+        On their squared weights.
+    gp_samples : int
+        Training samples that the Gaussian process is conditioned on, at most.
+    """
+
+    regression: Literal["ridge", "gp"] = "ridge"
+    energy: float = Field(1 - 1e-8, gt=0, lt=1)
+    rank: int | None = Field(None, ge=1)
+    degree: int = Field(6, ge=1)
+    penalty: float = Field(1e-8, gt=0)
+    gp_samples: int = Field(2000, ge=2)
+
+
+class PODNetwork(Fitted):
+    """Scaled force grid in, scaled displacement grid out; double precision inside.
+
+    Parameters
+    ----------
+    config : PODConfig
+    free : Tensor of bool, (nx, ny[, nz])
+        Grid points that can move.
+
+    Attributes
+    ----------
+    loaded : Tensor of int, (n_loaded,)
+        Grid points that bear a force in training, numbered as the flattened grid is.
+    mean : Tensor, (d · n_free,)
+    modes : Tensor, (r, d · n_free)
+    truncation : Tensor, (d · n_free,)
+        Root mean square of what the modes leave out of the training displacements.
+    """
+
+    free: Tensor
+    loaded: Tensor
+    mean: Tensor
+    modes: Tensor
+    truncation: Tensor
+
+    def __init__(self, config: PODConfig, free: Tensor) -> None:
+        super().__init__("loaded", "mean", "modes", "truncation")
+        self.config = config
+        self.register_buffer("free", free.flatten().nonzero().squeeze(1), persistent=False)
+        self.regression: RidgeRegression | GaussianProcess
+        if config.regression == "ridge":
+            self.regression = RidgeRegression(config.degree, config.penalty)
+        else:
+            self.regression = GaussianProcess(config.gp_samples)
+
+    def fit(self, force: Tensor, displacement: Tensor, seed: int) -> None:
+        """Fit modes and regression to scaled fields of the CPU, (N, d, nx, ny[, nz]) both."""
+        from sklearn.decomposition import PCA
+
+        snapshots = displacement.flatten(2)[:, :, self.free].flatten(1).double().numpy()
+        components = self.config.rank or self.config.energy
+        solver = "auto" if self.config.rank else "full"
+        pca = PCA(components, svd_solver=solver, random_state=seed % 2**32).fit(snapshots)
+        coefficients = pca.transform(snapshots)
+        rest = torch.from_numpy(snapshots - pca.inverse_transform(coefficients))
+        self.mean, self.modes = torch.from_numpy(pca.mean_), torch.from_numpy(pca.components_)
+        self.truncation = rest.square().mean(dim=0).sqrt()
+        self.loaded = force.flatten(2).any(dim=0).any(dim=0).nonzero().squeeze(1)
+        generator = torch.Generator().manual_seed(seed)
+        self.regression.fit(self._loads(force), torch.from_numpy(coefficients), generator)
+
+    def forward(self, force: Tensor) -> Prediction:
+        """Predict scaled displacements (N, d, nx, ny[, nz]) from scaled forces."""
+        coefficients, std = self.regression(self._loads(force))
+        mean = self._on_grid(self.mean + coefficients @ self.modes, force)
+        if std is None:
+            return Prediction(mean, None)
+        variance = std.square() @ self.modes.square() + self.truncation.square()
+        return Prediction(mean, self._on_grid(variance.sqrt() + SMALLEST_STD, force))
+
+    def _loads(self, force: Tensor) -> Tensor:
+        """Forces where there were any in training: (N, d, n_loaded)."""
+        return force.flatten(2).index_select(2, self.loaded).double()
+
+    def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
+        """Lay values of free degrees of freedom on the grid, zero elsewhere."""
+        grid = torch.zeros_like(like).flatten(2)
+        fields = values.to(like).reshape(*like.shape[:2], -1)
+        return grid.index_copy(2, self.free, fields).reshape(like.shape)

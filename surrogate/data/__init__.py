@@ -1,0 +1,1 @@
+"""Datasets in memory: samples, geometry, and where the samples live during training."""

@@ -1,0 +1,140 @@
+"""A structured dataset in memory, as tensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shared_schema.checker import require_intact
+from shared_schema.common.errors import InputError
+from shared_schema.grid import Grid
+from shared_schema.grid_map import GridMap
+from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
+from shared_schema.shard import read_attributes, read_shard
+from shared_schema.stiffness import Stiffness, read_stiffness
+from surrogate.data.geometry import Geometry
+from surrogate.data.nodal_dataset import NodalSamples, scatter
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Forces and the displacements that they cause, on the grid.
+
+    Attributes
+    ----------
+    force : Tensor, (N, d, nx, ny[, nz])
+        In N.
+    displacement : Tensor, (N, d, nx, ny[, nz])
+        In m.
+    """
+
+    force: Tensor
+    displacement: Tensor
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def __getitem__(self, index: Tensor | slice) -> Samples:
+        return Samples(self.force[index], self.displacement[index])
+
+    def to(self, device: torch.device) -> Samples:
+        """The same samples on a device."""
+        return Samples(self.force.to(device), self.displacement.to(device))
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A structured dataset, whole.
+
+    Attributes
+    ----------
+    manifest : Manifest
+    geometry : Geometry
+    train, test : Samples
+        In ascending order of the sample number.
+    nodal_test : NodalSamples
+        The test split by nodes.
+    embedded_train : NodalSamples or None
+        The training split by nodes, of an embedded grid, which does not give it back.
+    stiffness : Stiffness or None
+        Of the undeformed body without supports, if the dataset has it.
+    """
+
+    manifest: Manifest
+    geometry: Geometry
+    train: Samples
+    test: Samples
+    nodal_test: NodalSamples
+    embedded_train: NodalSamples | None = None
+    stiffness: Stiffness | None = None
+
+    def nodal_train(self, rows: Tensor) -> NodalSamples:
+        """Some samples of the training split by nodes."""
+        if self.embedded_train is None:
+            return at_nodes(self.geometry.grid, self.train[rows])
+        whole, chosen = self.embedded_train, rows.numpy()
+        return NodalSamples(whole.force[chosen], whole.displacement[chosen])
+
+    @property
+    def info(self) -> StructuredInfo:
+        """What the manifest says of the grid, the split and the statistics."""
+        assert self.manifest.structured is not None
+        return self.manifest.structured
+
+
+def read_dataset(folder: Path) -> Dataset:
+    """Read a structured dataset into memory.
+
+    Raises
+    ------
+    InputError
+        If there is none, it is of another kind, or any byte of it has changed.
+    """
+    manifest = read_manifest(folder, "structured")
+    require_intact(folder, manifest)
+    if manifest.samples == 0:
+        raise InputError(f"{folder}: no samples in it")
+    shards = [read_shard(folder / entry.file, "structured") for entry in manifest.shards]
+    cell_type = str(read_attributes(folder / manifest.shards[0].file, "structured")["cell_type"])
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([shard[name] for shard in shards])
+
+    order = np.argsort(joined("samples/number"))
+    is_test = torch.from_numpy(joined("samples/is_test")[order])
+    samples = Samples(
+        torch.from_numpy(joined("samples/force")[order]),
+        torch.from_numpy(joined("samples/displacement")[order]),
+    )
+    geometry = Geometry.from_shard(shards[0], cell_type)
+    train, test = samples[~is_test], samples[is_test]
+    if isinstance(geometry.grid, GridMap):
+        dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
+    else:
+        displacement = joined("samples/nodal_displacement")[order]
+        nodes, loads = (
+            joined(f"samples/{name}")[order] for name in ("loaded_nodes", "nodal_force")
+        )
+        force = scatter(nodes, loads, len(geometry.coordinates))
+        chosen = is_test.numpy()
+        nodal_train, nodal_test = (
+            NodalSamples(force[rows].astype(np.float64), displacement[rows].astype(np.float64))
+            for rows in (~chosen, chosen)
+        )
+        dataset = Dataset(manifest, geometry, train, test, nodal_test, nodal_train)
+    if dataset.info.stiffness is None:
+        return dataset
+    return replace(dataset, stiffness=read_stiffness(folder))
+
+
+def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
+    """Samples on a grid whose points are nodes, by nodes."""
+    force, displacement = (
+        grid.to_nodes(field.numpy()).astype(np.float64)
+        for field in (samples.force, samples.displacement)
+    )
+    return NodalSamples(force, displacement)

@@ -1,0 +1,109 @@
+"""Where samples live during a training: on the device, or in host memory.
+
+On the device a batch is a gather. From the host it is copied by way of pinned memory on a stream
+of its own, while the device still works on the batch before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Literal, Protocol
+
+import torch
+from torch import Tensor
+
+from surrogate.data.dataset import Samples
+
+Residency = Literal["auto", "device", "host"]
+PART_OF_FREE_MEMORY = 0.5  # what samples may take of the device's; the rest is the network's
+
+
+class SampleStore(Protocol):
+    """Samples that are asked for in batches.
+
+    Attributes
+    ----------
+    home : torch.device
+        Where they live, and where their indices should.
+    """
+
+    home: torch.device
+
+    def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
+        """Yield the samples of some batches on the device, given their indices."""
+
+
+class DeviceStore:
+    """Samples on the device."""
+
+    def __init__(self, samples: Samples, device: torch.device) -> None:
+        self.home = device
+        self._samples = samples.to(device)
+
+    def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
+        """Yield batches."""
+        return (self._samples[batch] for batch in indices)
+
+
+class HostStore:
+    """Samples in host memory, copied to the device one batch ahead."""
+
+    def __init__(self, samples: Samples, device: torch.device) -> None:
+        self.home = torch.device("cpu")
+        self._samples, self._device = samples.to(self.home), device
+        self._stream: torch.cuda.Stream | None = None
+        if device.type == "cuda":
+            self._stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
+
+    def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
+        """Yield batches, the next one under way."""
+        ahead: tuple[Samples, torch.cuda.Event | None] | None = None
+        for batch in indices:
+            following = self._send(batch)
+            if ahead is not None:
+                yield self._receive(*ahead)
+            ahead = following
+        if ahead is not None:
+            yield self._receive(*ahead)
+
+    def _send(self, batch: Tensor) -> tuple[Samples, torch.cuda.Event | None]:
+        """Begin to copy a batch."""
+        if self._stream is None:
+            return self._samples[batch].to(self._device), None
+        with torch.cuda.stream(self._stream):
+            sent = Samples(
+                *(
+                    gather_pinned(field, batch).to(self._device, non_blocking=True)
+                    for field in (self._samples.force, self._samples.displacement)
+                )
+            )
+            return sent, self._stream.record_event()
+
+    def _receive(self, samples: Samples, sent: torch.cuda.Event | None) -> Samples:
+        """Let the device's current stream wait until a batch is there."""
+        if sent is not None:
+            current = torch.cuda.current_stream(self._device)
+            current.wait_event(sent)
+            for field in (samples.force, samples.displacement):
+                field.record_stream(current)
+        return samples
+
+
+def gather_pinned(field: Tensor, indices: Tensor) -> Tensor:
+    """Gather samples into pinned memory, which the device copies from by itself."""
+    pinned = torch.empty((len(indices), *field.shape[1:]), dtype=field.dtype, pin_memory=True)
+    return torch.index_select(field, 0, indices, out=pinned)
+
+
+def store_samples(samples: Samples, residency: Residency, device: torch.device) -> SampleStore:
+    """Put samples where a residency says; ``auto``: on the device, if they fit."""
+    on_device = residency == "device" or (residency == "auto" and fits(samples, device))
+    return DeviceStore(samples, device) if on_device else HostStore(samples, device)
+
+
+def fits(samples: Samples, device: torch.device) -> bool:
+    """Tell whether samples leave enough of a device's free memory to train in."""
+    if device.type != "cuda":
+        return True
+    free, _ = torch.cuda.mem_get_info(device)
+    return samples.force.nbytes + samples.displacement.nbytes <= PART_OF_FREE_MEMORY * free

@@ -1,0 +1,1 @@
+"""Errors of predictions against the finite elements; nothing is drawn here."""

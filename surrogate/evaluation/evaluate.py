@@ -1,0 +1,170 @@
+"""Evaluation of a run on the test split: its measures, written into ``evaluation.json``."""
+
+from __future__ import annotations
+
+import json
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.errors import InputError
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
+from surrogate.evaluation.metrics import ErrorMeasures, measure, sample_errors
+from surrogate.evaluation.published import PUBLISHED
+from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
+from surrogate.networks.unet import parameter_count
+from surrogate.runs.folder import RunFolder
+from surrogate.uncertainty.calibration import CalibrationMeasures, judge
+from surrogate.uncertainty.intervals import fit_intervals
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Predictions of a run on the test split beside the reference solutions.
+
+    Attributes
+    ----------
+    surrogate : Surrogate
+    force, reference : array, (M, n_nodes, d)
+        Forces in N, displacements in m.
+    distribution : Distribution
+        As predicted.
+    measures : ErrorMeasures
+        Of its means.
+    calibration : CalibrationMeasures or None
+        Of a probabilistic surrogate.
+    extrapolation : Extrapolation or None
+        Predictions under other loads.
+    """
+
+    surrogate: Surrogate
+    force: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    distribution: Distribution
+    measures: ErrorMeasures
+    calibration: CalibrationMeasures | None
+    extrapolation: Extrapolation | None
+
+    @property
+    def predicted(self) -> NDArray[np.float64]:
+        """Predicted displacements in m, (M, n_nodes, d)."""
+        return self.distribution.mean
+
+    @property
+    def example(self) -> int:
+        """The test sample to show: loaded at the tip, and moved there as far as the paper's."""
+        tip, run = self.surrogate.geometry.tip, self.surrogate.description.run
+        published = PUBLISHED.get((run.case, run.likelihood))
+        aim = published.tip_displacement if published else None
+        return find_example(self.force, self.reference, tip, np.array([tip]), aim)
+
+    def example_measures(self) -> dict[str, float]:
+        """Tip displacement of the example in m, and the relative error of its prediction."""
+        tip, example = self.surrogate.geometry.tip, self.example
+        moved, error = tip_measures(self.predicted[example], self.reference[example], tip)
+        return {"tip_displacement": moved, "relative_tip_error": error}
+
+
+def evaluate(
+    run_folder: Path,
+    data: Path,
+    device: str = "cpu",
+    passes: int = PASSES,
+    seed: int = 0,
+    loads: Path | None = None,
+    conformal: float | None = None,
+) -> Evaluation:
+    """Evaluate a run on the test split of a dataset and write the measures into it.
+
+    Parameters
+    ----------
+    run_folder : Path
+    data : Path
+        Structured dataset.
+    device : str
+    passes, seed : int
+        Stochastic passes, of networks that are stochastic.
+    loads : Path, optional
+        Nodal dataset of the same body under other loads, to predict as well.
+    conformal : float, optional
+        Level of conformal intervals to fit to the run's calibration part, and to judge.
+
+    Raises
+    ------
+    InputError
+        If the run or the dataset is missing or damaged, or they are of different cases.
+    """
+    run = RunFolder(run_folder)
+    description = run.description()
+    surrogate = load(run_folder, device)
+    dataset = read_dataset(data)
+    run.require_case_of(dataset.manifest, description)
+    if surrogate.geometry.differs_from(dataset.geometry):
+        raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
+    if len(dataset.test) == 0:
+        raise InputError(f"{data}: no test samples in it")
+    force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
+    intervals = None
+    if conformal is not None:
+        intervals = fit_intervals(surrogate, dataset, conformal, passes, seed)
+    distribution = surrogate.predict_distribution(force, passes, seed)
+    evaluation = Evaluation(
+        surrogate,
+        force,
+        reference,
+        distribution,
+        measure(force, distribution.mean, reference, surrogate.geometry.tip),
+        _calibration(surrogate, distribution, reference),
+        None if loads is None else extrapolate(surrogate, loads, passes, seed),
+    )
+    lines = run.metric_lines()
+    content: dict[str, Any] = {
+        "run": description.run.name,
+        "case": description.run.case,
+        "recipe": description.run.recipe,
+        "likelihood": description.run.likelihood,
+        "seed": description.run.seed,
+        "data_digest": dataset.manifest.digest,
+        "trained_on_this_data": dataset.manifest.digest == description.data.digest,
+        "trainable_parameters": parameter_count(surrogate.network),
+        "training_seconds": lines[-1]["seconds"] if lines else 0.0,
+        "epochs": lines[-1]["epoch"] if lines else 0,
+        "test": evaluation.measures.plain(),
+        "example": evaluation.example_measures(),
+        "torch": torch.__version__,
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
+    }
+    if dataset.info.embedding is not None:
+        content["embedding_error"] = embedding_error(dataset)
+    if evaluation.calibration is not None:
+        drawn = {"passes": passes, "passes_seed": seed} if surrogate.is_stochastic else {}
+        content["uncertainty"] = {**drawn, **evaluation.calibration.plain()}
+    if evaluation.extrapolation is not None:
+        content["extrapolation"] = evaluation.extrapolation.plain()
+    if intervals is not None:
+        content["conformal"] = intervals.measures(surrogate, distribution, reference)
+        intervals.save(run.intervals)
+    write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
+    return evaluation
+
+
+def _calibration(
+    surrogate: Surrogate, predicted: Distribution, reference: NDArray[np.float64]
+) -> CalibrationMeasures | None:
+    if not surrogate.is_probabilistic:
+        return None
+    return judge(predicted.mean, predicted.std, reference, ~surrogate.geometry.clamped)
+
+
+def embedding_error(dataset: Dataset) -> float:
+    """ē in m of the reference itself, taken to an embedded grid and back: no network is better."""
+    grid, reference = dataset.geometry.grid, dataset.nodal_test.displacement
+    return float(sample_errors(grid.to_nodes(grid.to_grid(reference)), reference).mean())

@@ -1,0 +1,105 @@
+"""Predictions under loads that a surrogate was not trained on, beside the equilibria."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
+from surrogate.evaluation.metrics import sample_errors
+from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.uncertainty.calibration import half_width
+
+Array = NDArray[np.float64]
+BAND = 0.95
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """Predicted distributions under the loads of another dataset of the same body.
+
+    Attributes
+    ----------
+    case : str
+        Name of that dataset's case.
+    surrogate : Surrogate
+    samples : NodalSamples
+        The equilibria.
+    predicted : Distribution
+    """
+
+    case: str
+    surrogate: Surrogate
+    samples: NodalSamples
+    predicted: Distribution
+
+    @cached_property
+    def reach(self) -> Array:
+        """Largest force component over the largest one in training, (M,): beyond 1 is outside."""
+        limit = max(self.surrogate.description.data.info.force.max_abs)
+        result: Array = np.abs(self.samples.force).max(axis=(1, 2)) / limit
+        return result
+
+    @cached_property
+    def inside(self) -> Array:
+        """Share of every sample's free components whose error is inside the 95 % band, (M,)."""
+        free = ~self.surrogate.geometry.clamped
+        error = np.abs(self.predicted.mean - self.samples.displacement)[:, free]
+        band = half_width(BAND) * self.predicted.std[:, free]
+        result: Array = (error <= band).mean(axis=(1, 2))
+        return result
+
+    @cached_property
+    def node(self) -> int | None:
+        """The one node that every sample loads, if there is one."""
+        loaded = np.flatnonzero(self.samples.force.any(axis=(0, 2)))
+        return int(loaded[0]) if len(loaded) == 1 else None
+
+    def plain(self) -> dict[str, Any]:
+        """Measures of every sample, as plain data; errors and standard deviations in m."""
+        free = ~self.surrogate.geometry.clamped
+        columns = {
+            "reach": self.reach,
+            "mean_error": sample_errors(self.predicted.mean, self.samples.displacement),
+        }
+        if self.surrogate.is_probabilistic:
+            columns["mean_std"] = self.predicted.std[:, free].mean(axis=(1, 2))
+            columns["mean_std_epistemic"] = self.predicted.std_epistemic[:, free].mean(axis=(1, 2))
+            columns["inside_95"] = self.inside
+        return {"case": self.case} | {name: values.tolist() for name, values in columns.items()}
+
+
+def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Extrapolation:
+    """Predict the samples of a nodal dataset of the same body.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+    nodal : Path
+        A nodal dataset of the same mesh, supports and material, whatever its loads.
+    passes, seed : int
+        Stochastic passes.
+
+    Raises
+    ------
+    InputError
+        If there is none, it is damaged, or of another body.
+    """
+    dataset = read_nodal_dataset(nodal)
+    trained, other = surrogate.description.data.case, dataset.manifest.case
+    for key in ("mesh", "supports", "material"):
+        if trained.get(key) != other.get(key):
+            raise InputError(
+                f"--loads '{nodal}': another body than the run's: {key} = {other.get(key)!r}, "
+                f"expected {trained.get(key)!r}"
+            )
+    if not np.array_equal(dataset.coordinates, surrogate.geometry.coordinates):
+        raise InputError(f"--loads '{nodal}': its nodes are not those of the run's mesh")
+    predicted = surrogate.predict_distribution(dataset.samples.force, passes, seed)
+    return Extrapolation(dataset.manifest.name, surrogate, dataset.samples, predicted)

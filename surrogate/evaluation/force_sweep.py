@@ -1,0 +1,124 @@
+"""Forces of growing size at one node: what is predicted there, beside the equilibria."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.evaluation.extrapolation import BAND, Extrapolation
+from surrogate.uncertainty.calibration import half_width, rank_correlation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ForceSweep:
+    """Displacement of the loaded node in the direction of the force, forces ascending.
+
+    Attributes
+    ----------
+    axis : int
+        That direction.
+    limit : float
+        Largest force component in training, in N.
+    force : array, (N,)
+        In N.
+    reference, mean, std_epistemic, std_aleatoric : array, (N,)
+        In m.
+    node_error, moved : array, (N,)
+        ‖U − u‖₂ and ‖u‖₂ at that node, in m: of all components.
+    covered_across : array of bool, (N,)
+        Forces for which its other components' errors are inside the 95 % band.
+    covered_components : array, (N,)
+        Share of all free components whose error is inside the 95 % band.
+    """
+
+    axis: int
+    limit: float
+    force: Array
+    reference: Array
+    mean: Array
+    std_epistemic: Array
+    std_aleatoric: Array
+    node_error: Array
+    moved: Array
+    covered_across: NDArray[np.bool_]
+    covered_components: Array
+
+    @property
+    def std(self) -> Array:
+        """Total standard deviation in m, (N,)."""
+        return np.hypot(self.std_epistemic, self.std_aleatoric)
+
+    @property
+    def error(self) -> Array:
+        """Predicted mean less the reference in m, (N,)."""
+        return self.mean - self.reference
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Forces beyond those of the training, (N,)."""
+        return np.abs(self.force) > self.limit
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """Forces for which the error is inside the 95 % band, (N,)."""
+        return np.abs(self.error) <= half_width(BAND) * self.std
+
+    @property
+    def senses(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Negative and positive forces beyond those of the training, (N,) each."""
+        return self.outside & (self.force < 0), self.outside & (self.force > 0)
+
+    @property
+    def growth(self) -> float:
+        """Rank correlation of σ and |force| beyond the training; of both senses the smaller."""
+        return min(
+            float(rank_correlation(np.abs(self.force[sense]), self.std[sense]))
+            for sense in self.senses
+        )
+
+    def nearest(self, force: float) -> int:
+        """Number of the force that is nearest to `force`."""
+        return int(np.abs(self.force - force).argmin())
+
+    def at(self, force: float, values: Array) -> float:
+        """Mean of values (N,) at the forces nearest to ±`force`."""
+        return float(values[[self.nearest(-force), self.nearest(force)]].mean())
+
+
+def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
+    """Take a sweep from predictions of samples that all load one node.
+
+    The training's largest force is rounded to three digits: of random ones, none is at the very end
+    of its range.
+    """
+    node, force = extrapolation.node, extrapolation.samples.force
+    assert node is not None
+    axis = int(np.abs(force[:, node]).max(axis=0).argmax())
+    order = np.argsort(force[:, node, axis])
+    predicted = extrapolation.predicted
+    limit = extrapolation.surrogate.description.data.info.force.max_abs[axis]
+
+    def here(values: Array) -> Array:
+        result: Array = values[order, node, axis]
+        return result
+
+    reference = extrapolation.samples.displacement[order, node]
+    error = predicted.mean[order, node] - reference
+    covered = np.abs(error) <= half_width(BAND) * predicted.std[order, node]
+    return ForceSweep(
+        axis=axis,
+        limit=float(f"{limit:.3g}"),
+        force=here(force),
+        reference=here(extrapolation.samples.displacement),
+        mean=here(predicted.mean),
+        std_epistemic=here(predicted.std_epistemic),
+        std_aleatoric=here(predicted.std_aleatoric),
+        node_error=np.linalg.norm(error, axis=1),
+        moved=np.linalg.norm(reference, axis=1),
+        covered_across=np.delete(covered, axis, axis=1).all(axis=1),
+        covered_components=extrapolation.inside[order],
+    )

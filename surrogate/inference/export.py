@@ -1,0 +1,221 @@
+"""A trained network as one file that needs no code of ours: ONNX, or PyTorch's own ``.pt2``.
+
+Input is ``force``, (N, n_nodes, d) float32 in N, N being free. Outputs are ``displacement`` and, of
+probabilistic networks, standard deviations, of the same shape in m. Scales, supports and the map
+between mesh and grid are in the file.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.export import Dim, ExportedProgram
+
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import InputError, WorkError, first_line
+from shared_schema.common.solution_file import require_suffix
+from surrogate.inference.prediction import Surrogate, load, require_passes
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.probabilistic.moments import Moments
+
+Format = Literal["onnx", "pt2"]
+Fields = dict[str, Tensor]
+ONNX_PACKAGES = ("onnx", "onnxscript", "onnxruntime")
+ONNX_OPSET = 18
+ONNX_LIMIT = 2e9  # bytes in one file
+TOLERANCE = 1e-4
+CHECKED_BATCHES = (1, 3)
+
+
+class NodalFunction(nn.Module):
+    """What is exported: nodal forces to named nodal fields.
+
+    Parameters
+    ----------
+    network : NodalNetwork
+    passes : int, optional
+        T, if passes are drawn; otherwise the mean weights serve, of every member of an ensemble.
+    """
+
+    def __init__(self, network: NodalNetwork, passes: int | None) -> None:
+        super().__init__()
+        self.network = network
+        self.passes = passes
+
+    def forward(self, force: Tensor) -> Fields:
+        """Predict fields in m from forces in N, each (N, n_nodes, d)."""
+        if self.passes is None and self.network.network.members == 1:
+            mean, std = self.network(force)
+            return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
+        _, factor = self.network.factors(force)
+        moments = Moments.of(self.network(force, self.passes or 1)).scaled(factor)
+        return {
+            "displacement": moments.mean,
+            "std": moments.std,
+            "std_epistemic": moments.std_epistemic,
+            "std_aleatoric": moments.std_aleatoric,
+        }
+
+
+def export(
+    run: Path, kind: Format, path: Path, passes: int | None = None, seed: int | None = None
+) -> float:
+    """Write the network of a run to a file, and compare what both give.
+
+    Parameters
+    ----------
+    run : Path
+        Its folder.
+    kind : {"onnx", "pt2"}
+    path : Path
+        Ending in .onnx or .pt2.
+    passes : int, optional
+        T: the weights of as many passes become constants of the file, which gives what
+        `Surrogate.predict_distribution` does. Otherwise the mean weights serve.
+    seed : int, optional
+        Of the passes; 0 if left out.
+
+    Returns
+    -------
+    float
+        Largest difference on random loads, relative to the largest value of the field.
+
+    Raises
+    ------
+    InputError
+        If there is no finished run, the file's name or the passes are wrong, ONNX cannot hold as
+        many, or a package is missing.
+    WorkError
+        If the format cannot express the network, or the file does not give what it does; none is
+        left then.
+    """
+    require_suffix(path, (f".{kind}",))
+    _require_packages(kind)
+    if seed is not None and passes is None:
+        raise InputError(f"--seed {seed}: expected beside --passes")
+    surrogate = load(run)
+    if passes is not None:
+        surrogate.require_stochastic(passes=passes)
+        require_passes(passes, seed or 0)
+        surrogate.passes.draw(seed or 0, range(passes))
+    surrogate.network.requires_grad_(False)
+    function = NodalFunction(surrogate.nodal_network, passes)
+    force = random_loads(surrogate, 2)
+    with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
+        try:
+            program = torch.export.export(
+                function, (force,), dynamic_shapes={"force": {0: Dim("samples")}}
+            )
+            if kind == "onnx":
+                _save_onnx(program, list(function(force)), partial)
+            else:
+                _save_pt2(program, partial)
+        except RuntimeError as error:
+            reason = first_line(error)
+            raise WorkError(f"{path}: {kind} cannot express this network ({reason})") from error
+        exported = load_exported(partial)
+        difference = max(
+            largest_difference(exported(force), function(force))
+            for force in (random_loads(surrogate, samples) for samples in CHECKED_BATCHES)
+        )
+        if not difference <= TOLERANCE:  # true for NaN as well
+            raise WorkError(
+                f"{path}: differs from the network by {difference:.1e}, "
+                f"expected {TOLERANCE:.0e} at most"
+            )
+    return difference
+
+
+def load_exported(path: Path) -> Callable[[Tensor], Fields]:
+    """Read a file back, as a user would: a function of forces, (N, n_nodes, d) in N."""
+    if path.suffix == ".pt2":
+        program: Callable[[Tensor], Fields] = torch.export.load(path).module()
+        return program
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+
+    def run(force: Tensor) -> Fields:
+        outputs = session.run(names, {"force": force.numpy()})
+        return {name: torch.from_numpy(o) for name, o in zip(names, outputs, strict=True)}
+
+    return run
+
+
+def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
+    """Forces at one node a sample, within the range of the training data: (N, n_nodes, d) in N."""
+    rng = np.random.default_rng(samples)
+    geometry = surrogate.geometry
+    limit = np.asarray(surrogate.description.data.info.force.max_abs)
+    force = np.zeros((samples, *geometry.coordinates.shape), dtype=np.float32)
+    nodes = rng.choice(np.flatnonzero(geometry.loadable), samples)
+    force[np.arange(samples), nodes] = rng.uniform(-limit, limit, (samples, len(limit)))
+    return torch.from_numpy(force)
+
+
+def largest_difference(found: Fields, expected: Fields) -> float:
+    """Largest difference of any field, relative to the field's largest value."""
+    if found.keys() != expected.keys():
+        return float("inf")
+    differences = [
+        (found[name] - field).abs().max() / (field.abs().max() or 1.0)
+        for name, field in expected.items()
+    ]
+    return float(torch.stack(differences).max())
+
+
+def _save_onnx(program: ExportedProgram, outputs: list[str], path: Path) -> None:
+    size = sum(t.nbytes for t in (*program.state_dict.values(), *program.tensor_constants.values()))
+    if size > ONNX_LIMIT:
+        raise InputError(
+            f"--format 'onnx': the weights take {size / 1e9:.1f} GB, such a file holds "
+            f"{ONNX_LIMIT / 1e9:.0f} GB; expected fewer passes, or 'pt2'"
+        )
+    converted = torch.onnx.export(
+        program,
+        input_names=["force"],
+        output_names=outputs,
+        dynamic_shapes={"force": {0: "samples"}},
+        opset_version=ONNX_OPSET,
+        external_data=False,
+        verbose=False,
+    )
+    assert converted is not None
+    converted.save(path)
+
+
+def _save_pt2(program: ExportedProgram, path: Path) -> None:
+    buffer = io.BytesIO()  # PyTorch's own writer brings the process down where the disk is full
+    torch.export.save(program, buffer)
+    path.write_bytes(buffer.getbuffer())
+
+
+def _require_packages(kind: Format) -> None:
+    missing = [name for name in ONNX_PACKAGES if kind == "onnx" and find_spec(name) is None]
+    if missing:
+        raise InputError(
+            f"--format 'onnx': needs {', '.join(missing)}, expected pip install 'surrogate[export]'"
+        )
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep PyTorch's exporters from reporting on themselves."""
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(logging.NOTSET)

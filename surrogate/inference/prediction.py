@@ -1,0 +1,257 @@
+"""Prediction with a trained network: nodal forces in, distributions of nodal displacements out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.errors import InputError, first_line
+from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.probabilistic.likelihoods import Prediction
+from surrogate.probabilistic.moments import Moments
+from surrogate.probabilistic.passes import Passes
+from surrogate.runs.description import RunDescription
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.network import make_network
+
+BATCH = 4096  # samples times passes at once, at most,
+VALUES = 2**25  # and at most as many values of a layer
+PASSES = 300
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A Gaussian for every displacement component.
+
+    Attributes
+    ----------
+    mean, std_epistemic, std_aleatoric : array, (n_nodes, d) or (N, n_nodes, d)
+        In m: mean, and standard deviations from the weights' spread and from the data's.
+    """
+
+    mean: Array
+    std_epistemic: Array
+    std_aleatoric: Array
+
+    @property
+    def std(self) -> Array:
+        """Total standard deviation in m."""
+        return np.hypot(self.std_epistemic, self.std_aleatoric)
+
+    def fields(self) -> dict[str, Array]:
+        """The arrays by the names that they have in files."""
+        return {
+            "displacement": self.mean,
+            "std": self.std,
+            "std_epistemic": self.std_epistemic,
+            "std_aleatoric": self.std_aleatoric,
+        }
+
+
+class Surrogate:
+    """A trained network with the mesh that it predicts on.
+
+    Attributes
+    ----------
+    network : FieldNetwork
+    nodal_network : NodalNetwork
+        The same between the nodes of the mesh.
+    passes : Passes
+        Of the network; those of the last prediction stay drawn.
+    geometry : Geometry
+        Mesh, supports and grid; forces and displacements are numbered as its nodes are.
+    description : RunDescription
+        What it was made from.
+    """
+
+    def __init__(
+        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+    ) -> None:
+        self.network = network.eval()
+        self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
+        self.geometry = geometry
+        self.description = description
+        self.passes = Passes(network)
+
+    @property
+    def is_probabilistic(self) -> bool:
+        """Whether it predicts standard deviations."""
+        run = self.description.run
+        return self.is_stochastic or run.ensemble > 1 or run.likelihood != "deterministic"
+
+    @property
+    def is_stochastic(self) -> bool:
+        """Whether passes differ."""
+        return self.passes.differ
+
+    def predict(self, forces: ArrayLike) -> Array:
+        """Predict displacements: the mean of `predict_distribution`.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+
+        Returns
+        -------
+        array of the same shape
+            Nodal displacements in m.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong or a force is not finite.
+        """
+        return self.predict_distribution(forces).mean
+
+    def predict_distribution(
+        self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Predict means and standard deviations of displacements.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        passes : int
+            T; a network that is not stochastic makes one. Of an ensemble every member makes them.
+        seed : int
+            Of the passes, 0 or more. The same passes serve all samples.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a force is not finite, there is no pass or the seed is negative.
+        """
+        require_passes(passes, seed)
+        nodal = self._checked(forces)
+        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
+        passes = passes if self.is_stochastic else 1
+        parts = [
+            self._distribution(samples[start : start + self._batch], passes, seed)
+            for start in range(0, max(len(samples), 1), self._batch)
+        ]
+        mean, epistemic, aleatoric = (
+            np.concatenate(fields).reshape(nodal.shape) for fields in zip(*parts, strict=True)
+        )
+        if self.description.run.model == "pod":  # a Gaussian process's is its lack of data
+            epistemic, aleatoric = aleatoric, epistemic
+        return Distribution(mean, epistemic, aleatoric)
+
+    @property
+    def _batch(self) -> int:
+        channels = self.description.run.network.channels
+        values = channels * self.geometry.grid.mask.size
+        return max(1, min(BATCH, VALUES // values))
+
+    def _checked(self, forces: ArrayLike) -> Array:
+        try:
+            nodal = np.asarray(forces, dtype=np.float64)
+        except ValueError as error:
+            raise InputError(f"forces are no array of numbers ({first_line(error)})") from None
+        expected = self.geometry.coordinates.shape
+        if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
+            raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
+        if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
+            raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+        return nodal
+
+    @torch.inference_mode()
+    def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
+        """Mean, epistemic and aleatoric standard deviation of one batch, over all passes."""
+        force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)
+        at_once = min(self.passes.at_once, max(1, self._batch // max(len(nodal), 1)))
+        chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
+        moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
+        moments = moments.scaled(self.nodal_network.factors(force)[1].double())
+        mean, epistemic, aleatoric = (
+            field.cpu().numpy()
+            for field in (moments.mean, moments.std_epistemic, moments.std_aleatoric)
+        )
+        return mean, epistemic, aleatoric
+
+    def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
+        """Of some passes, in double precision."""
+        self.passes.draw(seed, passes)
+        mean, std = self.nodal_network(force, len(passes))
+        return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
+
+    def require_stochastic(self, **options: int) -> None:
+        """Raise InputError if there are options of passes, but passes do not differ."""
+        for name, value in options.items():
+            if not self.is_stochastic:
+                raise InputError(
+                    f"--{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout"
+                )
+
+    def outside_training(self, forces: NDArray[np.float64]) -> str | None:
+        """Say in which way forces leave what the network was trained on, if they do.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d)
+            In N.
+        """
+        limit = self.description.data.info.force.max_abs
+        largest = np.abs(forces).max(axis=0)
+        if np.any(largest > np.asarray(limit) * (1 + 1e-6)):
+            allowed = ", ".join(f"{value:.3g}" for value in limit)
+            return f"force components reach beyond those of the training data (±{allowed} N)"
+        loaded = forces.any(axis=1)
+        if np.any(loaded & ~self.geometry.loadable):
+            return "a loaded node was never loaded in the training data"
+        return None
+
+
+def require_passes(passes: int, seed: int) -> None:
+    """Raise InputError unless there is a pass at least, and the seed is not negative."""
+    for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
+        if value < least:
+            raise InputError(f"{name} = {value}, expected {least} at least")
+
+
+def make_surrogate(
+    tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
+) -> Surrogate:
+    """Make a surrogate of the tensors of ``model.safetensors``.
+
+    Raises
+    ------
+    KeyError, IndexError, RuntimeError, ValueError
+        If they are not those of such a run.
+    """
+    on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
+    geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
+    network = make_network(description, geometry)
+    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
+    return Surrogate(network.to(device), geometry, description)
+
+
+def load(run: str | Path, device: str = "cpu") -> Surrogate:
+    """Load a trained network from its run folder; nothing is unpickled.
+
+    Raises
+    ------
+    InputError
+        If there is no finished run, or it is damaged.
+    """
+    folder = RunFolder(Path(run))
+    description = folder.description()
+    tensors = folder.read_tensors()
+    try:
+        return make_surrogate(tensors, description, device)
+    except (KeyError, IndexError, RuntimeError, ValueError) as error:
+        raise InputError(
+            f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
+        ) from None

@@ -1,0 +1,108 @@
+"""A network between fields in SI units: scaling in, scaling out, zero where nothing can move."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.manifest import StructuredInfo
+from surrogate.data.geometry import Geometry
+from surrogate.probabilistic.ensemble import Ensemble
+from surrogate.probabilistic.likelihoods import Prediction
+
+SMALLEST_STD = 1e-6  # of the displacement's scale: float32 resolves no finer
+
+
+class FieldNetwork(nn.Module):
+    """Nodal forces in N to nodal displacements in m, on the grid.
+
+    Parameters
+    ----------
+    network : nn.Module
+        Between scaled fields, (N, d, nx, ny[, nz]) → (N, d, nx, ny[, nz]), or → (N, 2d, …) with
+        means first, then ρ of the standard deviations σ = ln(1 + e^ρ); or → a `Prediction`. An
+        `Ensemble` makes K·N of N.
+    geometry : Geometry
+        Grid points that are clamped, or no nodes, are given zero displacement.
+    info : StructuredInfo
+        Statistics of the training split, for the scales.
+
+    Attributes
+    ----------
+    force_scale : Tensor, ()
+        Standard deviation of a force component that is U(−a, a), a the largest found, in N.
+    unit : Tensor, ()
+        Root mean square of the displacement over nodes and components, in m.
+    displacement_scale : Tensor, (d, nx, ny[, nz])
+        What the network's output is multiplied by, in m: `unit`, unless `scale_by_node` is called.
+    free : Tensor, (nx, ny[, nz])
+        1 at grid points that are nodes free to move, else 0.
+    free_points : Tensor of int, (n_free,)
+        Those, numbered as the flattened grid is.
+    aleatoric_factor, epistemic_factor : Tensor, ()
+        Factors a and b on standard deviations between the nodes
+        (`surrogate.uncertainty.recalibration`).
+    """
+
+    force_scale: Tensor
+    unit: Tensor
+    displacement_scale: Tensor
+    free: Tensor
+    free_points: Tensor
+    aleatoric_factor: Tensor
+    epistemic_factor: Tensor
+
+    def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
+        super().__init__()
+        self.network = network
+        free = torch.from_numpy(geometry.free_mask).float()
+        unit = root_mean_square(info)
+        self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
+        self.register_buffer("unit", torch.tensor(unit))
+        self.register_buffer(
+            "displacement_scale", torch.full((geometry.dimension, *free.shape), unit)
+        )
+        self.register_buffer("free", free)
+        self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
+        self.register_buffer("aleatoric_factor", torch.ones(()))
+        self.register_buffer("epistemic_factor", torch.ones(()))
+
+    def scale_by_node(self, displacement: Tensor) -> None:
+        """Scale every component of every node by its own root mean square over some samples.
+
+        Parameters
+        ----------
+        displacement : Tensor, (N, d, nx, ny[, nz])
+            In m.
+        """
+        scale = displacement.square().mean(dim=0).sqrt()
+        self.displacement_scale.copy_(torch.where(scale > 0, scale, self.unit))
+
+    @property
+    def members(self) -> int:
+        """K, the number of networks in it."""
+        return len(self.network.members) if isinstance(self.network, Ensemble) else 1
+
+    def forward(self, force: Tensor) -> Prediction:
+        """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
+        output: Tensor | Prediction = self.network(force / self.force_scale)
+        scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
+        if isinstance(output, Prediction):
+            mean, std = output
+            return Prediction(mean * scale, None if std is None else std * scale)
+        output = output.to(force.dtype)
+        if output.shape[1] == d:
+            return Prediction(output * scale, None)
+        std = functional.softplus(output[:, d:]) + SMALLEST_STD
+        return Prediction(output[:, :d] * scale, std * scale)
+
+
+def root_mean_square(info: StructuredInfo) -> float:
+    """Root mean square of the displacement over nodes and components, in m; 1 if it is zero."""
+    squares = [
+        m**2 + s**2 for m, s in zip(info.displacement.mean, info.displacement.std, strict=True)
+    ]
+    return math.sqrt(sum(squares) / len(squares)) or 1.0

@@ -1,0 +1,137 @@
+"""A network between fields, taken between the nodes of the mesh: grid map included."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from shared_schema.grid import Grid
+from shared_schema.grid_map import GridMap
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.probabilistic.likelihoods import Prediction
+
+
+class WeightedSums(nn.Module):
+    """A sparse linear map: every value a weighted sum of a few.
+
+    Parameters
+    ----------
+    sources : array of int, (n_out, k)
+        Which values each is a sum of.
+    weights : array, (n_out, k)
+    """
+
+    sources: Tensor
+    weights: Tensor
+
+    def __init__(self, sources: NDArray[np.int64], weights: NDArray[np.float64]) -> None:
+        super().__init__()
+        self.register_buffer("sources", torch.from_numpy(sources.T.flatten()))
+        self.register_buffer("weights", torch.from_numpy(weights.T.astype(np.float32)))
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Sum: (…, n_in) → (…, n_out)."""
+        terms = values.index_select(-1, self.sources)
+        terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
+        sums: Tensor = (terms * self.weights).sum(dim=-2)
+        return sums
+
+
+class NodalNetwork(nn.Module):
+    """Nodal forces in N to nodal displacements in m.
+
+    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f, whatever
+    the kind of grid (`shared_schema.embedded_grid`).
+
+    Parameters
+    ----------
+    network : FieldNetwork
+    grid : GridMap or EmbeddedGrid
+    """
+
+    def __init__(self, network: FieldNetwork, grid: Grid) -> None:
+        super().__init__()
+        points, weights = interpolation(grid)
+        self.network = network
+        self.shape = grid.shape
+        self.to_nodes = WeightedSums(points, weights)
+        self.to_grid = WeightedSums(*transposed(points, weights, int(np.prod(grid.shape))))
+
+    def forward(self, force: Tensor, passes: int = 1) -> Prediction:
+        """Predict with one pass, or with several that were drawn (`probabilistic.passes`).
+
+        Parameters
+        ----------
+        force : Tensor, (N, n_nodes, d)
+            In N.
+        passes : int
+            T, the number of those drawn.
+
+        Returns
+        -------
+        Prediction
+            Fields (K·T, N, n_nodes, d) in m, K being the number of the network's members.
+        """
+        grid = self.to_grid(force.transpose(1, 2)).repeat(passes, 1, 1)
+        mean, std = self.network(grid.reshape(*grid.shape[:2], *self.shape))
+
+        def at_nodes(field: Tensor) -> Tensor:
+            nodal: Tensor = self.to_nodes(field.flatten(2)).transpose(1, 2)
+            return nodal.reshape(self.network.members * passes, -1, *nodal.shape[1:])
+
+        if std is None:
+            return Prediction(at_nodes(mean), None)
+        return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
+
+    def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
+        r"""Factors on aleatoric and epistemic standard deviations, (N, 1, 1) each, of some forces.
+
+        The factors that were fitted in the range of training, and beyond it 1 more and more:
+        :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, r being the largest force component
+        over the largest in training.
+        """
+        limit = self.network.force_scale * 3**0.5  # its definition, backwards
+        reach = force.abs().amax(dim=(1, 2), keepdim=True) / limit
+        weight = reach.clamp(min=1).pow(-4)
+        network = self.network
+        return network.aleatoric_factor**weight, network.epistemic_factor**weight
+
+
+def interpolation(grid: Grid) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Grid points that the value at a node is made of, and their weights: (n_nodes, k) each."""
+    if not isinstance(grid, GridMap):
+        return grid.points, grid.point_weights
+    points = np.empty((grid.nodes, 1), dtype=np.int64)
+    points[grid.node_at[grid.mask], 0] = np.flatnonzero(grid.mask)
+    return points, np.ones_like(points, dtype=np.float64)
+
+
+def transposed(
+    sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The transpose of a sparse map, in the same form.
+
+    Parameters
+    ----------
+    sources : array of int, (n_out, k)
+    weights : array, (n_out, k)
+    columns : int
+        n_in.
+
+    Returns
+    -------
+    sources, weights : array, (n_in, m)
+        Rows shorter than the longest are filled up by weights of zero.
+    """
+    rows, places = np.nonzero(weights)
+    column = sources[rows, places]
+    order = np.argsort(column, kind="stable")
+    counts = np.bincount(column, minlength=columns)
+    position = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shape = (columns, max(1, int(counts.max())))
+    new_sources, new_weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
+    new_sources[column[order], position] = rows[order]
+    new_weights[column[order], position] = weights[rows, places][order]
+    return new_sources, new_weights

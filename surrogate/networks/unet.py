@@ -1,0 +1,192 @@
+"""The U-Net of Deshpande et al. (2022), Section 2.2, in two and three dimensions.
+
+Zero padding of the grid; at every level two 3×3(×3) convolutions, each with batch normalisation
+and an activation; 2×2(×2) max pooling on the way down; nearest up-sampling by 2 on the way up,
+concatenated with what the way down had at that level; a 1×1 linear convolution at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.common.configuration import Frozen
+from surrogate.probabilistic.dropout import ChannelDropout
+from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig
+
+CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
+BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
+POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
+ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
+Input = Literal["linear", "asinh", "saturating"]
+
+
+def saturating(force: Tensor) -> Tensor:
+    """Saturate scaled forces: f / √(1 + f²/3) tends to ±√3, the end of the training range."""
+    return force * torch.rsqrt(1 + force.square() / 3)
+
+
+INPUTS: dict[Input, Callable[[Tensor], Tensor]] = {
+    "linear": lambda force: force,
+    "asinh": torch.asinh,
+    "saturating": saturating,
+}
+
+
+class UNetConfig(Frozen):
+    """Shape of a U-Net (defaults: the paper's in two dimensions).
+
+    Attributes
+    ----------
+    levels : int
+        Number of resolutions, the finest included.
+    channels : int
+        Channels c of the finest level.
+    multiplier : int
+        Factor from the channels of one level to those of the next coarser; 1 keeps them constant.
+    padding : int
+        Rows of zeros put around the grid on every side.
+    activation : {"relu", "gelu", "silu"}
+    batch_norm : bool
+    inputs : tuple of {"linear", "asinh", "saturating"}
+        What the first convolution is given of the scaled forces f: f, arsinh f or f / √(1 + f²/3).
+        All serve within the training range, −√3 to √3; beyond it the network goes on linearly in
+        what it is given, so that an ensemble, whose members take them in turn, spreads over
+        responses that go on, stiffen and saturate.
+    dropout : float
+        Probability with which a channel is dropped behind the second convolution of every level,
+        in training and in stochastic passes.
+    """
+
+    levels: int = Field(3, ge=1)
+    channels: int = Field(128, ge=1)
+    multiplier: int = Field(2, ge=1)
+    padding: int = Field(2, ge=0)
+    activation: Literal["relu", "gelu", "silu"] = "relu"
+    batch_norm: bool = True
+    inputs: tuple[Input, ...] = Field(("linear",), min_length=1)
+    dropout: float = Field(0.0, ge=0, lt=1)
+
+    def level_channels(self) -> list[int]:
+        """Channels of every level, finest first."""
+        return [self.channels * self.multiplier**level for level in range(self.levels)]
+
+
+class DoubleConvolution(nn.Sequential):
+    """Two 3×3(×3) convolutions that keep the grid's size, each with batch norm and activation.
+
+    `probabilistic` gives the configuration of convolution 1 or 2 if it is a probabilistic one.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        inputs: int,
+        outputs: int,
+        config: UNetConfig,
+        probabilistic: Callable[[int], VariationalConfig | None],
+    ) -> None:
+        layers: list[nn.Module] = []
+        for number, channels in enumerate((inputs, outputs), start=1):
+            kernel = start_as_he(CONVOLUTIONS[dimension](channels, outputs, 3, padding=1))
+            variational = probabilistic(number)
+            layers.append(FlipoutConvolution(kernel, variational) if variational else kernel)
+            if config.batch_norm:
+                layers.append(BATCH_NORMS[dimension](outputs))
+            layers.append(ACTIVATIONS[config.activation]())
+        if config.dropout:
+            layers.append(ChannelDropout(outputs, config.dropout))
+        super().__init__(*layers)
+
+
+class UNet(nn.Module):
+    """Force grid in, displacement grid out: (N, d, nx, ny[, nz]) → (N, outputs, nx, ny[, nz]).
+
+    Parameters
+    ----------
+    dimension : int
+        d, 2 or 3; also the number of input channels.
+    outputs : int
+        Output channels.
+    config : UNetConfig
+    variational : VariationalConfig, optional
+        Which convolutions are probabilistic; none if left out.
+    member : int
+        Its number in an ensemble.
+    """
+
+    def __init__(
+        self,
+        dimension: int,
+        outputs: int,
+        config: UNetConfig,
+        variational: VariationalConfig | None = None,
+        member: int = 0,
+    ) -> None:
+        super().__init__()
+        self.dimension = dimension
+        self.padding = config.padding
+        self.transform = INPUTS[config.inputs[member % len(config.inputs)]]
+        self.coarsening = 2 ** (config.levels - 1)
+        channels = config.level_channels()
+
+        def double(level: int, inputs: int) -> DoubleConvolution:
+            def probabilistic(number: int) -> VariationalConfig | None:
+                return variational if variational and variational.covers(level, number) else None
+
+            return DoubleConvolution(dimension, inputs, channels[level], config, probabilistic)
+
+        self.encoder = nn.ModuleList(
+            double(level, inputs) for level, inputs in enumerate([dimension, *channels[:-1]])
+        )
+        self.decoder = nn.ModuleList(
+            double(level, channels[level + 1] + channels[level])
+            for level in reversed(range(config.levels - 1))
+        )
+        self.pool = POOLINGS[dimension](2)
+        self.head = CONVOLUTIONS[dimension](channels[0], outputs, kernel_size=1)
+
+    def forward(self, force: Tensor) -> Tensor:
+        """Predict the displacement grid from the force grid, both in scaled units."""
+        size = force.shape[2:]
+        x = functional.pad(self.transform(force), self._pads(size))
+        skipped = []
+        for level in self.encoder[:-1]:
+            x = level(x)
+            skipped.append(x)
+            x = self.pool(x)
+        x = self.encoder[-1](x)
+        for level in self.decoder:
+            x = functional.interpolate(x, scale_factor=2, mode="nearest")
+            x = level(torch.cat((x, skipped.pop()), dim=1))
+        x = self.head(x)
+        for axis, length in enumerate(size, start=2):
+            x = x.narrow(axis, self.padding, length)
+        cropped: Tensor = x
+        return cropped
+
+    def _pads(self, size: torch.Size) -> list[int]:
+        """Padding of each axis, last axis first, so that the levels divide the padded length."""
+        pads: list[int] = []
+        for length in reversed(size):
+            padded = length + 2 * self.padding
+            pads += [self.padding, self.padding + -padded % self.coarsening]
+        return pads
+
+
+def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
+    """Start a kernel as He et al. (2015) propose for rectifiers, and the bias at zero."""
+    nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
+    assert convolution.bias is not None
+    nn.init.zeros_(convolution.bias)
+    return convolution
+
+
+def parameter_count(module: nn.Module) -> int:
+    """Number of trainable parameters."""
+    return sum(p.numel() for p in module.parameters() if p.requires_grad)

@@ -1,0 +1,152 @@
+"""Optimisers and learning-rate schedules, by name."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+
+from shared_schema.common.configuration import Frozen
+from surrogate.optim.muon import Muon
+
+ONE_CYCLE_START = 1 / 25  # torch's default
+
+
+class OptimiserConfig(Frozen):
+    """Optimiser and learning rate (defaults: the paper's).
+
+    Attributes
+    ----------
+    name : {"adam", "muon"}
+        ``muon`` updates the convolution kernels between hidden layers by Muon, the rest by Adam.
+    learning_rate : float
+        Peak learning rate.
+    betas : tuple of 2 floats
+        Adam's.
+    momentum : float
+        Muon's.
+    weight_decay : float
+        Decoupled.
+    rho_factor : float
+        Factor on the learning rate of the ρ of Gaussian posteriors. Their best values follow the
+        likelihood's σ, which falls by orders of magnitude; a ρ that lags behind leaves bands too
+        wide.
+    gradient_clip : float or None
+        Largest 2-norm of the gradient of all parameters.
+    """
+
+    name: Literal["adam", "muon"] = "adam"
+    learning_rate: float = Field(1e-4, gt=0)
+    betas: tuple[float, float] = (0.9, 0.999)
+    momentum: float = Field(0.95, ge=0, lt=1)
+    weight_decay: float = Field(0.0, ge=0)
+    rho_factor: float = Field(1.0, gt=0)
+    gradient_clip: float | None = Field(None, gt=0)
+
+
+class ScheduleConfig(Frozen):
+    """Learning rate over the training, as a factor on its peak.
+
+    Attributes
+    ----------
+    name : {"constant", "linear", "cosine", "one_cycle"}
+        What follows the warm-up: the peak, or a decay to `final`. ``one_cycle``: half a cosine up,
+        half a cosine down, as torch's OneCycleLR (Smith and Topin 2018).
+    warmup : float
+        Part of all steps over which the rate grows: linearly from zero, with ``one_cycle`` from a
+        25th.
+    final : float
+        Factor at the end.
+    """
+
+    name: Literal["constant", "linear", "cosine", "one_cycle"] = "constant"
+    warmup: float = Field(0.0, ge=0, lt=1)
+    final: float = Field(0.0, ge=0, le=1)
+
+    def factor(self, step: int, steps: int) -> float:
+        """Factor on the learning rate at a step (0 … steps − 1): a pure function of both."""
+        if self.name == "one_cycle":
+            return self._one_cycle(step, steps)
+        done = (step + 1) / steps
+        if done < self.warmup:
+            return done / self.warmup
+        if self.name == "constant":
+            return 1.0
+        left = (1.0 - step / steps) / (1.0 - self.warmup) if self.warmup < 1 else 0.0
+        left = min(1.0, left)
+        decay = left if self.name == "linear" else 0.5 * (1 - math.cos(math.pi * left))
+        return self.final + (1 - self.final) * decay
+
+    def _one_cycle(self, step: int, steps: int) -> float:
+        peak = self.warmup * steps - 1
+        if step < peak:
+            return cosine_between(ONE_CYCLE_START, 1.0, step / peak)
+        peak = max(peak, 0.0)
+        return cosine_between(1.0, self.final, (step - peak) / max(steps - 1 - peak, 1.0))
+
+
+def cosine_between(start: float, end: float, done: float) -> float:
+    """Go from start (done = 0) to end (done = 1) by half a cosine."""
+    return end + (start - end) * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def make_optimisers(
+    network: nn.Module, config: OptimiserConfig, capturable: bool = False
+) -> list[torch.optim.Optimizer]:
+    """Make the optimisers of a network: one for each kind of parameter.
+
+    With `capturable`, for CUDA graphs, the learning rate is a tensor on the network's device.
+    """
+    parameters = [p for p in network.parameters() if p.requires_grad]
+    kernels = (
+        [p for name, p in network.named_parameters() if is_hidden_kernel(name, p)]
+        if config.name == "muon"
+        else []
+    )
+    rate: float | Tensor = config.learning_rate
+    if capturable:
+        rate = torch.tensor(rate, device=parameters[0].device)
+    spreads = [
+        p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad
+    ]
+    taken = {id(p) for p in (*kernels, *spreads)}
+    rest = [p for p in parameters if id(p) not in taken]
+    optimisers: list[torch.optim.Optimizer] = []
+    if kernels:
+        optimisers.append(Muon(kernels, rate, config.momentum, config.weight_decay))
+    for group, decay, factor in (
+        (rest, config.weight_decay, 1.0),
+        (spreads, 0.0, config.rho_factor),
+    ):
+        if group:
+            optimiser = torch.optim.AdamW(
+                group,
+                rate.clone() if isinstance(rate, Tensor) else rate,
+                betas=config.betas,
+                weight_decay=decay,
+                fused=True,
+                capturable=capturable,
+            )
+            optimiser.param_groups[0]["factor"] = factor
+            optimisers.append(optimiser)
+    return optimisers
+
+
+def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
+    """Tell kernels between hidden layers, or their means, from all other parameters."""
+    is_kernel = name.endswith(("weight", "kernel.mean")) and not name.endswith("head.weight")
+    return is_kernel and parameter.ndim > 2 and parameter.shape[1] > 3
+
+
+def set_learning_rate(optimisers: list[torch.optim.Optimizer], learning_rate: float) -> None:
+    """Set the learning rate of every group of every optimiser, times the group's own factor."""
+    for optimiser in optimisers:
+        for group in optimiser.param_groups:
+            rate = learning_rate * group.get("factor", 1.0)
+            if isinstance(group["lr"], Tensor):
+                group["lr"].fill_(rate)
+            else:
+                group["lr"] = rate

@@ -1,0 +1,1 @@
+"""Random weights and outputs: posteriors, Flipout, dropout, ensembles, likelihoods, passes."""

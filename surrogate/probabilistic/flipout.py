@@ -1,0 +1,169 @@
+r"""Convolution with a Gaussian posterior over its kernel, trained by Flipout (Wen et al. 2018).
+
+.. math:: y_n = x_n * μ + \big((x_n ∘ s_n) * (σ ∘ ε)\big) ∘ r_n + b
+
+One perturbation σ∘ε is shared by a batch; signs :math:`s_n` of the input channels and :math:`r_n`
+of the output channels, drawn for every sample n, make the samples' perturbations uncorrelated, each
+distributed as an independent one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.common.configuration import Frozen
+from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+
+CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functional.conv3d}
+
+
+class VariationalConfig(Frozen):
+    """Which weights are probabilistic, their priors, and the weight of the divergence.
+
+    Attributes
+    ----------
+    convolutions : tuple of {1, 2}
+        Which of the two convolutions of a level.
+    levels : tuple of int, optional
+        At which levels, 0 being the finest; all of them if left out.
+    biases : bool
+        Whether the biases of these convolutions are probabilistic too.
+    prior_std : float
+        σ_p.
+    prior_mean : {"trainable", "zero"}
+        μ_p: trained (empirical Bayes), or fixed at zero.
+    initial_std : float
+        σ at the start.
+    spread : {"gradient", "gauss_newton"}
+        How σ is found: by gradients of the bound, as in the paper, or from the Fisher information
+        (`gauss_newton`), which reaches the bound's maximum where gradients are lost in noise.
+    divergence : {"closed", "sampled"}
+        Closed form of the Kullback–Leibler divergence, or the paper's Monte Carlo form.
+    weight : float
+        Factor on the divergence; 1 is the evidence lower bound, below 1 a tempered posterior.
+    warmup : float
+        Part of all steps over which that factor grows linearly from zero.
+    """
+
+    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
+    levels: tuple[int, ...] | None = Field(None, min_length=1)
+    biases: bool = False
+    prior_std: float = Field(0.1, gt=0)
+    prior_mean: Literal["trainable", "zero"] = "trainable"
+    initial_std: float = Field(0.01, gt=0)
+    spread: Literal["gradient", "gauss_newton"] = "gradient"
+    divergence: Literal["closed", "sampled"] = "closed"
+    weight: float = Field(1.0, gt=0)
+    warmup: float = Field(0.0, ge=0, le=1)
+
+    def covers(self, level: int, number: int) -> bool:
+        """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""
+        return number in self.convolutions and (self.levels is None or level in self.levels)
+
+    def factor(self, step: int, steps: int) -> float:
+        """Factor on the divergence at a step (0 … steps − 1)."""
+        return self.weight * min(1.0, (step + 1) / (self.warmup * steps) if self.warmup else 1.0)
+
+
+class FlipoutConvolution(nn.Module):
+    """3×3(×3) convolution that keeps the grid's size, with a probabilistic kernel.
+
+    In training every sample of a batch sees another kernel. In evaluation the mean kernel is used,
+    or, after `draw`, the drawn ones: the batch is then as many equal parts as there were draws, and
+    each part sees one of them.
+
+    Parameters
+    ----------
+    convolution : nn.Conv2d or nn.Conv3d
+        Gives the initial means.
+    config : VariationalConfig
+    """
+
+    def __init__(self, convolution: nn.Conv2d | nn.Conv3d, config: VariationalConfig) -> None:
+        super().__init__()
+        assert convolution.bias is not None
+        self.convolve = CONVOLVE[convolution.weight.ndim - 2]
+        self.sampled = config.divergence == "sampled"
+
+        def gaussian(mean: Tensor) -> GaussianParameter:
+            trainable = config.prior_mean == "trainable"
+            return GaussianParameter(mean, config.initial_std, config.prior_std, trainable)
+
+        self.kernel = gaussian(convolution.weight)
+        self.bias = gaussian(convolution.bias) if config.biases else convolution.bias
+        self._noise: list[Tensor] = []
+        self._drawn: tuple[Tensor, Tensor] | None = None
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Convolve: (N, inputs, nx, ny[, nz]) → (N, outputs, nx, ny[, nz])."""
+        if self._drawn is not None:
+            return self._with_drawn(x, *self._drawn)
+        bias = self.bias.mean if isinstance(self.bias, GaussianParameter) else self.bias
+        y = self.convolve(x, self.kernel.mean, bias, padding=1)
+        return y + self._perturbation(x) if self.training else y
+
+    def _perturbation(self, x: Tensor) -> Tensor:
+        """What the spread of the posterior adds to the output."""
+        kernel, extra = self.kernel, (1,) * (x.ndim - 2)
+        noise = torch.randn_like(kernel.mean)
+        self._noise = [noise]
+        signs = random_signs(x, (len(x), kernel.mean.shape[1], *extra))
+        flipped = random_signs(x, (len(x), kernel.mean.shape[0], *extra))
+        y = self.convolve(x * signs, kernel.std * noise, padding=1) * flipped
+        if isinstance(self.bias, GaussianParameter):
+            noise = torch.randn(len(x), len(self.bias.mean), dtype=x.dtype, device=x.device)
+            self._noise.append(noise[0])
+            y = y + (self.bias.std * noise).reshape(*noise.shape, *extra)
+        return y
+
+    def divergence(self) -> Tensor:
+        """Divergence of kernel and biases in nats; the sampled one at the latest noise."""
+        parameters = [p for p in (self.kernel, self.bias) if isinstance(p, GaussianParameter)]
+        if not self.sampled:
+            return torch.stack([p.divergence() for p in parameters]).sum()
+        pairs = zip(parameters, self._noise, strict=True)
+        return torch.stack([p.sampled_divergence(noise) for p, noise in pairs]).sum()
+
+    def draw(self, generators: Sequence[torch.Generator]) -> None:
+        """Draw independent kernels and biases, one of each a generator, to evaluate with."""
+        if isinstance(self.bias, GaussianParameter):
+            bias = self.bias.draw(generators)
+        else:
+            bias = self.bias.expand(len(generators), -1)
+        self._drawn = (self.kernel.draw(generators), bias)
+
+    def forget(self) -> None:
+        """Evaluate with the means again."""
+        self._drawn = None
+
+    def _with_drawn(self, x: Tensor, kernel: Tensor, bias: Tensor) -> Tensor:
+        """Each of the batch's parts by its own kernel: a convolution in as many groups."""
+        passes, (samples, inputs), grid = len(kernel), x.shape[:2], x.shape[2:]
+        samples //= passes
+        grouped = x.reshape(passes, samples, inputs, *grid).transpose(0, 1)
+        y = self.convolve(
+            grouped.reshape(samples, passes * inputs, *grid),
+            kernel.flatten(0, 1),
+            bias.flatten(),
+            padding=1,
+            groups=passes,
+        )
+        parts = y.reshape(samples, passes, kernel.shape[1], *grid).transpose(0, 1)
+        return parts.reshape(passes * samples, kernel.shape[1], *grid)
+
+
+def flipouts(network: nn.Module) -> Iterator[FlipoutConvolution]:
+    """Every Flipout convolution of a network."""
+    return (module for module in network.modules() if isinstance(module, FlipoutConvolution))
+
+
+def random_signs(like: Tensor, shape: tuple[int, ...]) -> Tensor:
+    """Signs ±1, each with probability 1/2, of the type and device of a tensor."""
+    signs = torch.randint(0, 2, shape, dtype=like.dtype, device=like.device)
+    return 2 * signs - 1

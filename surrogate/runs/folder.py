@@ -1,0 +1,140 @@
+"""The folder of a run: what it was made from, its weights, its measures. Nothing in it is pickled.
+
+::
+
+    config.yaml         resolved configuration, and the dataset it was trained on
+    model.safetensors   weights, scales, mesh and grid map
+    metrics.jsonl       one line an epoch
+    hardware.txt        what it was trained on
+    evaluation.json     errors on the test split
+    intervals.safetensors   factors of conformal intervals, where asked for
+    figures/            pictures
+    checkpoint/         last.safetensors, to resume from
+    tensorboard/        event files of TensorBoard, on demand
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+from torch import Tensor
+
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import read_yaml, validate
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import Manifest
+from surrogate.runs.description import RunDescription
+from surrogate.runs.tensor_file import load_tensors, save_atomically
+
+
+class RunFolder:
+    """Paths and files of one run.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config = folder / "config.yaml"
+        self.model = folder / "model.safetensors"
+        self.metrics = folder / "metrics.jsonl"
+        self.hardware = folder / "hardware.txt"
+        self.evaluation = folder / "evaluation.json"
+        self.intervals = folder / "intervals.safetensors"
+        self.figures = folder / "figures"
+        self.checkpoint = folder / "checkpoint" / "last.safetensors"
+        self.tensorboard = folder / "tensorboard"
+
+    def start(self, description: RunDescription) -> None:
+        """Make the folder, or see that it belongs to the same configuration and dataset.
+
+        Raises
+        ------
+        InputError
+            If it belongs to another, naming the first difference, or holds something else.
+        """
+        if self.config.is_file():
+            existing = self.description()
+            if existing != description:
+                raise InputError(
+                    f"--out '{self.folder}': a run with another "
+                    f"{first_difference(existing.model_dump(), description.model_dump())}"
+                )
+            return
+        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
+            raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        content = description.model_dump(mode="json")
+        write_text(self.config, yaml.safe_dump(content, sort_keys=False))
+
+    def description(self) -> RunDescription:
+        """Read ``config.yaml``; InputError if there is none or it is damaged."""
+        if not self.config.is_file():
+            raise InputError(f"{self.folder}: no run there, expected a folder with config.yaml")
+        return validate(RunDescription, read_yaml(self.config), str(self.config))
+
+    def read_tensors(self) -> dict[str, Tensor]:
+        """Read ``model.safetensors``; InputError if the run is not finished or damaged."""
+        if not self.model.is_file():
+            raise InputError(f"{self.folder}: the run is not finished, no {self.model.name} in it")
+        return load_tensors(self.model)[0]
+
+    def write_tensors(self, tensors: dict[str, Tensor]) -> None:
+        """Write ``model.safetensors`` atomically."""
+        save_atomically(tensors, self.model)
+
+    def trained_on(self) -> str:
+        """Name of the hardware that it was trained on, as far as it was written down."""
+        return self.hardware.read_text().strip() if self.hardware.is_file() else "unknown"
+
+    def metric_lines(self) -> list[dict[str, Any]]:
+        """Every whole line of ``metrics.jsonl``; a last one that was cut short is left out."""
+        if not self.metrics.is_file():
+            return []
+        lines = []
+        for text in filter(None, self.metrics.read_text().splitlines()):
+            try:
+                lines.append(json.loads(text))
+            except ValueError:
+                break
+        return lines
+
+    def keep_metric_lines(self, epoch: int) -> None:
+        """Drop what was measured after an epoch."""
+        lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
+        write_text(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
+
+    def read_evaluation(self) -> dict[str, Any]:
+        """Read ``evaluation.json``; InputError if the run is not evaluated, or it is damaged."""
+        if not self.evaluation.is_file():
+            raise InputError(f"{self.folder}: not evaluated yet, no {self.evaluation.name} in it")
+        try:
+            content: dict[str, Any] = json.loads(self.evaluation.read_text())
+        except ValueError as error:
+            raise InputError(f"{self.evaluation}: damaged ({error})") from None
+        return content
+
+    def require_case_of(self, manifest: Manifest, description: RunDescription) -> None:
+        """Raise InputError unless a dataset is of the case that the run was trained on."""
+        theirs, ours = manifest.case, description.data.case
+        for key in ("name", "mesh", "supports", "material"):
+            if theirs.get(key) != ours.get(key):
+                raise InputError(
+                    f"{self.folder}: trained on case '{ours.get('name')}', the dataset is of case "
+                    f"'{theirs.get('name')}': {key} = {theirs.get(key)!r}, "
+                    f"expected {ours.get(key)!r}"
+                )
+
+
+def first_difference(old: Any, new: Any, key: str = "") -> str:
+    """Say where two nested mappings differ first: ``key = new, the folder has old``."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in [*old, *(k for k in new if k not in old)]:
+            if old.get(name) != new.get(name):
+                return first_difference(old.get(name), new.get(name), f"{key}.{name}".strip("."))
+    return f"{key} = {new!r}, the folder has {old!r}"

@@ -1,0 +1,55 @@
+"""Files of named tensors (safetensors): complete or not there, and with a digest inside."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import InputError, first_line
+
+Tensors = dict[str, Tensor]
+DIGEST = "sha256"
+
+
+def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | None = None) -> None:
+    """Write tensors and some text, with a digest of the tensors beside it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
+    text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
+    with complete_or_absent(path) as partial:
+        partial.write_bytes(save(contiguous, text))
+
+
+def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
+    """Read tensors and text back; nothing is unpickled.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, down to a bit of a tensor.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged ({first_line(error)})") from None
+    if metadata.get(DIGEST) != tensor_digest(tensors):
+        raise InputError(f"{path}: damaged (the tensors do not match their digest)")
+    return tensors, metadata
+
+
+def tensor_digest(tensors: Tensors) -> str:
+    """SHA-256 over names, types, shapes and bytes, by name."""
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        value = tensors[name]
+        digest.update(f"{name} {value.dtype} {tuple(value.shape)}".encode())
+        digest.update(value.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()

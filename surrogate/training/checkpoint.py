@@ -1,0 +1,111 @@
+"""Checkpoints: everything that the next epoch depends on, in one safetensors file.
+
+The order of the samples and the noise are pure functions of seed and epoch, and the learning rate
+one of the step, so weights and the states of what changes them are all there is to keep.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor
+
+from shared_schema.common.errors import InputError, first_line
+from surrogate.runs.tensor_file import load_tensors, save_atomically
+
+
+class Stateful(Protocol):
+    """Something whose state is named tensors, as a network's is."""
+
+    def state_dict(self) -> Mapping[str, Tensor]:
+        """Give the state."""
+
+    def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> Any:
+        """Take a state up."""
+
+
+def save_checkpoint(
+    path: Path,
+    epoch: int,
+    seconds: float,
+    parts: Mapping[str, Stateful],
+    optimisers: list[Any],
+) -> None:
+    """Write a checkpoint atomically.
+
+    Parameters
+    ----------
+    path : Path
+    epoch : int
+        Number of finished epochs.
+    seconds : float
+        Training time so far.
+    parts : dict of Stateful
+        The network, and what else changes from epoch to epoch, by name.
+    optimisers : list of torch.optim.Optimizer
+    """
+    tensors: dict[str, Tensor] = {
+        f"{part}.{name}": value
+        for part, stateful in parts.items()
+        for name, value in stateful.state_dict().items()
+    }
+    for number, optimiser in enumerate(optimisers):
+        for index, state in optimiser.state_dict()["state"].items():
+            for name, value in state.items():
+                tensors[f"optimiser.{number}.{index}.{name}"] = torch.as_tensor(value)
+    status = json.dumps({"epoch": epoch, "seconds": seconds})
+    save_atomically(tensors, path, {"status": status})
+
+
+def load_checkpoint(
+    path: Path, parts: Mapping[str, Stateful], optimisers: list[Any]
+) -> tuple[int, float]:
+    """Take up a checkpoint in place.
+
+    Returns
+    -------
+    epoch : int
+        Number of finished epochs.
+    seconds : float
+        Training time up to there.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    tensors, metadata = load_tensors(path)
+    try:
+        status = json.loads(metadata["status"])
+        for part, stateful in parts.items():
+            stateful.load_state_dict(_below(f"{part}.", tensors))
+        for number, optimiser in enumerate(optimisers):
+            _restore(optimiser, _below(f"optimiser.{number}.", tensors))
+        return int(status["epoch"]), float(status["seconds"])
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path}: not a checkpoint of this run ({first_line(error)})") from None
+
+
+def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        index, _, key = name.partition(".")
+        state.setdefault(int(index), {})[key] = value
+    groups = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": state, "param_groups": groups})
+    for parameter, values in optimiser.state.items():
+        for key, value in values.items():
+            if value.shape == parameter.shape:  # fused Adam needs the parameter's memory layout
+                values[key] = torch.empty_like(parameter).copy_(value)
+
+
+def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {
+        name.removeprefix(prefix): value
+        for name, value in tensors.items()
+        if name.startswith(prefix)
+    }

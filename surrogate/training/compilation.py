@@ -1,0 +1,30 @@
+"""Networks compiled by `torch.compile`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+
+from shared_schema.common.errors import WorkError, first_line
+from surrogate.probabilistic.likelihoods import Prediction
+
+
+def compiled(network: nn.Module) -> Callable[[Tensor], Prediction]:
+    """Compile a network, once for every shape that it is called with.
+
+    What is returned raises WorkError where compiling fails, for want of a C++ compiler say.
+    """
+    from torch._dynamo.exc import TorchDynamoException
+
+    fast = torch.compile(network, dynamic=False)
+
+    def forward(force: Tensor) -> Prediction:
+        try:
+            prediction: Prediction = fast(force)
+        except TorchDynamoException as error:
+            raise WorkError(f"key 'training.compile' = True: {first_line(error)}") from None
+        return prediction
+
+    return forward

@@ -1,0 +1,124 @@
+r"""Data parallelism: every process takes its part of each batch, and gradients are added up.
+
+Of a batch's n samples, rank r has :math:`n_r` and differentiates :math:`n_r / n` times the mean
+loss over them, so that the sum over the ranks is the gradient of the batch's mean, parts of
+different sizes included. Processes are started by ``torchrun``; without it there is one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import torch
+from torch import Tensor, distributed, nn
+
+from shared_schema.common.errors import InputError, WorkError
+from surrogate.device import choose_device
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """One process among those that train together.
+
+    Attributes
+    ----------
+    rank : int
+        Its number, from 0. The first one alone writes files.
+    count : int
+    """
+
+    rank: int = 0
+    count: int = 1
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this is the process that writes."""
+        return self.rank == 0
+
+    def part(self, batch: Tensor) -> Tensor:
+        """Give this process its part of a batch."""
+        return batch.tensor_split(self.count)[self.rank]
+
+    def add_up(self, values: Tensor) -> None:
+        """Replace values by their sum over all processes. Collective."""
+        if self.count > 1:
+            distributed.all_reduce(values)
+
+    def add_up_gradients(self, network: nn.Module) -> None:
+        """Replace every gradient by its sum over all processes; none is zero. Collective."""
+        if self.count == 1:
+            return
+        parameters = [p for p in network.parameters() if p.requires_grad]
+        for parameter in parameters:
+            if parameter.grad is None:
+                parameter.grad = torch.zeros_like(parameter)
+        gradients = [p.grad for p in parameters if p.grad is not None]
+        flat = torch.cat([gradient.flatten() for gradient in gradients])
+        self.add_up(flat)
+        totals = torch.split(flat, [gradient.numel() for gradient in gradients])
+        for gradient, total in zip(gradients, totals, strict=True):
+            gradient.copy_(total.view_as(gradient))
+
+    def from_first(self, work: Callable[[], Result]) -> Result:
+        """Do some work in the first process, and have what it returns or raises in all. Collective.
+
+        Raises
+        ------
+        InputError, WorkError, OSError
+            What the work raises.
+        """
+        if self.count == 1:
+            return work()
+        outcome: list[Any] = [None]
+        if self.is_first:
+            try:
+                outcome[0] = work()
+            except (InputError, WorkError, OSError) as error:
+                outcome[0] = error
+        distributed.broadcast_object_list(outcome)
+        if isinstance(outcome[0], Exception):
+            raise outcome[0]
+        result: Result = outcome[0]
+        return result
+
+
+ALONE = Ranks()
+
+
+@contextmanager
+def joined(device_name: str) -> Iterator[tuple[Ranks, torch.device]]:
+    """Join the processes that ``torchrun`` has started, each with a device of its own.
+
+    Parameters
+    ----------
+    device_name : {"auto", "cpu", "cuda"}
+
+    Raises
+    ------
+    InputError
+        If there is no such device, or there are fewer of them than processes.
+    """
+    device = choose_device(device_name)
+    if not distributed.is_torchelastic_launched():
+        yield ALONE, device
+        return
+    if device.type == "cuda":
+        local, devices = int(os.environ["LOCAL_RANK"]), torch.cuda.device_count()
+        if local >= devices:
+            raise InputError(
+                f"torchrun --nproc-per-node {os.environ['LOCAL_WORLD_SIZE']}: expected {devices} "
+                "at most, the number of CUDA devices here"
+            )
+        device = torch.device("cuda", local)
+        torch.cuda.set_device(device)
+    distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    try:
+        yield Ranks(distributed.get_rank(), distributed.get_world_size()), device
+    finally:
+        distributed.destroy_process_group()

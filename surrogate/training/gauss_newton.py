@@ -1,0 +1,99 @@
+r"""Spreads of Gaussian posteriors that maximise the evidence lower bound of a linearised network.
+
+With the network linearised in its weights, the bound is greatest at
+
+.. math:: \frac{1}{σ_w^2} = \frac{1}{σ_p^2} + \frac{h_w}{κ}, \qquad
+   h_w = \sum_{i=1}^{N} \sum_{j=1}^{F} \frac{1}{σ_{ij}^2} \Big(\frac{∂μ_{ij}}{∂w}\Big)^2
+       + 2 \Big(\frac{∂ \ln σ_{ij}}{∂w}\Big)^2
+
+h being the diagonal of the Fisher information of the N·F data, in the mean over weights drawn from
+the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ the factor on the divergence.
+Stochastic gradients would find the same σ in the end, were their noise in ρ not so much larger
+than their mean. The sum over a batch has an estimate of relative standard deviation √2: the square
+of the gradient, for random signs v and v', of
+
+.. math:: \sum_{ij} v_{ij} \frac{μ_{ij}}{\bar σ_{ij}}
+   + \sqrt{2} v'_{ij} \frac{σ_{ij}}{\bar σ_{ij}}, \qquad \bar σ = σ \text{ held constant.}
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.probabilistic.flipout import random_signs
+from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.training.data_parallel import Ranks
+
+EVERY = 4  # steps from one estimate to the next
+MEMORY = 200  # estimates in the exponential average
+
+
+class GaussNewtonSpreads:
+    """The spreads of a network in training, set from an average of estimates of h.
+
+    Parameters
+    ----------
+    network : FieldNetwork
+        Its ρ are no longer trained by gradients.
+    samples : int
+        N.
+    """
+
+    def __init__(self, network: FieldNetwork, samples: int) -> None:
+        self.network, self.samples = network, samples
+        self.parameters = [m for m in network.modules() if isinstance(m, GaussianParameter)]
+        for parameter in self.parameters:
+            parameter.rho.requires_grad_(False)
+        self.sizes = [parameter.mean.numel() for parameter in self.parameters]
+        self.information = torch.zeros(sum(self.sizes), device=network.unit.device)
+        self.weight = torch.zeros(())
+
+    def update(self, force: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
+        """Take a batch into the average, and set every σ. Collective.
+
+        Parameters
+        ----------
+        force : Tensor, (n, d, nx, ny[, nz])
+            This process's part of a batch of `whole` samples, in N.
+        factor : float
+            κ.
+        """
+        estimate = self._squared_gradients(force) * (self.samples / whole)
+        ranks.add_up(estimate)
+        self.information.lerp_(estimate, 1 / MEMORY)
+        self.weight.lerp_(torch.ones(()), 1 / MEMORY)
+        if factor > 0:
+            parts = torch.split(self.information / (self.weight.item() * factor), self.sizes)
+            for parameter, h in zip(self.parameters, parts, strict=True):
+                std = (h.view_as(parameter.mean) + parameter.prior_std**-2).rsqrt()
+                parameter.set_std(std)
+
+    def _squared_gradients(self, force: Tensor) -> Tensor:
+        """Estimate the sum over some samples, (weights,)."""
+        if len(force) == 0:
+            return torch.zeros_like(self.information)
+        prediction = self.network(force)
+        assert prediction.std is not None
+        mean, std = (
+            field.flatten(2).index_select(2, self.network.free_points)
+            for field in (prediction.mean, prediction.std)
+        )
+        signs, other = (random_signs(mean, mean.shape) for _ in range(2))
+        total = ((signs * mean + math.sqrt(2) * other * std) / std.detach()).sum()
+        means = [parameter.mean for parameter in self.parameters]
+        gradients = torch.autograd.grad(total, means)
+        return torch.cat([gradient.flatten() for gradient in gradients]).square()
+
+    def state_dict(self) -> Mapping[str, Tensor]:
+        """Give the average."""
+        return {"information": self.information, "weight": self.weight}
+
+    def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> None:
+        """Take an average up."""
+        self.information.copy_(state_dict["information"])
+        self.weight.copy_(state_dict["weight"])

@@ -1,0 +1,60 @@
+"""What is measured in every epoch: lines of ``metrics.jsonl``, on demand TensorBoard's files."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Mapping
+
+from shared_schema.common.errors import InputError
+from surrogate.runs.folder import RunFolder
+
+Line = Mapping[str, float]
+
+
+class TrainingLog:
+    """The measures of a run, one line an epoch.
+
+    Parameters
+    ----------
+    run : RunFolder
+    epoch : int
+        The last one that counts; lines of later ones are dropped.
+    tensorboard : bool
+        Whether to write event files of TensorBoard as well.
+    silent : bool
+        Write nothing.
+    """
+
+    def __init__(self, run: RunFolder, epoch: int, tensorboard: bool, silent: bool) -> None:
+        self._path = None if silent else run.metrics
+        self._events = None
+        if silent:
+            return
+        run.keep_metric_lines(epoch)
+        if tensorboard:
+            from torch.utils.tensorboard import SummaryWriter
+
+            self._events = SummaryWriter(run.tensorboard, purge_step=epoch + 1)
+
+    def write(self, line: Line) -> None:
+        """Append the measures of an epoch."""
+        if self._path is not None:
+            with self._path.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+        if self._events is not None:
+            for name, value in line.items():
+                if name != "epoch":
+                    self._events.add_scalar(name, value, line["epoch"])
+            self._events.flush()
+
+    def close(self) -> None:
+        """Finish the files."""
+        if self._events is not None:
+            self._events.close()
+
+
+def require_tensorboard() -> None:
+    """Raise InputError unless TensorBoard can be written to."""
+    if importlib.util.find_spec("tensorboard") is None:
+        raise InputError("--tensorboard: not installed, expected the package 'tensorboard'")

@@ -1,0 +1,1 @@
+"""Calibration of predicted uncertainty: scores, conformal intervals, recalibration."""

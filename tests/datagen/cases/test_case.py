@@ -1,0 +1,124 @@
+"""The case file: what ships, and what is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from mpi4py import MPI
+
+from datagen.cases.body import make_body
+from datagen.cases.case import SHIPPED, read_case
+from shared_schema.common.errors import InputError
+
+Content = dict[str, Any]
+
+
+def written(folder: Path, content: Content) -> str:
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
+
+
+@pytest.fixture
+def content() -> Content:
+    loaded: Content = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
+    return loaded
+
+
+def test_beam2d_is_the_papers() -> None:
+    """Table 'datasets' of the paper: ±2.5 N, 5700 + 300 samples; E = 0.5 kPa, ν = 0.4."""
+    case = read_case("beam2d")
+    assert case.dataset.samples == 6000
+    assert round(case.dataset.test_fraction * case.dataset.samples) == 300
+    assert (case.material.young_modulus, case.material.poisson_ratio) == (500, 0.4)
+    assert case.material.volumetric == "paper"
+    body = make_body(case, MPI.COMM_SELF)
+    assert body.mesh.coordinates.size == 128
+    assert (body.clamped.sum(), body.loadable.sum()) == (4, 15)
+
+
+def test_name_and_path_are_the_same_case() -> None:
+    assert read_case("beam2d") == read_case(str(SHIPPED / "beam2d.yaml"))
+
+
+def test_replacements() -> None:
+    case = read_case("beam2d", volumetric="quadratic", samples=12)
+    assert (case.material.volumetric, case.dataset.samples) == ("quadratic", 12)
+    assert case.digest() != read_case("beam2d").digest()
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        (("material", "young_modulus"), -500, r"key 'material.young_modulus' = -500: .*greater"),
+        (
+            ("material", "poisson_ratio"),
+            0.5,
+            r"key 'material.poisson_ratio' = 0.5: .*less than 0.5",
+        ),
+        (("material", "poisson_ratio"), -1, "greater than -1"),
+        (("material", "density"), 1000, "unknown key 'material.density'"),
+        (("material", "volumetric"), "cubic", "'paper' or 'quadratic'"),
+        (("colour",), "red", "unknown key 'colour'"),
+        (("load", "range"), [1, -1], "low < high"),
+        (("load", "family"), "wind", "load family 'wind'"),
+        (("load", "nodes"), 3, "unknown key 'nodes'"),
+        (("mesh", "elements"), [15, 0], "greater than 0"),
+        (("mesh", "upper"), [4, 1, 1], "of the same length"),
+        (("solver", "tolerance"), float("nan"), "finite"),
+        (("dataset", "samples"), 0, "greater than 0"),
+        (("dataset", "seed"), "tuesday", "integer"),
+        (("supports",), [], "at least 1"),
+    ],
+)
+def test_wrong_values_are_named(
+    tmp_path: Path, content: Content, keys: tuple[str, ...], value: Any, said: str
+) -> None:
+    section = content
+    for key in keys[:-1]:
+        section = section[key]
+    section[keys[-1]] = value
+    with pytest.raises(InputError, match=said) as error:
+        read_case(written(tmp_path, content))
+    assert "\n" not in str(error.value)
+
+
+def test_missing_key(tmp_path: Path, content: Content) -> None:
+    del content["material"]["poisson_ratio"]
+    with pytest.raises(InputError, match=r"key 'material.poisson_ratio' is missing"):
+        read_case(written(tmp_path, content))
+
+
+@pytest.mark.parametrize("text", ["[1, 2", "- a\n- b", "", "name: {"])
+def test_no_mapping(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"case\.yaml"):
+        read_case(str(path))
+
+
+def test_no_such_case() -> None:
+    with pytest.raises(InputError, match=r"beam2d"):
+        read_case("beam9d")
+
+
+@pytest.mark.parametrize(
+    ("key", "region", "said"),
+    [
+        ("load", {"y": 1}, "clamped node at 0,1"),
+        ("load", {"y": 3}, "no node of the mesh"),
+        ("supports", {"x": -1}, "no node of the mesh"),
+    ],
+)
+def test_regions_that_do_not_fit_the_mesh(
+    tmp_path: Path, content: Content, key: str, region: Content, said: str
+) -> None:
+    if key == "load":
+        content["load"]["region"] = region
+    else:
+        content["supports"] = [region]
+    with pytest.raises(InputError, match=said):
+        make_body(read_case(written(tmp_path, content)), MPI.COMM_SELF)

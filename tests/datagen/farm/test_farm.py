@@ -1,0 +1,258 @@
+"""The farm: the same dataset by one process or many, killed or not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mpi4py import MPI
+
+from datagen.cases.case import SHIPPED, Case, read_case
+from datagen.farm.farm import run
+from datagen.farm.journal import Journal
+from datagen.farm.work_plan import shard_count, shard_samples
+from datagen.mesh.regions import Region
+from shared_schema.checker import check_dataset
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import read_manifest
+from shared_schema.shard import read_shard
+from tests.datagen.farm_runs import (
+    ENVIRONMENT,
+    assert_near,
+    assert_same,
+    command,
+    execute,
+    pids_of,
+    recorded,
+    start,
+    wait_until,
+    write_case,
+)
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_case(tmp_path_factory.mktemp("case"))
+
+
+@pytest.fixture(scope="module")
+def case(case_file: Path) -> Case:
+    return read_case(str(case_file))
+
+
+@pytest.fixture(scope="module")
+def serial(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("serial") / "nodal"
+    run(case, folder, MPI.COMM_SELF)
+    return folder
+
+
+def test_every_sample_is_in_one_shard(case: Case, serial: Path) -> None:
+    """120 samples in shards of 25: 4 full ones and one of 20."""
+    assert shard_count(case) == 5
+    numbers = [n for k in range(5) for n in shard_samples(case, k)]
+    assert numbers == list(range(120))
+    found = [
+        read_shard(serial / entry.file, "nodal")["samples/number"]
+        for entry in read_manifest(serial).shards
+    ]
+    assert np.concatenate(found).tolist() == numbers
+    assert check_dataset(serial) == []
+    assert not (serial / ".journal").exists()
+
+
+def test_every_loaded_node_is_loaded_equally_often(serial: Path) -> None:
+    """120 samples over 15 nodes: 8 each."""
+    nodes = np.concatenate(
+        [read_shard(p, "nodal")["samples/loaded_nodes"] for p in sorted(serial.glob("shard-*"))]
+    )
+    assert np.unique(nodes, return_counts=True)[1].tolist() == [8] * 15
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+def test_many_processes_make_what_one_makes(
+    case_file: Path, serial: Path, tmp_path: Path, ranks: int
+) -> None:
+    result = execute(ranks, case_file, tmp_path / "nodal")
+    assert result.returncode == 0, result.stderr
+    assert "120 samples solved, 0 failed" in result.stdout
+    assert check_dataset(tmp_path / "nodal") == []
+    assert_same(serial, tmp_path / "nodal")
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None:
+    """SIGKILL of everything half-way; the second start makes what is missing, and no more."""
+    case_file = write_case(tmp_path, samples=1500, shard_size=30)
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    with subprocess.Popen(
+        command(ranks, case_file, killed),
+        env=ENVIRONMENT,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        wait_until(lambda: recorded(killed) >= 5, process)
+        os.killpg(process.pid, signal.SIGKILL)
+    subprocess.run(["pkill", "-9", "-f", str(killed)], check=False)  # ranks in groups of their own
+    time.sleep(0.2)
+    done = {p.name: p.stat().st_mtime_ns for p in killed.glob("shard-*.h5")}
+    assert 5 <= len(done) < 50
+    assert not (killed / "manifest.json").exists()
+
+    result = execute(ranks, case_file, killed)
+    assert result.returncode == 0, result.stderr
+    kept = [name for name, time_ in done.items() if (killed / name).stat().st_mtime_ns == time_]
+    assert len(kept) >= len(done) - 2  # a shard without its entry yet is made again
+    assert check_dataset(killed) == []
+    assert execute(2, case_file, whole).returncode == 0
+    assert_same(whole, killed)
+
+
+@pytest.mark.mpi
+def test_ranks_that_share_a_mesh_find_the_same(
+    case_file: Path, serial: Path, tmp_path: Path
+) -> None:
+    """One body distributed over two ranks, LU and MUMPS."""
+    result = execute(2, case_file, tmp_path / "nodal", "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    assert_near(serial, tmp_path / "nodal")
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_ranks_that_share_a_multigrid_solve_find_the_same(tmp_path: Path) -> None:
+    """One body in space distributed over two ranks: hierarchies, and so the steps, are others."""
+    content = yaml.safe_load((SHIPPED / "beam3d.yaml").read_text())
+    content["mesh"]["elements"] = [14, 5, 5]
+    content["dataset"] |= {"samples": 40, "shard_size": 10}
+    case_file = tmp_path / "case.yaml"
+    case_file.write_text(yaml.safe_dump(content))
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        result = execute(2, case_file, out, "--ranks-per-solve", str(ranks))
+        assert result.returncode == 0, result.stderr
+    assert_near(tmp_path / "1", tmp_path / "2")
+
+
+@pytest.mark.mpi
+def test_ranks_that_make_no_groups(case_file: Path, tmp_path: Path) -> None:
+    result = execute(3, case_file, tmp_path / "nodal", "--ranks-per-solve", "2")
+    assert result.returncode == 2
+    assert "expected a divisor of the 3 ranks" in result.stderr
+    assert not (tmp_path / "nodal").exists()
+
+
+@pytest.mark.mpi
+def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
+    """What only the mesh can show to be wrong ends all ranks, and one says it."""
+    case_file = write_case(tmp_path, region={"y": 1.0})
+    result = execute(2, case_file, tmp_path / "nodal")
+    assert result.returncode == 2
+    assert "clamped node at 0,1" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "nodal").exists()
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [0, 2])
+def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
+    """SIGTERM to one rank ends all after their sample; what was solved is kept and not redone."""
+    case_file = write_case(tmp_path, samples=4000, shard_size=500)
+    out = tmp_path / "nodal"
+    with start(command(ranks, case_file, out)) as process:
+        wait_until(lambda: recorded(out) > 0, process)
+        time.sleep(0.1)  # into the next shard
+        os.kill(pids_of(out)[0], signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "stopped; the same command goes on from here" in said
+    parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
+    kept = np.concatenate([part["samples/wall_time"] for part in parts])
+    assert 0 < len(kept) < 1000
+    assert not (out / "manifest.json").exists()
+
+    assert execute(ranks, case_file, out).returncode == 0
+    assert check_dataset(out) == []
+    shards = [read_shard(path, "nodal") for path in sorted(out.glob("shard-*.h5"))]
+    assert np.isin(kept, np.concatenate([shard["samples/wall_time"] for shard in shards])).all()
+    whole = tmp_path / "whole"
+    assert execute(2, case_file, whole).returncode == 0
+    assert_same(whole, out)
+
+
+def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
+    before = {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")}
+    digest = read_manifest(serial).digest
+    run(case, serial, MPI.COMM_SELF)
+    assert {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")} == before
+    assert read_manifest(serial).digest == digest
+
+
+def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "nodal"
+    run(case, folder, MPI.COMM_SELF)
+    shard = folder / "shard-00002.h5"
+    shard.write_bytes(shard.read_bytes()[:1000])
+    (folder / "shard-00003.h5").unlink()
+    assert check_dataset(folder) != []
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert_same(serial, folder)
+
+
+def test_another_case_is_refused(case: Case, serial: Path) -> None:
+    stiffer = case.material.model_copy(update={"young_modulus": 600.0})
+    with pytest.raises(InputError, match=r"material.young_modulus = 600.0, the folder has 500.0"):
+        run(case.model_copy(update={"material": stiffer}), serial, MPI.COMM_SELF)
+    assert check_dataset(serial) == []
+
+
+def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
+    folder = tmp_path / "nodal"
+    first = Journal(folder)
+    first.open(case)
+    with pytest.raises(InputError, match="another run is working"):
+        run(case, folder, MPI.COMM_SELF)
+    first.close()
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+
+
+def test_wrong_input_writes_nothing(case: Case, tmp_path: Path) -> None:
+    """What only the mesh can show to be wrong is found before the folder is made."""
+    everywhere = case.load.model_copy(update={"region": Region(y=1.0)})
+    with pytest.raises(InputError, match="clamped node at 0,1"):
+        run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", MPI.COMM_SELF)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(InputError, match="holds something else"):
+        run(case, tmp_path, MPI.COMM_SELF)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
+    """Loads of up to 1 MN have no equilibrium that can be found: none is dropped in silence."""
+    path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
+    manifest = run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    assert (manifest.samples, manifest.failed) == (0, 6)
+    assert check_dataset(tmp_path / "nodal") == []
+    shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
+    assert shard["failed/number"].tolist() == [0, 1, 2, 3]
+    assert all(shard["failed/reason"])
+    assert np.all(shard["failed/load_factor"] < 1)
+    assert np.abs(shard["failed/force"]).max() > 1e5
+    assert len(shard["samples/number"]) == 0

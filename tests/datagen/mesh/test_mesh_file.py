@@ -1,0 +1,305 @@
+"""Meshes of one's own, from gmsh and through other formats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+import yaml
+from mpi4py import MPI
+
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import SHIPPED, Case, read_case
+from datagen.farm.farm import run
+from datagen.mesh.mesh_file import MeshFile
+from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from datagen.solver.load_stepping import solve_load_case
+from shared_schema.cells import NEIGHBOURS
+from shared_schema.common.errors import InputError
+from tests.datagen.farm_runs import assert_near, execute
+
+SQUARE = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 2, 1};
+Physical Curve("left") = {4}; Physical Curve("right") = {2}; Physical Curve(7) = {1, 2};
+Mesh.MeshSizeMax = 0.3;
+"""
+BLOCK = """SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 1, 1};
+Physical Surface("left") = {1}; Physical Surface("right") = {2};
+Mesh.MeshSizeMax = 0.4;
+"""
+BRICKS = "Transfinite Curve {:} = 4; Transfinite Surface {:}; Recombine Surface {:};\n"
+SCRIPTS = {
+    "triangle": SQUARE,
+    "quad": SQUARE + BRICKS,
+    "tetra": BLOCK,
+    "hexahedron": BLOCK + BRICKS + "Transfinite Volume {:};\n",
+}
+CASE: dict[str, Any] = {
+    "name": "own",
+    "mesh": {"kind": "file", "path": "own.geo"},
+    "material": {"young_modulus": 500, "poisson_ratio": 0.4},
+    "supports": [{"group": "left"}],
+    "load": {"family": "random_node", "region": {"group": "right"}, "range": [-1, 1]},
+    "dataset": {"samples": 8, "seed": 1, "shard_size": 4},
+}
+
+
+def write_case(folder: Path, script: str, **changes: Any) -> str:
+    (folder / "own.geo").write_text(script)
+    path = folder / "own.yaml"
+    path.write_text(yaml.safe_dump(CASE | changes))
+    return str(path)
+
+
+def body_of(case: Case) -> Body:
+    return make_body(case, MPI.COMM_SELF)
+
+
+def mesh_at(path: Path) -> RawMesh:
+    return MeshFile(kind="file", path=path.name).found_from(path.parent).raw_mesh()
+
+
+def volume(mesh: RawMesh) -> float:
+    """Sum of |det| over the simplices that every cell is cut into round its first corner."""
+    corners = mesh.coordinates[mesh.cells]
+    cuts: dict[str, list[tuple[int, ...]]] = {
+        "triangle": [(1, 2)],
+        "quad": [(1, 2), (2, 3)],
+        "tetra": [(1, 2, 3)],
+        "hexahedron": [(1, 2, 6), (2, 3, 6), (3, 7, 6), (7, 4, 6), (4, 5, 6), (5, 1, 6)],
+    }
+    total = sum(
+        np.abs(np.linalg.det(corners[:, list(cut)] - corners[:, :1])).sum()
+        for cut in cuts[mesh.cell_type]
+    )
+    return float(total) / math.factorial(mesh.coordinates.shape[1])
+
+
+@pytest.mark.parametrize("cell_type", SCRIPTS)
+def test_a_script_is_meshed(cell_type: str, tmp_path: Path) -> None:
+    """Area or volume 2; groups hold the nodes of their side, corners included."""
+    (tmp_path / "own.geo").write_text(SCRIPTS[cell_type])
+    mesh = mesh_at(tmp_path / "own.geo")
+    assert mesh.cell_type == cell_type
+    assert volume(mesh) == pytest.approx(2.0)
+    x = mesh.coordinates
+    assert np.array_equal(mesh.groups["left"], np.flatnonzero(x[:, 0] < 1e-9))
+    assert np.array_equal(mesh.groups["right"], np.flatnonzero(x[:, 0] > 2 - 1e-9))
+    if x.shape[1] == 2:
+        edges = (x[:, 1] < 1e-9) | (x[:, 0] > 2 - 1e-9)
+        assert np.array_equal(mesh.groups["7"], np.flatnonzero(edges))
+
+
+@pytest.mark.parametrize("cell_type", SCRIPTS)
+@pytest.mark.parametrize("suffix", [".msh", ".vtu", ".xdmf", ".inp"])
+def test_other_formats_hold_the_same_mesh(cell_type: str, suffix: str, tmp_path: Path) -> None:
+    (tmp_path / "own.geo").write_text(SCRIPTS[cell_type])
+    ours = mesh_at(tmp_path / "own.geo")
+    path = tmp_path / f"own{suffix}"
+    if suffix == ".msh":
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(tmp_path / "own.geo"))
+        gmsh.model.mesh.generate(ours.coordinates.shape[1])
+        gmsh.option.setNumber("Mesh.SaveAll", 1)
+        gmsh.write(str(path))
+        gmsh.finalize()
+    else:
+        sets: dict[str, Any] = {name: ours.groups[name] for name in ("left", "right")}
+        points = np.pad(ours.coordinates, ((0, 0), (0, 3 - ours.coordinates.shape[1])))
+        point_sets = sets if suffix == ".inp" else None
+        meshio.Mesh(points, [(cell_type, ours.cells)], point_sets=point_sets).write(path)
+    read = mesh_at(path)
+    assert read.cell_type == cell_type
+    assert read.coordinates == pytest.approx(ours.coordinates)
+    assert np.array_equal(read.cells, ours.cells)
+    if suffix in (".msh", ".inp"):
+        assert np.array_equal(read.groups["left"], ours.groups["left"])
+
+
+@pytest.mark.parametrize("cell_type", SCRIPTS)
+def test_a_patch_under_uniform_tension(cell_type: str, tmp_path: Path) -> None:
+    """Linear fields are equilibria of every mesh: u = (s x, −t y[, −t z]), no force inside.
+
+    Nodal forces that keep it: f_int vanishes at the inner nodes, and the sides' forces balance.
+    """
+    body = body_of(read_case(write_case(tmp_path, SCRIPTS[cell_type])))
+    x = body.mesh.coordinates
+    stretch = np.array([0.3, -0.1, -0.2])[: x.shape[1]]
+    body.problem.set_load(np.array([0]), np.zeros((1, x.shape[1])))
+    body.problem.set_displacement(x * stretch)
+    forces = body.problem.reactions()
+    upper = x.max(axis=0)
+    inner = np.all((x > 1e-9) & (x < upper - 1e-9), axis=1)
+    assert inner.any()
+    assert np.abs(forces[inner]).max() < 1e-10
+    assert forces.sum(axis=0) == pytest.approx(np.zeros(x.shape[1]), abs=1e-10)
+    assert np.abs(forces).max() > 1
+
+
+@pytest.mark.parametrize("cell_type", SCRIPTS)
+def test_reactions_balance_the_load(cell_type: str, tmp_path: Path) -> None:
+    case = read_case(write_case(tmp_path, SCRIPTS[cell_type]))
+    body = body_of(case)
+    load = case.load.draw(3, 1, body.loadable_nodes)
+    report = solve_load_case(body.problem, load.nodes, load.forces, case.solver)
+    assert report.solved
+    reactions = body.problem.reactions()
+    assert reactions[body.clamped].sum(axis=0) == pytest.approx(-load.forces.sum(axis=0), abs=1e-7)
+    assert np.abs(reactions[~body.clamped]).max() < 1e-8
+
+
+def test_finer_triangles_come_near_the_quadrilaterals(tmp_path: Path) -> None:
+    """Cantilever under a transverse load over its free side: two types of cells, one answer."""
+    tips = []
+    for cell_type, fine in (("quad", " = 4;"), ("triangle", "0.3")):
+        script = SCRIPTS[cell_type].replace(fine, {" = 4;": " = 33;", "0.3": "0.03"}[fine])
+        load = {"family": "traction", "region": {"group": "right"}, "range": [-1, 1]}
+        case = read_case(write_case(tmp_path, script, load=load))
+        body = body_of(case)
+        sides = case.load.draw(0, 0, body.loadable_nodes)
+        down = np.outer(np.abs(sides.forces[:, 1]) / np.abs(sides.forces[:, 1]).sum(), [0.0, -10.0])
+        assert solve_load_case(body.problem, sides.nodes, down, case.solver).solved
+        corner = np.linalg.norm(body.mesh.coordinates - [2, 0], axis=1).argmin()
+        tips.append(body.problem.displacement()[corner, 1])
+    assert tips[0] == pytest.approx(tips[1], rel=0.01)
+    assert abs(tips[0]) > 0.2
+
+
+def test_two_groups_of_cells_are_one_body(tmp_path: Path) -> None:
+    """Where cells are in physical groups, only those are the mesh; nodes of others are left out."""
+    script = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 1, 1};
+    Rectangle(2) = {1, 0, 0, 1, 1}; Rectangle(3) = {5, 0, 0, 1, 1}; Coherence;
+    Physical Surface("body") = {1, 2}; Mesh.MeshSizeMax = 0.5;
+"""
+    (tmp_path / "own.geo").write_text(script)
+    mesh = mesh_at(tmp_path / "own.geo")
+    assert volume(mesh) == pytest.approx(2.0)
+    assert mesh.coordinates[:, 0].max() == pytest.approx(2.0)
+    assert len(mesh.groups["body"]) == len(mesh.coordinates)
+
+
+def unit_square(**changes: Any) -> tuple[Any, Any, Any]:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [9, 9, 9]])
+    blocks = [("quad", np.array([[0, 1, 2, 3]]))]
+    content: dict[str, Any] = {"points": points, "blocks": blocks, "groups": {}} | changes
+    return content["points"], content["blocks"], content["groups"]
+
+
+def test_nodes_without_cells_are_left_out() -> None:
+    mesh = raw_mesh(*unit_square(groups={"all": np.array([4, 2, 0])}))
+    assert len(mesh.coordinates) == 4
+    assert mesh.groups["all"].tolist() == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"blocks": []}, "cells are none"),
+        ({"blocks": [("line", np.array([[0, 1]]))]}, "cells are none"),
+        ({"blocks": [("triangle6", np.zeros((1, 6), dtype=int))]}, "cells are triangle6"),
+        (
+            {"blocks": [("quad", np.array([[0, 1, 2, 3]])), ("triangle", np.array([[0, 1, 2]]))]},
+            "cells are quad, triangle",
+        ),
+        ({"blocks": [("quad", np.array([[0, 2, 1, 3]]))]}, "flat or turned over"),
+        ({"blocks": [("triangle", np.array([[0, 1, 1]]))]}, "flat or turned over"),
+        ({"points": np.full((5, 3), np.nan)}, "NaN"),
+        ({"points": np.eye(5, 3) + 1.0}, "leaves the plane"),
+    ],
+)
+def test_unfit_meshes_are_named(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        raw_mesh(*unit_square(**change))
+
+
+def test_neighbours_of_corners_are_right_handed() -> None:
+    """Cells in VTK order that are not turned over have positive Jacobians at every corner."""
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    cells: dict[str, Any] = {
+        "triangle": [[0, 0], [1, 0], [0, 1]],
+        "quad": square,
+        "tetra": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        "hexahedron": [[*xy, z] for z in (0, 1) for xy in square],
+    }
+    for name, corners in cells.items():
+        x = np.asarray(corners, dtype=float)
+        for corner, neighbours in enumerate(NEIGHBOURS[name]):
+            assert np.linalg.det(x[list(neighbours)] - x[corner]) == pytest.approx(1.0), name
+
+
+Change = Callable[[Path], str]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda f: write_case(f, SQUARE, mesh={"kind": "file", "path": "no.geo"}), "no such file"),
+        (lambda f: write_case(f, SQUARE.rstrip()), "expected a line feed at the end"),
+        (lambda f: write_case(f, "Rectangle(1) = {0, 0;\n"), "key 'mesh.path' = 'own.geo': "),
+        (lambda f: write_case(f, SQUARE + "Mesh.ElementOrder = 2;\n"), "cells are Triangle 6"),
+        (
+            lambda f: write_case(f, SQUARE, supports=[{"group": "lift"}]),
+            r"key 'supports.0': group 'lift': the mesh has no such group, but 7, left, right",
+        ),
+        (
+            lambda f: write_case(f, SQUARE + "Rectangle(2) = {5, 0, 0, 1, 1};\n"),
+            r"key 'supports': \d+ nodes are not connected to a clamped one, the first at 5",
+        ),
+        (
+            lambda f: write_case(f, SQUARE, supports=[{"group": "left", "y": "> 3"}]),
+            r"key 'supports\.0': no node of the mesh lies there",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_case_is_named(change: Change, words: str, tmp_path: Path) -> None:
+    path = change(tmp_path)
+    with pytest.raises(InputError, match=words):
+        body_of(read_case(path))
+
+
+@pytest.mark.parametrize("name", ["own.stl", "own.txt", "own.vtu"])
+def test_files_that_hold_no_mesh(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("no mesh")
+    with pytest.raises(InputError, match=f"key 'mesh.path' = '{name}': "):
+        mesh_at(tmp_path / name)
+
+
+def test_a_dataset_belongs_to_one_mesh(tmp_path: Path) -> None:
+    """The checksum of the file is part of the case: another mesh is another case."""
+    path = write_case(tmp_path, SQUARE)
+    run(read_case(path), tmp_path / "nodal", MPI.COMM_SELF)
+    write_case(tmp_path, SQUARE + "// a word\n")
+    with pytest.raises(InputError, match=r"made from another case: mesh.sha256 = '.{64}'"):
+        run(read_case(path), tmp_path / "nodal", MPI.COMM_SELF)
+
+
+def test_the_case_may_name_the_checksum(tmp_path: Path) -> None:
+    wrong = {"kind": "file", "path": "own.geo", "sha256": "0" * 64}
+    with pytest.raises(InputError, match=r"key 'mesh\.sha256'"):
+        read_case(write_case(tmp_path, SQUARE, mesh=wrong))
+
+
+def test_the_shipped_plate() -> None:
+    """4 x 1.6 m less three holes: 6.4 − π (0.4² + 0.45² + 0.35²), polygons for circles."""
+    mesh = MeshFile(kind="file", path="plate_with_holes.geo").found_from(SHIPPED).raw_mesh()
+    area = 6.4 - math.pi * (0.4**2 + 0.45**2 + 0.35**2)
+    assert volume(mesh) == pytest.approx(area, rel=0.01)
+    body = body_of(read_case("plate2d"))
+    assert (body.clamped.sum(), body.loadable.sum()) == (11, 11)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell_type", ["triangle", "tetra"])
+def test_ranks_share_a_mesh_of_ones_own(cell_type: str, tmp_path: Path) -> None:
+    """Distributed over two ranks, groups and numbers are the same; displacements to 1e-10 m."""
+    path = write_case(tmp_path, SCRIPTS[cell_type])
+    run(read_case(path), tmp_path / "one", MPI.COMM_SELF)
+    result = execute(2, Path(path), tmp_path / "two", "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    assert_near(tmp_path / "one", tmp_path / "two")

@@ -1,0 +1,207 @@
+"""Equilibria against closed forms, patch tests, and what Newton's method must do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from datagen.cases.body import Body
+from datagen.solver.equilibrium import INVERTED, EquilibriumProblem
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.material import Volumetric
+from datagen.solver.settings import SolverSettings
+
+ProblemMaker = Callable[..., EquilibriumProblem]
+NodeFinder = Callable[..., int]
+SETTINGS = SolverSettings()
+
+
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize(
+    ("elements", "upper"), [((4, 3), (2.0, 1.0)), ((3, 3, 2), (2.0, 1.0, 1.0))]
+)
+def test_patch(
+    make_problem: ProblemMaker,
+    volumetric: Volumetric,
+    elements: tuple[int, ...],
+    upper: tuple[float, ...],
+) -> None:
+    """A homogeneous deformation is in equilibrium at every inner node of a distorted mesh."""
+    problem = make_problem(elements, upper, volumetric=volumetric, distortion=0.07)
+    x = problem.mesh.coordinates
+    gradient = np.random.default_rng(5).uniform(-0.2, 0.2, (len(upper), len(upper)))
+    problem.set_displacement(x @ gradient.T)
+    forces = problem.reactions()
+    inner = np.all((x > 1e-9) & (x < np.asarray(upper) - 1e-9), axis=1)
+    assert inner.any()
+    assert np.abs(forces[inner]).max() < 1e-11 * np.abs(forces).max()
+
+
+@pytest.mark.parametrize("stretch", [0.6, 1.7])
+@pytest.mark.parametrize("upper", [(2.0, 1.0), (2.0, 1.0, 1.0)])
+def test_uniaxial_stretch(
+    make_problem: ProblemMaker, upper: tuple[float, ...], stretch: float
+) -> None:
+    """ν = 0: W = μ/2 (I_c − 3 − 2 ln J), no lateral strain, P₁₁ = μ (a − 1/a) with μ = E/2.
+
+    The end force is shared among the nodes as the trapezoidal rule says; u = (a − 1) X.
+    """
+    elements = (4, 2, 2)[: len(upper)]
+    problem = make_problem(elements, upper, poisson_ratio=0.0)
+    x = problem.mesh.coordinates
+    end = np.flatnonzero(np.isclose(x[:, 0], upper[0]))
+    share = np.ones(len(end))
+    for axis in range(1, len(upper)):
+        at_edge = np.isclose(x[end, axis], 0.0) | np.isclose(x[end, axis], upper[axis])
+        share *= np.where(at_edge, 0.25, 0.5)  # two elements across
+    assert share.sum() == pytest.approx(1.0)
+    stress = 250.0 * (stretch - 1 / stretch)
+    forces = np.zeros((len(end), len(upper)))
+    forces[:, 0] = stress * share * np.prod(upper[1:])
+    assert solve_load_case(problem, end, forces, SETTINGS).solved
+    expected = np.zeros_like(x)
+    expected[:, 0] = (stretch - 1) * x[:, 0]
+    assert problem.displacement() == pytest.approx(expected, abs=1e-10)
+
+
+def test_small_loads_give_the_beam_theory_deflection(
+    make_problem: ProblemMaker, node_at: NodeFinder
+) -> None:
+    """Timoshenko's cantilever in plane strain, ν = 0: w = F L³/(3 E I) + F L/(κ G A).
+
+    L = 4 m, h = 1 m, E = 500 Pa, G = 250 Pa, κ = 5/6, F = 1e-4 N; fine mesh, within 1 %.
+    """
+    problem = make_problem((80, 20), (4.0, 1.0), poisson_ratio=0.0)
+    x = problem.mesh.coordinates
+    end = np.flatnonzero(np.isclose(x[:, 0], 4.0))
+    forces = np.zeros((len(end), 2))
+    forces[:, 1] = 1e-4 / 20
+    forces[np.isin(x[end, 1], (0.0, 1.0)), 1] /= 2
+    assert solve_load_case(problem, end, forces, SolverSettings(tolerance=1e-14)).solved
+    theory = 1e-4 * (4**3 / (3 * 500 / 12) + 4 / (5 / 6 * 250))
+    tip = node_at(x, 4.0, 0.5)
+    assert problem.displacement()[tip, 1] == pytest.approx(theory, rel=0.01)
+
+
+@pytest.mark.parametrize("force", [(0.0, -2.5), (2.5, 2.5), (-1.7, 0.3)])
+def test_reactions_balance_the_load(
+    beam: Body, node_at: NodeFinder, force: tuple[float, float]
+) -> None:
+    """Sum of the reactions = − load, and their moment balances that of the load."""
+    x = beam.mesh.coordinates
+    tip = node_at(x, 4.0, 1.0)
+    load = np.array([force])
+    assert solve_load_case(beam.problem, np.array([tip]), load, SETTINGS).solved
+    reactions = beam.problem.reactions()
+    assert np.abs(reactions[~beam.clamped]).max() < SETTINGS.tolerance
+    support = reactions[beam.clamped]
+    assert support.sum(axis=0) == pytest.approx(-load[0], abs=1e-8)
+    position = x[tip] + beam.problem.displacement()[tip]
+
+    def moment(at: NDArray[Any], of: NDArray[Any]) -> float:
+        return float(at[0] * of[1] - at[1] * of[0])
+
+    total = sum(moment(a, r) for a, r in zip(x[beam.clamped], support, strict=True))
+    assert total == pytest.approx(-moment(position, load[0]), abs=1e-7)
+
+
+def test_newton_converges_quadratically(beam: Body, node_at: NodeFinder) -> None:
+    """Close to the solution ‖R_{k+1}‖ ≤ C ‖R_k‖² with C of order 1 per newton."""
+    norms: list[float] = []
+    beam.problem.snes.setMonitor(lambda snes, iteration, norm: norms.append(norm))
+    tip = node_at(beam.mesh.coordinates, 4.0, 1.0)
+    solve_load_case(beam.problem, np.array([tip]), np.array([[0.0, -2.5]]), SETTINGS)
+    beam.problem.snes.cancelMonitor()
+    close = [norm for norm in norms if norm < 0.1]
+    assert len(close) >= 3
+    for before, after in pairwise(close):
+        assert after < max(before**2, 1e-11)
+    assert norms[-1] < SETTINGS.tolerance
+
+
+def test_no_iteration_is_skipped_on_reuse(beam: Body, node_at: NodeFinder) -> None:
+    """A solver that is used again converges on the new load, not on the old."""
+    tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
+    solutions = []
+    for force in ((0.0, -2.0), (0.0, 2.0), (0.0, -2.0)):
+        report = solve_load_case(beam.problem, tip, np.array([force]), SETTINGS)
+        assert report.newton_iterations > 2
+        solutions.append(beam.problem.displacement())
+    assert np.array_equal(solutions[0], solutions[2])
+    assert solutions[0][tip[0], 1] < 0 < solutions[1][tip[0], 1]
+
+
+@pytest.mark.slow
+def test_mesh_refinement_converges(make_problem: ProblemMaker, node_at: NodeFinder) -> None:
+    """Differences between successive meshes shrink, at order 2 or less for the clamped corners.
+
+    The load is spread over the end, since the displacement under a point force has no limit.
+    """
+    tips = []
+    for n in (1, 2, 4, 8):
+        problem = make_problem((12 * n, 3 * n), (4.0, 1.0))
+        x = problem.mesh.coordinates
+        end = np.flatnonzero(np.isclose(x[:, 0], 4.0))
+        forces = np.zeros((len(end), 2))
+        forces[:, 1] = -2.5 / (3 * n)
+        forces[np.isin(x[end, 1], (0.0, 1.0)), 1] /= 2
+        assert solve_load_case(problem, end, forces, SETTINGS).solved
+        tips.append(problem.displacement()[node_at(x, 4.0, 0.0), 1])
+    changes = np.abs(np.diff(tips))
+    assert np.all(changes[1:] < 0.45 * changes[:-1])
+    assert changes[-1] < 0.01 * abs(tips[-1])
+
+
+def test_failed_steps_are_cut_back(beam: Body, node_at: NodeFinder) -> None:
+    """40 N at the corner invert elements in one step; in several they lead to an equilibrium."""
+    tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
+    force = np.array([[0.0, -40.0]])
+    report = solve_load_case(beam.problem, tip, force, SETTINGS)
+    assert report.solved
+    assert report.cutbacks >= 1
+    assert report.load_steps >= 2
+    reached = beam.problem.displacement()
+    small_steps = SETTINGS.model_copy(update={"first_step": 0.02})
+    assert solve_load_case(beam.problem, tip, force, small_steps).cutbacks == 0
+    assert beam.problem.displacement() == pytest.approx(reached, abs=1e-8)
+
+
+def test_inverted_elements_are_refused(beam: Body) -> None:
+    """A state with J < 0 is no equilibrium candidate, even where the residual is finite."""
+    x = beam.mesh.coordinates
+    beam.problem.set_load(np.array([0]), np.zeros((1, 2)))
+    beam.problem.set_displacement(np.stack((-2.0 * x[:, 0], np.zeros(len(x))), axis=1))
+    result = beam.problem.solve(1.0)
+    assert not result.converged
+    assert result.explanation == INVERTED
+
+
+def test_a_hopeless_load_fails_with_its_reason(beam: Body, node_at: NodeFinder) -> None:
+    tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
+    report = solve_load_case(beam.problem, tip, np.array([[0.0, -1e6]]), SETTINGS)
+    assert not report.solved
+    assert report.load_factor < 1.0
+    assert report.explanation
+    assert report.cutbacks > 5
+
+
+def test_volumetric_terms_differ_as_measured(
+    make_problem: ProblemMaker, node_at: NodeFinder
+) -> None:
+    """The two terms agree to first order and part at large strain: U''' is −λ and 0.
+
+    For the corner load of 2.5 N the displacements differ by 1e-4 to 1e-2 of their size.
+    """
+    solutions = []
+    for volumetric in ("paper", "quadratic"):
+        problem = make_problem((15, 3), (4.0, 1.0), volumetric=volumetric)
+        tip = np.array([node_at(problem.mesh.coordinates, 4.0, 1.0)])
+        solve_load_case(problem, tip, np.array([[0.0, -2.5]]), SETTINGS)
+        solutions.append(problem.displacement())
+    relative = np.linalg.norm(solutions[0] - solutions[1]) / np.linalg.norm(solutions[0])
+    assert 1e-4 < relative < 1e-2

@@ -1,0 +1,92 @@
+"""Multigrid against the direct solver, and the modes that it is told of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import Case, read_case
+from datagen.mesh.geometries import Box
+from datagen.solver.linear_solver import rigid_body_modes
+from datagen.solver.load_stepping import solve_load_case
+
+
+def body(linear_solver: str) -> tuple[Case, Body]:
+    case = read_case("beam3d")
+    small = Box(lower=(0, 0, 0), upper=(4, 1, 1), elements=(12, 4, 4))
+    solver = case.solver.model_copy(update={"linear_solver": linear_solver})
+    case = case.model_copy(update={"mesh": small, "solver": solver})
+    return case, make_body(case, MPI.COMM_SELF)
+
+
+@pytest.mark.slow
+def test_multigrid_and_lu_find_the_same_equilibria() -> None:
+    """Residuals of 1e-8 N on a body of stiffness about 1 N/m at its softest: 1e-7 m."""
+    solutions = []
+    for name in ("lu", "multigrid"):
+        case, beam = body(name)
+        found = []
+        for number in range(8):
+            load = case.load.draw(number * 7, 0, beam.loadable_nodes)
+            report = solve_load_case(beam.problem, load.nodes, load.forces, case.solver)
+            assert report.solved
+            assert report.residual_norm < 1e-8
+            found.append(beam.problem.displacement())
+        solutions.append(np.array(found))
+    assert solutions[0] == pytest.approx(solutions[1], abs=1e-7)
+    assert np.abs(solutions[0]).max() > 0.5
+
+
+BUCKLING = np.array([[-6.0, 0.0, 0.0]])  # near Euler's load π² E I / 4 L² = 6.4 N
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gives_up", [False, True])
+def test_where_the_tangent_is_not_positive_definite(
+    node_at: Callable[..., int], gives_up: bool
+) -> None:
+    """A force along the beam: the equilibrium of LU, by multigrid or, if it gives up, directly."""
+    found = []
+    for name in ("lu", "multigrid"):
+        case, beam = body(name)
+        if gives_up and name == "multigrid":
+            beam.problem.snes.getKSP().setTolerances(max_it=3)
+        tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0, 1.0)])
+        report = solve_load_case(beam.problem, tip, BUCKLING, case.solver)
+        assert report.solved
+        assert report.residual_norm < 1e-8
+        found.append(beam.problem.displacement())
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_solve_does_not_depend_on_those_before_it() -> None:
+    """The same sample first and after others: equal to the last bit."""
+    case, beam = body("multigrid")
+    loads = [case.load.draw(n, 0, beam.loadable_nodes) for n in (3, 20, 40, 3)]
+    found = []
+    for load in loads:
+        solve_load_case(beam.problem, load.nodes, load.forces, case.solver)
+        found.append(beam.problem.displacement())
+    assert np.array_equal(found[0], found[3])
+
+
+@pytest.mark.parametrize(("dimension", "count"), [(2, 3), (3, 6)])
+def test_rigid_body_modes(dimension: int, count: int) -> None:
+    """3 in the plane, 6 in space, orthonormal, each without strain: u(x) = a + W x, W = −Wᵀ."""
+    points = np.random.default_rng(0).normal(size=(30, dimension))
+    matrix = PETSc.Mat().createAIJ((30 * dimension, 30 * dimension), nnz=1)
+    matrix.setUp()
+    modes = np.array([v.array_r for v in rigid_body_modes(matrix, points).getVecs()])
+    assert modes @ modes.T == pytest.approx(np.eye(count), abs=1e-12)
+    affine = np.column_stack((np.ones(30), points))
+    for mode in modes.reshape(count, 30, dimension):
+        fitted, *_ = np.linalg.lstsq(affine, mode, rcond=None)
+        gradient = fitted[1:]
+        assert affine @ fitted == pytest.approx(mode, abs=1e-12)
+        assert gradient + gradient.T == pytest.approx(np.zeros((dimension, dimension)), abs=1e-12)

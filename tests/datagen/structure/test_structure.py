@@ -1,0 +1,184 @@
+"""From nodes to grid and back, exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from datagen.cases.case import read_case
+from datagen.farm.farm import run
+from datagen.structure.structure import nodal_forces_of, split, structure
+from shared_schema.checker import check_dataset
+from shared_schema.common.errors import InputError
+from shared_schema.grid_map import GridMap
+from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
+from shared_schema.shard import Arrays, read_shard, write_shard
+
+SAMPLES = 45
+
+
+@pytest.fixture(scope="module")
+def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "nodal"
+    case = read_case("beam2d", samples=SAMPLES)
+    small = case.dataset.model_copy(update={"shard_size": 20})
+    run(case.model_copy(update={"dataset": small}), folder, MPI.COMM_SELF)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def structured(nodal: Path) -> Path:
+    folder = nodal.parent / "structured"
+    structure(nodal, folder)
+    return folder
+
+
+def joined(folder: Path, kind: str, name: str) -> np.ndarray:
+    shards: list[Arrays] = [
+        read_shard(path, kind)  # type: ignore[arg-type]
+        for path in sorted(folder.glob("shard-*.h5"))
+    ]
+    return np.concatenate([shard[name] for shard in shards])
+
+
+def test_both_datasets_are_intact(nodal: Path, structured: Path) -> None:
+    assert check_dataset(nodal) == []
+    assert check_dataset(structured) == []
+
+
+def test_nodal_structured_nodal_is_exact(nodal: Path, structured: Path) -> None:
+    """Equal to the last bit after the one rounding to float32."""
+    shard = read_shard(structured / "shard-00000.h5", "structured")
+    grid = GridMap(shard["grid/node_at"])
+    back = grid.to_nodes(joined(structured, "structured", "samples/displacement"))
+    there = joined(nodal, "nodal", "samples/displacement")
+    assert np.array_equal(back, there.astype(np.float32))
+    force = np.concatenate(
+        [nodal_forces_of(read_shard(p, "nodal")) for p in sorted(nodal.glob("shard-*.h5"))]
+    )
+    found = grid.to_nodes(joined(structured, "structured", "samples/force"))
+    assert np.array_equal(found, force.astype(np.float32))
+    assert np.all((force != 0).any(axis=2).sum(axis=1) == 1)
+
+
+def test_grid_order(structured: Path) -> None:
+    """x slowest, then y, lower corner first: 16 x 4 grid points 4/15 and 1/3 m apart."""
+    shard = read_shard(structured / "shard-00000.h5", "structured")
+    at = shard["mesh/coordinates"][shard["grid/node_at"]]
+    assert at.shape == (16, 4, 2)
+    assert at[:, 0, 0] == pytest.approx(np.linspace(0, 4, 16), abs=1e-9)
+    assert at[3, :, 1] == pytest.approx(np.linspace(0, 1, 4), abs=1e-9)
+    assert shard["samples/force"][:, :, :, :3].any() == np.False_  # loads on the upper edge only
+
+
+def test_split_and_statistics(structured: Path) -> None:
+    """5 % of 45 rounds to 2; statistics are those of the training split, in float64."""
+    info = read_manifest(structured).structured
+    assert info is not None
+    is_test = joined(structured, "structured", "samples/is_test")
+    assert (info.train, info.test) == (43, 2)
+    assert int(is_test.sum()) == 2
+    displacement = joined(structured, "structured", "samples/displacement")[~is_test]
+    values = displacement.astype(np.float64).transpose(1, 0, 2, 3).reshape(2, -1)
+    assert info.displacement.mean == pytest.approx(values.mean(axis=1), rel=1e-12)
+    assert info.displacement.std == pytest.approx(values.std(axis=1), rel=1e-10)
+    assert info.displacement.max_abs == pytest.approx(np.abs(values).max(axis=1), rel=0)
+
+
+@pytest.mark.parametrize("order", ["gmsh", "random"])
+def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrder) -> None:
+    """Other nodes on the grid points; back at the nodes the values are the same."""
+    folder = tmp_path / order
+    info = structure(nodal, folder, order, 3).structured
+    assert info is not None
+    assert (info.order, info.order_seed) == (order, 3)
+    assert check_dataset(folder) == []
+    shard = read_shard(folder / "shard-00000.h5", "structured")
+    grid = GridMap(shard["grid/node_at"])
+    back = grid.to_nodes(shard["samples/displacement"])
+    there = read_shard(nodal / "shard-00000.h5", "nodal")["samples/displacement"]
+    assert np.array_equal(back, there.astype(np.float32))
+    x = shard["mesh/coordinates"][grid.node_at]
+    step = np.linalg.norm(np.diff(x, axis=0), axis=-1)
+    assert step.max() > 3 * 4 / 15  # neighbours on the grid are none in space
+    in_sequence = np.array_equal(grid.node_at.ravel(), np.arange(64))
+    assert in_sequence == (order == "gmsh")
+
+
+def test_split_is_random_and_reproducible() -> None:
+    case = read_case("beam2d")
+    one, other = split(case, 6000), split(case, 6000)
+    assert np.array_equal(one, other)
+    assert one.sum() == 300
+    assert 0.3 < np.flatnonzero(one).mean() / 6000 < 0.7
+
+
+def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:
+    """What is up to date is left alone; what is damaged or in another order is made again."""
+    folder = tmp_path / "again"
+    first = structure(nodal, folder)
+    shard = folder / "shard-00001.h5"
+    before = shard.stat().st_mtime_ns
+    assert structure(nodal, folder) == first
+    assert shard.stat().st_mtime_ns == before
+    shard.write_bytes(shard.read_bytes()[:-1])
+    assert structure(nodal, folder).structured == first.structured
+    assert check_dataset(folder) == []
+    assert structure(nodal, folder, "random", 1).structured != first.structured
+    assert check_dataset(folder) == []
+
+
+def test_mesh_without_order(nodal: Path, tmp_path: Path) -> None:
+    """Nodes moved off their grid lines: no other order, nothing left behind; an embedded grid."""
+    crooked = tmp_path / "nodal"
+    crooked.mkdir()
+    manifest = read_manifest(nodal, "nodal")
+    entries = []
+    for entry in manifest.shards:
+        arrays = read_shard(nodal / entry.file, "nodal")
+        x = arrays["mesh/coordinates"]
+        arrays["mesh/coordinates"] = x + 0.1 * np.sin(40 * x[:, ::-1])
+        digest = write_shard(crooked / entry.file, "nodal", arrays, manifest.case_digest, "quad")
+        entries.append(entry.model_copy(update={"sha256": digest}))
+    write_manifest(crooked, manifest.model_copy(update={"shards": tuple(entries)}))
+    with pytest.raises(InputError, match="no structured order"):
+        structure(crooked, tmp_path / "grid", order="gmsh")
+    assert not (tmp_path / "grid").exists()
+    info = structure(crooked, tmp_path / "grid").structured
+    assert info is not None
+    assert info.embedding is not None
+    assert check_dataset(tmp_path / "grid") == []
+
+
+def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a structured dataset, expected a nodal one"):
+        structure(structured, tmp_path / "new")
+    with pytest.raises(InputError, match="no such dataset"):
+        structure(tmp_path / "nothing", tmp_path / "new")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("")
+    with pytest.raises(InputError, match="holds something else"):
+        structure(nodal, tmp_path / "full")
+    with pytest.raises(InputError, match="holds another dataset"):
+        structure(nodal, nodal)
+    assert not (tmp_path / "new").exists()
+
+
+def test_damaged_source_is_refused(nodal: Path, tmp_path: Path) -> None:
+    import shutil
+
+    damaged = tmp_path / "nodal"
+    shutil.copytree(nodal, damaged)
+    shard = damaged / "shard-00001.h5"
+    content = bytearray(shard.read_bytes())
+    content[len(content) // 2] ^= 4
+    shard.write_bytes(content)
+    with pytest.raises(InputError, match=r"shard-00001\.h5"):
+        structure(damaged, tmp_path / "new")
+    shard.write_bytes(b"")
+    with pytest.raises(InputError, match="empty"):
+        structure(damaged, tmp_path / "new")
+    assert not (tmp_path / "new").exists()

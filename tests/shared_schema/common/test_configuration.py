@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import Field, ValidationError
+
+from shared_schema.common.configuration import Frozen, read_yaml, validate
+from shared_schema.common.errors import InputError
+
+
+class Inner(Frozen):
+    steps: int = Field(3, ge=1)
+    rate: float = 0.5
+
+
+class Outer(Frozen):
+    name: str
+    inner: Inner = Inner()
+    shape: tuple[int, int] = (1, 2)
+
+
+def test_valid_content() -> None:
+    found = validate(Outer, {"name": "a", "inner": {"steps": 4}}, "a.yaml")
+    assert found == Outer(name="a", inner=Inner(steps=4))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"name": "a", "colour": 1}, "a.yaml: unknown key 'colour'"),
+        ({"name": "a", "inner": {"colour": 1}}, "a.yaml: unknown key 'inner.colour'"),
+        ({}, "a.yaml: key 'name' is missing"),
+        ({"name": 3}, "a.yaml: key 'name' = 3: input should be a valid string"),
+        (
+            {"name": "a", "inner": {"steps": 0}},
+            "a.yaml: key 'inner.steps' = 0: input should be greater than or equal to 1",
+        ),
+        (
+            {"name": "a", "inner": {"steps": 1.5}},
+            "a.yaml: key 'inner.steps' = 1.5: input should be a valid integer, "
+            "got a number with a fractional part",
+        ),
+        (
+            {"name": "a", "inner": {"rate": float("nan")}},
+            "a.yaml: key 'inner.rate' = nan: input should be a finite number",
+        ),
+        ({"name": "a", "shape": [1]}, "a.yaml: key 'shape.1' is missing"),
+    ],
+)
+def test_first_problem_in_one_line(content: Any, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        validate(Outer, content, "a.yaml")
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize("content", [None, 3, "text", ["name"]])
+def test_other_than_a_mapping(content: Any) -> None:
+    with pytest.raises(InputError, match=r"a\.yaml: key '\(top level\)'") as error:
+        validate(Outer, content, "a.yaml")
+    assert "\n" not in str(error.value)
+
+
+def test_models_are_frozen() -> None:
+    model = Outer(name="a")
+    with pytest.raises(ValidationError, match="frozen"):
+        model.name = "b"  # type: ignore[misc]
+
+
+def test_read_yaml(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("name: a\ninner: {steps: 4}\n")
+    assert read_yaml(path) == {"name": "a", "inner": {"steps": 4}}
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (b"a: [1,\nb: 2", "not valid YAML"),
+        (b"a: !!python/object:os.system {}", "not valid YAML"),
+        (b"a: 2024-13-45", "not valid YAML"),  # a date that there is not
+        (b"\xff\xfe\xff", "cannot be read"),
+        (b"", "expected a mapping"),
+        (b"- a", "expected a mapping"),
+    ],
+)
+def test_yaml_that_is_none(tmp_path: Path, text: bytes, part: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_bytes(text)
+    with pytest.raises(InputError, match=part) as error:
+        read_yaml(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.yaml: no such file"):
+        read_yaml(tmp_path / "a.yaml")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_yaml(tmp_path)

@@ -1,0 +1,182 @@
+"""The linear surrogate against linear finite elements, assembled here for the small mesh."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from shared_schema.common.errors import InputError
+from shared_schema.embedded_grid import EmbeddedGrid
+from shared_schema.grid_map import GridMap
+from shared_schema.manifest import read_manifest, write_manifest
+from shared_schema.stiffness import Stiffness, stiffness_problems, write_stiffness
+from surrogate.baselines.linear_map import LinearMap, compliance_of
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.geometry import Geometry
+from surrogate.evaluation.evaluate import evaluate
+from surrogate.inference.prediction import Surrogate, load
+from surrogate.networks.unet import parameter_count
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.description import describe
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.network import make_network, start_from_data
+from surrogate.training.train import train
+
+CPU = torch.device("cpu")
+LAM, MU = 500 * 0.4 / (1.4 * 0.2), 500 / 2.8
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+def plane_strain_stiffness(geometry: Geometry) -> np.ndarray:
+    """Bilinear quadrilaterals with 2 x 2 Gauss points; (n_nodes · d, n_nodes · d) in N/m."""
+    law = np.array([[LAM + 2 * MU, LAM, 0], [LAM, LAM + 2 * MU, 0], [0, 0, MU]])
+    k = np.zeros(2 * (geometry.coordinates.size,))
+    for cell in geometry.cells:
+        dofs = (2 * cell[:, None] + np.arange(2)).ravel()
+        for point in CORNERS / np.sqrt(3):
+            slope = CORNERS * (1 + CORNERS * point)[:, ::-1] / 4
+            jacobian = slope.T @ geometry.coordinates[cell]
+            gradient = slope @ np.linalg.inv(jacobian).T
+            strain = np.zeros((3, 8))
+            strain[0, ::2], strain[1, 1::2] = gradient.T
+            strain[2, ::2], strain[2, 1::2] = gradient[:, ::-1].T
+            k[np.ix_(dofs, dofs)] += strain.T @ law @ strain * np.linalg.det(jacobian)
+    return k
+
+
+def sparse(k: np.ndarray) -> Stiffness:
+    k = (k + k.T) / 2
+    row, column = np.nonzero(k)
+    return Stiffness(k[row, column], column, np.searchsorted(row, np.arange(len(k) + 1)))
+
+
+@pytest.fixture(scope="module")
+def stiffness(dataset: Dataset) -> np.ndarray:
+    return plane_strain_stiffness(dataset.geometry)
+
+
+@pytest.fixture(scope="module")
+def with_stiffness(dataset: Dataset, stiffness: np.ndarray) -> Dataset:
+    found = sparse(stiffness)
+    assert stiffness_problems(found, 64) == []
+    return replace(dataset, stiffness=found)
+
+
+def linear_config(**changes: Any) -> RunConfig:
+    content = {
+        "name": "linear",
+        "case": "beam2d",
+        "model": "linear",
+        "displacement_scale": "node",
+        "training": {"epochs": 4, "batch_size": 16, "optimiser": {"learning_rate": 1e-3}},
+    }
+    return RunConfig.model_validate({**content, **changes})
+
+
+@pytest.mark.parametrize("scale", ["global", "node"])
+@pytest.mark.parametrize("order", ["preferred", "other"])
+def test_untrained_it_is_linear_elasticity(
+    with_stiffness: Dataset, stiffness: np.ndarray, scale: str, order: str
+) -> None:
+    """u = K⁻¹ f at every free node, to 1e-4, forces at clamped nodes having no effect."""
+    dataset = with_stiffness
+    if order == "other":
+        nodes = np.random.default_rng(0).permutation(32)
+        grid = GridMap.from_coordinates(dataset.geometry.coordinates).reordered(nodes)
+        dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
+    config = linear_config(displacement_scale=scale)
+    description = describe(config, dataset)
+    network = make_network(description, dataset.geometry)
+    start_from_data(network, config, dataset, dataset.train)
+    force = np.random.default_rng(1).normal(size=(5, 32, 2))
+    found = Surrogate(network, dataset.geometry, description).predict(force)
+    free = np.repeat(~dataset.geometry.clamped, 2)
+    expected = np.zeros((5, 64))
+    loads = force.reshape(5, 64)[:, free]
+    expected[:, free] = np.linalg.solve(stiffness[np.ix_(free, free)], loads.T).T
+    error = np.linalg.norm(found.reshape(5, 64) - expected, axis=1)
+    assert (error < 1e-4 * np.linalg.norm(expected, axis=1)).all()
+    assert parameter_count(network) == 56**2
+
+
+def test_compliance_is_symmetric_and_positive(with_stiffness: Dataset) -> None:
+    geometry = with_stiffness.geometry
+    assert isinstance(geometry.grid, GridMap)
+    assert with_stiffness.stiffness is not None
+    compliance = compliance_of(with_stiffness.stiffness, geometry.grid, geometry.clamped)
+    torch.testing.assert_close(compliance, compliance.T, rtol=1e-9, atol=1e-12)
+    assert torch.linalg.eigvalsh(compliance).min() > 0
+
+
+def test_scaled_compliance_by_hand() -> None:
+    """Two free points in one dimension of force: W_ij = C_ij · 2 N / s_i, s = 4 and 8 m."""
+    free = torch.tensor([[False, True], [True, False]])
+    linear = LinearMap(1, free)
+    compliance = torch.tensor([[1.0, 2.0], [3.0, 4.0]]).double()
+    linear.start_at(compliance, torch.tensor(2.0), torch.tensor([[[9.0, 4.0], [8.0, 9.0]]]))
+    assert linear.weight.tolist() == [[0.5, 1.0], [0.75, 1.0]]
+    found = linear(torch.tensor([[[[7.0, 1.0], [10.0, 7.0]]]]))
+    assert found.tolist() == [[[[0.0, 10.5], [10.75, 0.0]]]]
+
+
+def test_trained_by_the_ordinary_loop(tmp_path: Path, with_stiffness: Dataset) -> None:
+    """Loss falls from that of linear elasticity; going on from a checkpoint changes nothing."""
+    optimiser = {"learning_rate": 1e-3}
+    training = {"epochs": 30, "batch_size": 16, "loss": "mae", "optimiser": optimiser}
+    config = linear_config(training=training)
+    whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
+    train(config, with_stiffness, whole, CPU)
+    train(config, with_stiffness, parts, CPU, stop_after=9)
+    train(config, with_stiffness, parts, CPU)
+    assert whole.model.read_bytes() == parts.model.read_bytes()
+    losses = [line["train_loss"] for line in whole.metric_lines()]
+    assert losses[-1] < 0.95 * losses[0]
+    force = with_stiffness.nodal_test.force
+    one, twice = (
+        load(tmp_path / "whole").predict(force),
+        load(tmp_path / "whole").predict(2 * force),
+    )
+    np.testing.assert_allclose(twice, 2 * one, atol=1e-5)
+    assert not load(tmp_path / "whole").is_probabilistic
+
+
+def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarray) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    for path in data.iterdir():
+        (folder / path.name).symlink_to(path)
+    (folder / "manifest.json").unlink()
+    manifest = read_manifest(data)
+    assert manifest.structured is not None
+    digest = write_stiffness(folder, sparse(stiffness), manifest.case_digest, "quad")
+    info = manifest.structured.model_copy(update={"stiffness": digest})
+    write_manifest(folder, manifest.model_copy(update={"structured": info}))
+    train(linear_config(), read_dataset(folder), RunFolder(tmp_path / "run"), CPU)
+    evaluate(tmp_path / "run", folder)
+    content = json.loads((tmp_path / "run" / "evaluation.json").read_text())
+    assert content["trainable_parameters"] == 56**2
+    assert content["epochs"] == 4
+
+
+def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) -> None:
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(InputError, match="'model' = 'linear': the dataset has no stiffness; make"):
+        train(linear_config(), dataset, run, CPU)
+    assert not run.folder.exists()
+
+
+def test_embedded_grid_is_refused(tmp_path: Path, with_stiffness: Dataset) -> None:
+    """Its points are no nodes, so that K⁻¹ is no map between its fields."""
+    points = np.arange(32)[:, None]
+    grid = EmbeddedGrid(points.reshape(8, 4, 1), np.ones((8, 4, 1)), points, np.ones((32, 1)))
+    embedded = replace(with_stiffness, geometry=replace(with_stiffness.geometry, grid=grid))
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(InputError, match="'model' = 'linear': the dataset's grid is embedded"):
+        train(linear_config(), embedded, run, CPU)
+    assert not run.folder.exists()

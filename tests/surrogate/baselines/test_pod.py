@@ -1,0 +1,199 @@
+"""Proper orthogonal decomposition, and whole runs with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from shared_schema.common.errors import InputError
+from surrogate.baselines.pod import PODConfig, PODNetwork
+from surrogate.data.dataset import Dataset
+from surrogate.evaluation.evaluate import evaluate
+from surrogate.inference.prediction import Surrogate, load
+from surrogate.presentation.run_figures import write_figures
+from surrogate.runs.configuration import RunConfig, TrainingConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.tensor_file import load_tensors
+from surrogate.training.train import train
+
+CPU = torch.device("cpu")
+FREE = torch.ones(5, 3, dtype=torch.bool)
+FREE[0] = False
+
+
+def low_rank(count: int, rank: int) -> tuple[Tensor, Tensor]:
+    """Forces at one edge, and displacements u = ū + Σ_k (w_k · f) φ_k, zero where clamped."""
+    rng = torch.Generator().manual_seed(0)
+    force = torch.zeros(count, 2, 5, 3)
+    force[:, :, 1:, 2] = torch.rand(count, 2, 4, generator=rng) * 2 - 1
+    weights = torch.randn(8, rank, generator=rng)
+    modes = torch.randn(rank, 2, 5, 3, generator=rng) * FREE
+    mean = torch.randn(2, 5, 3, generator=rng) * FREE
+    coefficients = force[:, :, 1:, 2].flatten(1) @ weights
+    return force, mean + torch.einsum("nr,r...->n...", coefficients, modes)
+
+
+def test_data_of_rank_r_is_exact() -> None:
+    """r modes are found and reproduce linear data, at new forces too."""
+    force, displacement = low_rank(60, 3)
+    network = PODNetwork(PODConfig(energy=1 - 1e-10, degree=1, penalty=1e-12), FREE)
+    network.fit(force[:40], displacement[:40], seed=0)
+    assert network.modes.shape == (3, 2 * 12)
+    gram = network.modes @ network.modes.T
+    torch.testing.assert_close(gram, torch.eye(3).double(), rtol=0, atol=1e-12)
+    predicted, std = network(force)
+    torch.testing.assert_close(predicted, displacement, rtol=0, atol=1e-5)
+    assert not predicted[:, :, 0].any()
+    assert std is None
+    assert network.loaded.tolist() == [5, 8, 11, 14]
+
+
+def test_truncation_is_the_best_of_its_rank() -> None:
+    """What one mode leaves out is the sum of the other squared singular values (Eckart–Young)."""
+    force, displacement = low_rank(60, 3)
+    network = PODNetwork(PODConfig(rank=1), FREE)
+    network.fit(force, displacement, seed=0)
+    snapshots = displacement.flatten(2)[:, :, FREE.flatten()].flatten(1).double()
+    values = torch.linalg.svdvals(snapshots - snapshots.mean(dim=0))
+    left_out = network.truncation.square().sum() * 60
+    assert left_out.item() == pytest.approx(values[1:].square().sum().item(), rel=1e-6)
+
+
+def test_energy_gives_the_rank() -> None:
+    """The smallest one with Σ_{k ≤ r} s_k² / Σ s_k² above the energy."""
+    force, displacement = low_rank(60, 6)
+    snapshots = displacement.flatten(2)[:, :, FREE.flatten()].flatten(1).double()
+    values = torch.linalg.svdvals(snapshots - snapshots.mean(dim=0)).square()
+    held = values.cumsum(dim=0) / values.sum()
+    for energy in (0.5, 0.8, 0.99):
+        network = PODNetwork(PODConfig(energy=energy), FREE)
+        network.fit(force, displacement, seed=0)
+        assert len(network.modes) == int((held < energy).sum()) + 1
+
+
+def test_spread_through_the_modes_by_hand() -> None:
+    """σ_i² = Σ_k φ_ki² σ_k² + truncation², with coefficients' σ from the Gaussian process."""
+    force, displacement = low_rank(50, 4)
+    network = PODNetwork(PODConfig(regression="gp", rank=2), FREE)
+    network.fit(force[:30], displacement[:30], seed=0)
+    _, std = network(force[30:])
+    _, spread = network.regression(force[30:].flatten(2)[:, :, network.loaded].double())
+    assert spread is not None
+    variance = spread**2 @ network.modes**2 + network.truncation**2
+    expected = variance.sqrt().reshape(20, 2, 12)
+    torch.testing.assert_close(
+        std.flatten(2)[:, :, FREE.flatten()].double(), expected, rtol=1e-5, atol=2e-6
+    )
+    assert not std[:, :, 0].any()
+
+
+def config_with(regression: str, **pod: Any) -> RunConfig:
+    return RunConfig.model_validate(
+        {
+            "name": regression,
+            "case": "beam2d",
+            "model": "pod",
+            "likelihood": "maximum_likelihood" if regression == "gp" else "deterministic",
+            "pod": {"regression": regression, **pod},
+            "displacement_scale": "node",
+            "training": {"validation_fraction": 0.1},
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    for regression in ("ridge", "gp"):
+        config = config_with(regression, **({"degree": 3} if regression == "ridge" else {}))
+        train(config, dataset, RunFolder(folder / regression), CPU)
+    return {regression: folder / regression for regression in ("ridge", "gp")}
+
+
+@pytest.mark.parametrize("regression", ["ridge", "gp"])
+def test_one_line_of_measures_and_no_epochs(
+    runs: dict[str, Path], dataset: Dataset, regression: str
+) -> None:
+    run = RunFolder(runs[regression])
+    (line,) = run.metric_lines()
+    assert line["epoch"] == 0
+    assert set(line) == {"epoch", "validation_loss", "validation_error", "seconds"}
+    assert not run.checkpoint.exists()
+    before = run.model.stat().st_mtime_ns
+    train(run.description().run, dataset, run, CPU)
+    assert run.model.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("regression", ["ridge", "gp"])
+def test_stored_as_plain_tensors(runs: dict[str, Path], regression: str) -> None:
+    tensors = load_tensors(RunFolder(runs[regression]).model)[0]
+    names = {
+        "ridge": {"weights", "intercept"},
+        "gp": {"kernel", "inputs", "cholesky", "alpha", "mean", "std"},
+    }[regression]
+    prefix = "network.regression."
+    assert {n.removeprefix(prefix) for n in tensors if n.startswith(prefix)} == names
+
+
+@pytest.mark.parametrize("regression", ["ridge", "gp"])
+def test_the_same_run_again_predicts_the_same(
+    runs: dict[str, Path], tmp_path: Path, dataset: Dataset, regression: str
+) -> None:
+    config = RunFolder(runs[regression]).description().run
+    train(config, dataset, RunFolder(tmp_path / "again"), CPU)
+    force = dataset.nodal_test.force
+    one, other = (
+        load(r).predict_distribution(force) for r in (runs[regression], tmp_path / "again")
+    )
+    np.testing.assert_allclose(one.mean, other.mean, atol=1e-7)
+    np.testing.assert_allclose(one.std, other.std, atol=1e-7)
+
+
+@pytest.mark.parametrize("regression", ["ridge", "gp"])
+def test_better_than_the_mean_field(
+    runs: dict[str, Path], data: Path, dataset: Dataset, regression: str
+) -> None:
+    """From 43 samples, against no displacement at all."""
+    write_figures(evaluate(runs[regression], data), RunFolder(runs[regression]))
+    content = json.loads((runs[regression] / "evaluation.json").read_text())
+    rest = np.abs(dataset.nodal_test.displacement).mean()
+    assert content["test"]["mean_error"] < 0.3 * rest
+    assert content["epochs"] == 0
+    assert not (runs[regression] / "figures" / "loss.png").exists()
+    assert ("uncertainty" in content) == (regression == "gp")
+
+
+def test_spread_of_a_gaussian_process_is_epistemic(runs: dict[str, Path], dataset: Dataset) -> None:
+    """It grows where there are no data, and is positive at every free node."""
+    surrogate: Surrogate = load(runs["gp"])
+    force = dataset.nodal_test.force
+    near, far = (surrogate.predict_distribution(factor * force) for factor in (1.0, 20.0))
+    free = ~surrogate.geometry.clamped
+    assert not near.std_aleatoric.any()
+    assert (near.std_epistemic[:, free] > 0).all()
+    assert near.std[:, free].mean() < 0.5 * far.std[:, free].mean()
+
+
+def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> None:
+    """43 of 48 training samples, 56 degrees of freedom."""
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(InputError, match=r"'pod\.rank' = 44: expected 43 at most"):
+        train(config_with("ridge", rank=44), dataset, run, CPU)
+    assert not run.folder.exists()
+
+
+def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset) -> None:
+    """48 samples on 28 loaded nodes are too few to generalise, but they are fitted."""
+    config = config_with("ridge", degree=2).model_copy(update={"case": "block3d"})
+    config = config.model_copy(update={"training": TrainingConfig()})
+    train(config, dataset_3d, RunFolder(tmp_path / "run"), CPU)
+    grid, samples = dataset_3d.geometry.grid, dataset_3d.train
+    force, displacement = (grid.to_nodes(f.numpy()) for f in (samples.force, samples.displacement))
+    error = np.abs(load(tmp_path / "run").predict(force) - displacement).mean()
+    assert error < 0.02 * np.abs(displacement).mean()

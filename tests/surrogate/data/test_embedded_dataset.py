@@ -1,0 +1,128 @@
+"""A dataset on an embedded grid: where the embedding is the identity, nothing else changes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from shared_schema.checker import check_dataset
+from shared_schema.embedded_grid import EmbeddedGrid
+from shared_schema.grid import grid_arrays
+from shared_schema.grid_map import GridMap
+from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
+from shared_schema.shard import read_shard, write_shard
+from surrogate.data.dataset import read_dataset
+from surrogate.evaluation.evaluate import evaluate
+from surrogate.inference.prediction import load
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
+
+BETWEEN = 13  # a node that, where the embedding is not the identity, is the mean of two points
+
+
+def identity(grid: GridMap) -> EmbeddedGrid:
+    """Every grid point made of its node alone, every node of its grid point alone."""
+    points = np.empty((grid.nodes, 1), dtype=np.int64)
+    points[grid.node_at.ravel(), 0] = np.arange(grid.nodes)
+    ones = np.ones((*grid.shape, 1))
+    return EmbeddedGrid(grid.node_at[..., None], ones, points, np.ones((grid.nodes, 1)))
+
+
+def averaging(grid: GridMap) -> EmbeddedGrid:
+    """The same, but for a node that is the mean of its grid point and the one after it."""
+    same = identity(grid)
+    points = np.concatenate((same.points, same.points), axis=1)
+    weights = np.tile([1.0, 0.0], (grid.nodes, 1))
+    points[BETWEEN, 1] += 1
+    weights[BETWEEN] = 0.5
+    return EmbeddedGrid(same.sources, same.source_weights, points, weights)
+
+
+def embedded(
+    data: Path, folder: Path, embedding: Callable[[GridMap], EmbeddedGrid] = identity
+) -> Path:
+    """A copy of a structured dataset, on an embedded grid."""
+    folder.mkdir()
+    manifest = read_manifest(data, "structured")
+    entries = []
+    for entry in manifest.shards:
+        arrays = read_shard(data / entry.file, "structured")
+        grid = GridMap(arrays.pop("grid/node_at"))
+        force, displacement = (
+            grid.to_nodes(arrays[f"samples/{name}"]) for name in ("force", "displacement")
+        )
+        loaded = np.abs(force).sum(axis=2).argmax(axis=1)
+        arrays |= grid_arrays(embedding(grid))
+        arrays["samples/loaded_nodes"] = loaded[:, None]
+        arrays["samples/nodal_force"] = force[np.arange(len(loaded)), loaded][:, None]
+        arrays["samples/nodal_displacement"] = displacement
+        digest = write_shard(
+            folder / entry.file, "structured", arrays, manifest.case_digest, "quad"
+        )
+        entries.append(entry.model_copy(update={"sha256": digest}))
+    assert manifest.structured is not None
+    info = manifest.structured.model_copy(
+        update={"embedding": EmbeddingInfo(mean_error=0.0, max_error=0.0)}
+    )
+    update = {"shards": tuple(entries), "structured": info}
+    write_manifest(folder, manifest.model_copy(update=update))
+    assert check_dataset(folder) == []
+    return folder
+
+
+def trained_on(data: Path, run: Path, config: RunConfig) -> dict[str, Any]:
+    train(config, read_dataset(data), RunFolder(run), torch.device("cpu"))
+    evaluate(run, data)
+    content: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
+    return content
+
+
+def test_nodal_samples_of_both_kinds(data: Path, tmp_path: Path) -> None:
+    one, other = read_dataset(data), read_dataset(embedded(data, tmp_path / "data"))
+    assert np.array_equal(one.nodal_test.force, other.nodal_test.force)
+    assert np.array_equal(one.nodal_test.displacement, other.nodal_test.displacement)
+    assert np.array_equal(one.geometry.free_mask, other.geometry.free_mask)
+    assert one.geometry.differs_from(other.geometry)
+
+
+def test_the_identity_changes_nothing(
+    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+) -> None:
+    """The same network to the last bit, the same predictions and measures."""
+    config = make_config(epochs=3)
+    one = trained_on(data, tmp_path / "one", config)
+    other = trained_on(embedded(data, tmp_path / "data"), tmp_path / "other", config)
+    assert one["test"] == other["test"]
+    assert other["embedding_error"] == 0.0
+    assert "embedding_error" not in one
+    forces = read_dataset(data).nodal_test.force
+    predicted = [load(tmp_path / run).predict(forces) for run in ("one", "other")]
+    assert np.array_equal(predicted[0], predicted[1])
+
+
+def test_the_error_of_the_embedding_itself(
+    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+) -> None:
+    """One node of 32 is |u_next − u| / 2 off; ē is the mean over all components."""
+    folder = embedded(data, tmp_path / "data", averaging)
+    content = trained_on(folder, tmp_path / "run", make_config(epochs=1))
+    u = read_dataset(data).nodal_test.displacement
+    nodes = GridMap.from_coordinates(load(tmp_path / "run").geometry.coordinates).node_at.ravel()
+    after = nodes[np.flatnonzero(nodes == BETWEEN)[0] + 1]
+    expected = np.abs(u[:, after] - u[:, BETWEEN]).mean() / 2 / 32
+    assert content["embedding_error"] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_run_on_another_grid_is_refused(
+    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+) -> None:
+    trained_on(data, tmp_path / "run", make_config(epochs=1))
+    with pytest.raises(Exception, match="the mesh is not that of the dataset"):
+        evaluate(tmp_path / "run", embedded(data, tmp_path / "data"))

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import read_manifest, write_manifest
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.nodal_dataset import read_nodal_dataset, scatter
+from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.presentation.run_figures import write_figures
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
+
+CPU = torch.device("cpu")
+
+
+def test_forces_are_scattered_and_padding_is_not() -> None:
+    nodes, loads = np.array([[2, -1], [0, 1]]), np.arange(8.0).reshape(2, 2, 2)
+    force = scatter(nodes, loads, 3)
+    assert force.tolist() == [[[0, 0], [0, 0], [0, 1]], [[4, 5], [6, 7], [0, 0]]]
+
+
+def test_nodal_samples_are_those_of_the_grid(data: Path) -> None:
+    nodal, structured = read_nodal_dataset(data.parent / "nodal"), read_dataset(data)
+    assert len(nodal.samples.force) == len(structured.train) + len(structured.test)
+    found = {force.astype(np.float32).tobytes() for force in nodal.samples.force}
+    assert all(f.astype(np.float32).tobytes() in found for f in structured.nodal_test.force)
+
+
+@pytest.fixture(scope="module")
+def run(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> Path:
+    """A network of variational Bayes, shortly trained."""
+    folder = tmp_path_factory.mktemp("bayes") / "run"
+    config = make_config(likelihood="variational_bayes", epochs=15)
+    train(config, dataset, RunFolder(folder), CPU)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluation(run: Path, data: Path) -> Evaluation:
+    return evaluate(run, data, passes=7, seed=3, loads=data.parent / "nodal")
+
+
+@pytest.fixture(scope="module")
+def content(run: Path, evaluation: Evaluation) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
+    return found
+
+
+def test_uncertainty_of_the_test_split(evaluation: Evaluation, content: dict[str, Any]) -> None:
+    """Coverage, counted here: |u - μ| within 1.959964 σ, over components of free nodes."""
+    assert evaluation.calibration is not None
+    assert (content["uncertainty"]["passes"], content["uncertainty"]["passes_seed"]) == (7, 3)
+    free = ~evaluation.surrogate.geometry.clamped
+    again = evaluation.surrogate.predict_distribution(evaluation.force, 7, 3)
+    error = np.abs(again.mean - evaluation.reference)[:, free]
+    expected = (error <= 1.959964 * again.std[:, free]).mean()
+    assert content["uncertainty"]["intervals"][2]["level"] == 0.95
+    assert content["uncertainty"]["intervals"][2]["coverage"] == pytest.approx(expected)
+
+
+def test_measures_under_other_loads(evaluation: Evaluation, content: dict[str, Any]) -> None:
+    extrapolation, found = evaluation.extrapolation, content["extrapolation"]
+    assert extrapolation is not None
+    force = extrapolation.samples.force
+    assert found["case"] == "beam2d"
+    limit = max(evaluation.surrogate.description.data.info.force.max_abs)
+    np.testing.assert_allclose(found["reach"], np.abs(force).max(axis=(1, 2)) / limit)
+    error = np.abs(extrapolation.predicted.mean - extrapolation.samples.displacement)
+    np.testing.assert_allclose(found["mean_error"], error.mean(axis=(1, 2)))
+    std = extrapolation.predicted.std[:, 4:]  # all but the four clamped nodes
+    np.testing.assert_allclose(found["mean_std"], std.mean(axis=(1, 2)))
+    np.testing.assert_allclose(
+        found["inside_95"], (error[:, 4:] <= 1.959964 * std).mean(axis=(1, 2)), atol=1e-3
+    )
+
+
+def test_figures(run: Path, evaluation: Evaluation) -> None:
+    write_figures(evaluation, RunFolder(run))
+    names = {path.stem for path in (run / "figures").iterdir()}
+    assert {"calibration", "error_against_uncertainty", "uncertainty_field", "loss"} <= names
+    assert "sweep" not in names  # the loads are not all at one node
+
+
+def test_maximum_likelihood_makes_no_passes(
+    tmp_path: Path, dataset: Dataset, data: Path, make_config: Callable[..., RunConfig]
+) -> None:
+    folder = tmp_path / "run"
+    config = make_config(likelihood="maximum_likelihood", epochs=2)
+    train(config, dataset, RunFolder(folder), CPU)
+    evaluate(folder, data)
+    content = json.loads((folder / "evaluation.json").read_text())
+    assert "passes" not in content["uncertainty"]
+    assert "extrapolation" not in content
+    assert content["uncertainty"]["mean_std"] > 0
+
+
+@pytest.mark.parametrize("key", ["mesh", "supports", "material"])
+def test_another_body_is_refused(tmp_path: Path, data: Path, run: Path, key: str) -> None:
+    folder = tmp_path / "nodal"
+    shutil.copytree(data.parent / "nodal", folder)
+    manifest = read_manifest(folder, "nodal")
+    changed = manifest.model_copy(update={"case": {**manifest.case, key: "other"}})
+    write_manifest(folder, changed)
+    before = (run / "evaluation.json").read_bytes() if (run / "evaluation.json").exists() else b""
+    with pytest.raises(InputError, match=f"another body than the run's: {key} = 'other'"):
+        evaluate(run, data, loads=folder)
+    after = (run / "evaluation.json").read_bytes() if (run / "evaluation.json").exists() else b""
+    assert after == before

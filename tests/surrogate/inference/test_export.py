@@ -1,0 +1,208 @@
+"""Exported files are read as a user would, by onnxruntime and PyTorch, without code of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+import surrogate.inference.export
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.embedded_grid import EmbeddedGrid
+from shared_schema.grid_map import NO_NODE, GridMap
+from surrogate.data.dataset import Dataset
+from surrogate.data.geometry import Geometry
+from surrogate.inference.export import Format, export
+from surrogate.inference.prediction import Surrogate, load
+from surrogate.networks.unet import UNetConfig
+from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.probabilistic.likelihoods import Likelihood
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.description import describe
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.network import make_network
+
+Array = NDArray[np.float64]
+SLOW_ONNX = ["pt2", pytest.param("onnx", marks=pytest.mark.slow)]
+
+
+def permuted(geometry: Geometry) -> Geometry:
+    """Nodes in random order, on a grid with a column of empty points more."""
+    shape = (geometry.grid.shape[0] + 1, *geometry.grid.shape[1:])
+    node_at = np.full(shape, NO_NODE)
+    nodes = np.random.default_rng(0).permutation(len(geometry.coordinates))
+    node_at[:-1] = nodes.reshape(geometry.grid.shape)
+    return replace(geometry, grid=GridMap(node_at))
+
+
+def embedded(geometry: Geometry) -> Geometry:
+    """Every node between four points of a grid."""
+    rng, nodes = np.random.default_rng(0), len(geometry.coordinates)
+    points = np.stack([rng.permutation(35)[:4] for _ in range(nodes)])
+    sources = rng.integers(0, nodes, (7, 5, 2))
+    weights = np.full((7, 5, 2), 0.5), rng.dirichlet(np.ones(4), nodes)
+    return replace(geometry, grid=EmbeddedGrid(sources, weights[0], points, weights[1]))
+
+
+def untrained(
+    folder: Path, dataset: Dataset, likelihood: Likelihood, geometry: Geometry, **network: Any
+) -> Path:
+    """A run with random weights, and running averages in batch norm that are not 0 and 1."""
+    bayes = likelihood == "variational_bayes"
+    config = RunConfig(
+        name="small",
+        case=dataset.manifest.name,
+        likelihood=likelihood,
+        network=UNetConfig(**{"levels": 2, "channels": 4, "padding": 1, **network}),
+        variational=VariationalConfig(biases=True, initial_std=0.05) if bayes else None,
+    )
+    description = describe(config, dataset)
+    model = make_network(description, geometry)
+    for module in model.modules():
+        if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
+            nn.init.normal_(module.running_mean)  # type: ignore[arg-type]
+            nn.init.uniform_(module.running_var, 0.5, 2.0)  # type: ignore[arg-type]
+    run = RunFolder(folder)
+    run.start(description)
+    run.write_tensors({**model.state_dict(), **geometry.tensors()})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def deterministic(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "det"
+    return untrained(folder, dataset, "deterministic", permuted(dataset.geometry))
+
+
+@pytest.fixture(scope="module")
+def bayes(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "vb"
+    return untrained(folder, dataset, "variational_bayes", embedded(dataset.geometry))
+
+
+def run_file(path: Path, forces: Array) -> dict[str, Array]:
+    """The named fields that a file gives for forces (N, n_nodes, d)."""
+    force = forces.astype(np.float32)
+    if path.suffix == ".pt2":
+        fields = torch.export.load(path).module()(torch.from_numpy(force))
+        return {name: field.numpy() for name, field in fields.items()}
+    session = onnxruntime.InferenceSession(path)
+    assert [i.name for i in session.get_inputs()] == ["force"]
+    names = [output.name for output in session.get_outputs()]
+    return dict(zip(names, session.run(None, {"force": force}), strict=True))
+
+
+def some_forces(model: Surrogate, samples: int) -> Array:
+    shape = (samples, *model.geometry.coordinates.shape)
+    return np.random.default_rng(samples).normal(size=shape)
+
+
+def assert_same(found: dict[str, Array], expected: dict[str, Array]) -> None:
+    """Equal to float32 round-off, beside the largest value of a field."""
+    assert list(found) == list(expected)
+    for name, field in expected.items():
+        assert found[name].shape == field.shape
+        np.testing.assert_allclose(
+            found[name], field, rtol=0, atol=2e-5 * np.abs(field).max(), err_msg=name
+        )
+
+
+@pytest.mark.parametrize("kind", SLOW_ONNX)
+def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> None:
+    """On a permuted and padded grid, for numbers of samples that nothing was traced with."""
+    path = tmp_path / f"model.{kind}"
+    assert export(deterministic, kind, path) < 1e-5
+    model = load(deterministic)
+    for samples in (1, 2, 33):
+        forces = some_forces(model, samples)
+        assert_same(run_file(path, forces), {"displacement": model.predict(forces)})
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("kind", ["onnx", "pt2"])
+def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
+    """The distribution of the same passes of the same seed, on an embedded grid."""
+    path = tmp_path / f"model.{kind}"
+    assert export(bayes, kind, path, passes=6, seed=3) < 1e-4
+    model = load(bayes)
+    for samples in (1, 5):
+        forces = some_forces(model, samples)
+        found = run_file(path, forces)
+        assert_same(found, model.predict_distribution(forces, passes=6, seed=3).fields())
+    other = model.predict_distribution(forces, passes=6, seed=4)
+    assert np.abs(found["displacement"] - other.mean).max() > 0.01 * np.abs(other.mean).max()
+
+
+def test_mean_weights(bayes: Path, tmp_path: Path) -> None:
+    """With the network's own means and deviations: no weight is drawn."""
+    path = tmp_path / "model.pt2"
+    export(bayes, "pt2", path)
+    model = load(bayes)
+    forces = some_forces(model, 3)
+    with torch.no_grad():
+        mean, std = model.nodal_network(torch.from_numpy(forces.astype(np.float32)))
+    assert std is not None
+    assert_same(run_file(path, forces), {"displacement": mean[0].numpy(), "std": std[0].numpy()})
+
+
+@pytest.mark.parametrize("kind", SLOW_ONNX)
+def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset, kind: Format) -> None:
+    geometry = permuted(dataset_3d.geometry)
+    run = untrained(tmp_path / "run", dataset_3d, "maximum_likelihood", geometry, activation="silu")
+    path = tmp_path / f"model.{kind}"
+    export(run, kind, path)
+    model = load(run)
+    forces = some_forces(model, 2)
+    fields = model.predict_distribution(forces).fields()
+    expected = {name: fields[name] for name in ("displacement", "std")}
+    assert_same(run_file(path, forces), expected)
+
+
+def test_a_file_that_gives_something_else_is_not_left(
+    deterministic: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is read back with a small error in every value."""
+    read = surrogate.inference.export.load_exported
+
+    def wrongly(path: Path) -> Callable[..., Any]:
+        function = read(path)
+        return lambda force: {name: 1.001 * field for name, field in function(force).items()}
+
+    monkeypatch.setattr(surrogate.inference.export, "load_exported", wrongly)
+    with pytest.raises(WorkError, match=r"differs from the network by 1\.0e-03, expected 1e-04"):
+        export(deterministic, "pt2", tmp_path / "model.pt2")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_refusals(
+    deterministic: Path, bayes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "model.onnx"
+    cases: list[tuple[str, tuple[Any, ...]]] = [
+        ("expected a file name ending in .onnx", (deterministic, "onnx", tmp_path / "a.pt2")),
+        ("expected a file name ending in .pt2", (deterministic, "pt2", out)),
+        ("no such folder", (deterministic, "onnx", tmp_path / "nowhere" / "a.onnx")),
+        ("no run there", (tmp_path, "onnx", out)),
+        ("--passes 3: passes of this network do not differ", (deterministic, "onnx", out, 3)),
+        ("passes = 0, expected 1", (bayes, "onnx", out, 0)),
+        ("seed = -1, expected 0", (bayes, "onnx", out, 3, -1)),
+        ("--seed 3: expected beside --passes", (bayes, "onnx", out, None, 3)),
+    ]
+    for message, arguments in cases:
+        with pytest.raises(InputError, match=message):
+            export(*arguments)
+    monkeypatch.setattr(surrogate.inference.export, "ONNX_LIMIT", 1000)
+    with pytest.raises(InputError, match="expected fewer passes, or 'pt2'"):
+        export(bayes, "onnx", out, 2)
+    monkeypatch.setattr(surrogate.inference.export, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match="needs onnx, onnxscript, onnxruntime, expected pip"):
+        export(deterministic, "onnx", out)
+    assert list(tmp_path.iterdir()) == []

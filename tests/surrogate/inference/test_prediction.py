@@ -1,0 +1,268 @@
+from __future__ import annotations
+
+import pickletools
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+import surrogate
+from shared_schema.common.errors import InputError
+from surrogate.data.dataset import Dataset
+from surrogate.inference.prediction import Distribution
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.tensor_file import save_atomically
+from surrogate.training.train import train
+
+
+@pytest.fixture(scope="module")
+def model(trained: Path) -> surrogate.Surrogate:
+    return surrogate.load(trained)
+
+
+@pytest.fixture
+def copy(trained: Path, tmp_path: Path) -> RunFolder:
+    shutil.copytree(trained, tmp_path / "run")
+    return RunFolder(tmp_path / "run")
+
+
+def test_shapes(model: surrogate.Surrogate) -> None:
+    assert model.predict(np.zeros((32, 2))).shape == (32, 2)
+    assert model.predict(np.zeros((5, 32, 2))).shape == (5, 32, 2)
+    assert model.predict(np.zeros((32, 2)).tolist()).dtype == np.float64
+
+
+def test_prediction_is_that_of_the_network_on_the_grid(
+    model: surrogate.Surrogate, dataset: Dataset
+) -> None:
+    """Node ix · 4 + iy stands at (ix, iy): the mesh is in grid order."""
+    force = dataset.test.force
+    with torch.no_grad():
+        expected = model.network(force).mean.double().numpy()
+    nodal = force.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    found = model.predict(nodal)
+    np.testing.assert_array_equal(found, expected.reshape(12, 2, 32).swapaxes(1, 2))
+    assert np.abs(found).max() > 1e-2
+    # alone and among others: the same, up to the order of sums in the convolutions
+    np.testing.assert_allclose(model.predict(nodal[3]), found[3], rtol=1e-4, atol=1e-6)
+
+
+def test_clamped_nodes_do_not_move(model: surrogate.Surrogate) -> None:
+    predicted = model.predict(np.random.default_rng(0).normal(size=(3, 32, 2)))
+    assert not predicted[:, model.geometry.clamped].any()
+    assert bool((predicted[:, ~model.geometry.clamped] != 0).all())
+
+
+def test_prediction_in_3d(
+    tmp_path: Path, dataset_3d: Dataset, make_config: Callable[..., RunConfig]
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    train(make_config(dimension=3, epochs=1), dataset_3d, run, torch.device("cpu"))
+    model = surrogate.load(run.folder)
+    predicted = model.predict(np.ones((2, 128, 3)))
+    assert predicted.shape == (2, 128, 3)
+    assert not predicted[:, model.geometry.clamped].any()
+
+
+@pytest.mark.parametrize("shape", [(32,), (31, 2), (32, 3), (2, 32), (1, 1, 32, 2), (0,)], ids=str)
+def test_wrong_shape(model: surrogate.Surrogate, shape: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match=r"expected \(32, 2\)"):
+        model.predict(np.zeros(shape))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_force_that_is_not_finite(model: surrogate.Surrogate, value: float) -> None:
+    forces = np.zeros((2, 32, 2))
+    forces[1, 31, 0] = value
+    with pytest.raises(InputError, match="NaN or an infinity"):
+        model.predict(forces)
+
+
+def test_no_samples(model: surrogate.Surrogate) -> None:
+    assert model.predict(np.zeros((0, 32, 2))).shape == (0, 32, 2)
+
+
+@pytest.fixture(scope="module")
+def likely(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> surrogate.Surrogate:
+    run = RunFolder(tmp_path_factory.mktemp("runs") / "likely")
+    config = make_config(epochs=2, likelihood="maximum_likelihood")
+    train(config, dataset, run, torch.device("cpu"))
+    return surrogate.load(run.folder)
+
+
+@pytest.fixture(scope="module")
+def bayes(
+    tmp_path_factory: pytest.TempPathFactory,
+    dataset: Dataset,
+    make_config: Callable[..., RunConfig],
+) -> surrogate.Surrogate:
+    run = RunFolder(tmp_path_factory.mktemp("runs") / "bayes")
+    variational = {"biases": True, "initial_std": 0.1}
+    config = make_config(epochs=2, likelihood="variational_bayes", variational=variational)
+    train(config, dataset, run, torch.device("cpu"))
+    return surrogate.load(run.folder)
+
+
+FORCES = np.random.default_rng(0).normal(size=(3, 32, 2))
+
+
+def assert_equal(one: Distribution, other: Distribution) -> None:
+    for name, field in one.fields().items():
+        np.testing.assert_array_equal(field, other.fields()[name], err_msg=name)
+
+
+def test_deterministic_network_has_no_spread_and_one_pass(model: surrogate.Surrogate) -> None:
+    assert not model.is_probabilistic
+    assert not model.is_stochastic
+    found = model.predict_distribution(FORCES, passes=7, seed=1)
+    assert not found.std.any()
+    assert_equal(found, model.predict_distribution(FORCES))
+    np.testing.assert_array_equal(found.mean, model.predict(FORCES))
+
+
+def test_maximum_likelihood_has_aleatoric_spread_only(
+    likely: surrogate.Surrogate, dataset: Dataset
+) -> None:
+    """Its own σ; exactly none between passes, however many are asked for."""
+    assert likely.is_probabilistic
+    assert not likely.is_stochastic
+    found = likely.predict_distribution(FORCES, passes=7, seed=1)
+    assert not found.std_epistemic.any()
+    np.testing.assert_array_equal(found.std, found.std_aleatoric)
+    free = ~likely.geometry.clamped
+    assert (found.std_aleatoric[:, free] > 0).all()
+    assert not found.std_aleatoric[:, ~free].any()
+    assert_equal(found, likely.predict_distribution(FORCES))
+    force = dataset.test.force
+    with torch.no_grad():
+        std = likely.network(force).std
+    assert std is not None
+    nodal = force.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    expected = std.double().numpy().reshape(12, 2, 32).swapaxes(1, 2)
+    np.testing.assert_allclose(likely.predict_distribution(nodal).std, expected, rtol=1e-6)
+
+
+def test_variational_network_has_both_spreads(bayes: surrogate.Surrogate) -> None:
+    assert bayes.is_probabilistic
+    assert bayes.is_stochastic
+    found = bayes.predict_distribution(FORCES, passes=20)
+    free = ~bayes.geometry.clamped
+    for field in (found.std_epistemic, found.std_aleatoric):
+        assert (field[:, free] > 0).all()
+        assert not field[:, ~free].any()
+    np.testing.assert_allclose(
+        found.std**2, found.std_epistemic**2 + found.std_aleatoric**2, rtol=1e-12
+    )
+    assert set(found.fields()) == {"displacement", "std", "std_epistemic", "std_aleatoric"}
+
+
+def test_one_pass_has_no_epistemic_spread(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(FORCES, passes=1)
+    assert not found.std_epistemic.any()
+    assert found.std_aleatoric.any()
+
+
+def test_passes_are_those_of_their_seed(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(FORCES, passes=5, seed=3)
+    other = bayes.predict_distribution(FORCES, passes=5, seed=4)
+    assert_equal(bayes.predict_distribution(FORCES, passes=5, seed=3), found)
+    free = ~bayes.geometry.clamped
+    assert (found.mean[:, free] != other.mean[:, free]).mean() > 0.99
+    # of one sample as of several: the same passes serve all
+    alone = bayes.predict_distribution(FORCES[1], passes=5, seed=3)
+    np.testing.assert_allclose(alone.mean, found.mean[1], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(alone.std_epistemic, found.std_epistemic[1], rtol=1e-3, atol=1e-6)
+
+
+def test_prediction_is_the_mean_of_300_passes(bayes: surrogate.Surrogate) -> None:
+    """The paper's number, Section 3; it takes 2 batches of 4096 here, for 20 samples."""
+    forces = np.random.default_rng(1).normal(size=(20, 32, 2))
+    expected = bayes.predict_distribution(forces, passes=300, seed=0).mean
+    np.testing.assert_array_equal(bayes.predict(forces), expected)
+
+
+@pytest.mark.parametrize("passes", [0, -1])
+def test_wrong_number_of_passes(bayes: surrogate.Surrogate, passes: int) -> None:
+    with pytest.raises(InputError, match=f"passes = {passes}, expected 1 at least"):
+        bayes.predict_distribution(FORCES, passes=passes)
+
+
+def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
+    found = bayes.predict_distribution(np.zeros((0, 32, 2)), passes=3)
+    assert found.mean.shape == found.std.shape == (0, 32, 2)
+
+
+def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:
+    """Node 31 at the upper right corner may be loaded, node 28 below it not."""
+    limit = np.array(dataset.info.force.max_abs)
+    forces = np.zeros((32, 2))
+    forces[31] = limit
+    assert model.outside_training(forces) is None
+    forces[31] = -1.01 * limit
+    warning = model.outside_training(forces)
+    assert warning is not None
+    assert "beyond" in warning
+    assert f"{limit[0]:.3g}" in warning
+    forces[31], forces[28] = 0.0, 0.5 * limit
+    assert model.outside_training(forces) == "a loaded node was never loaded in the training data"
+
+
+def test_no_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no run there"):
+        surrogate.load(tmp_path / "nowhere")
+
+
+def test_run_that_is_not_finished(copy: RunFolder) -> None:
+    copy.model.unlink()
+    with pytest.raises(InputError, match="not finished"):
+        surrogate.load(copy.folder)
+
+
+@pytest.mark.parametrize("kept", [0, 4, 100, -1])
+def test_truncated_model(copy: RunFolder, kept: int) -> None:
+    copy.model.write_bytes(copy.model.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"model\.safetensors"):
+        surrogate.load(copy.folder)
+
+
+@pytest.mark.parametrize(
+    "name", ["network.head.bias", "geometry.grid/node_at", "geometry.clamped", "force_scale"]
+)
+def test_model_that_lacks_a_tensor(copy: RunFolder, name: str) -> None:
+    tensors = load_file(copy.model)
+    del tensors[name]
+    save_atomically(tensors, copy.model)
+    with pytest.raises(InputError, match=r"model\.safetensors: does not fit config\.yaml"):
+        surrogate.load(copy.folder)
+
+
+def test_model_of_another_network(copy: RunFolder) -> None:
+    copy.config.write_text(copy.config.read_text().replace("channels: 8", "channels: 9"))
+    with pytest.raises(InputError, match="does not fit") as error:
+        surrogate.load(copy.folder)
+    assert "\n" not in str(error.value)
+
+
+def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:
+    files = [path for path in evaluated.rglob("*") if path.is_file()]
+    suffixes = {path.suffix for path in files}
+    assert suffixes == {".yaml", ".safetensors", ".jsonl", ".json", ".png", ".txt"}
+    for path in files:
+        content = path.read_bytes()
+        assert not zipfile.is_zipfile(path), path
+        assert not content.startswith(b"\x80"), path
+        if path.suffix == ".safetensors":
+            # eight bytes of length, then a JSON header: no pickle machine gets beyond the first
+            assert content[8:9] == b"{", path
+            with pytest.raises(ValueError):  # noqa: PT011, which byte it stumbles at is chance
+                list(pickletools.genops(content))

@@ -1,0 +1,81 @@
+"""Maps between mesh and grid in PyTorch, against those in NumPy and by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor, nn
+
+from shared_schema.embedded_grid import EmbeddedGrid
+from shared_schema.grid import Grid
+from shared_schema.grid_map import NO_NODE, GridMap
+from surrogate.networks.nodal_network import NodalNetwork, WeightedSums, transposed
+from surrogate.probabilistic.likelihoods import Prediction
+
+RNG = np.random.default_rng(0)
+
+
+def permuted(shape: tuple[int, ...], empty: int = 0) -> GridMap:
+    """Nodes in random order on a grid, some of whose points are left empty."""
+    points = int(np.prod(shape))
+    node_at = np.full(points, NO_NODE)
+    node_at[RNG.permutation(points)[empty:]] = np.arange(points - empty)
+    return GridMap(node_at.reshape(shape))
+
+
+def embedded() -> EmbeddedGrid:
+    """Nine nodes anywhere between the points of a 4 × 3 grid; some points take part in none."""
+    points = np.stack([RNG.permutation(11)[:4] for _ in range(9)])
+    weights = RNG.dirichlet(np.ones(4), 9) * (RNG.random((9, 4)) > 0.2)
+    sources = RNG.integers(0, 9, (4, 3, 3))
+    return EmbeddedGrid(sources, np.full((4, 3, 3), 1 / 3), points, weights)
+
+
+class Field(nn.Module):
+    """Takes forces for displacements, and twice them for standard deviations."""
+
+    members = 1
+    force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
+
+    def forward(self, force: Tensor) -> Prediction:
+        return Prediction(force, 2 * force)
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [permuted((5, 4)), permuted((5, 4), empty=6), permuted((3, 4, 2)), embedded()],
+    ids=["permuted", "with empty points", "3D", "embedded"],
+)
+def test_maps_are_those_of_the_schema(grid: Grid) -> None:
+    """F = Bᵀ f and u = B U, as `shared_schema` computes them, to float32 round-off."""
+    d = len(grid.shape)
+    force = RNG.normal(size=(2, grid.nodes, d)).astype(np.float32)
+    network = NodalNetwork(Field(), grid)  # type: ignore[arg-type]
+    mean, std = network(torch.from_numpy(force))
+    expected = grid.to_nodes(grid.forces_to_grid(force))
+    assert mean.shape == (1, 2, grid.nodes, d)
+    np.testing.assert_allclose(mean[0], expected, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(std[0], 2 * expected, rtol=1e-6, atol=1e-6)
+
+
+def test_passes_are_parts_of_the_batch() -> None:
+    """The batch of three passes is the samples three times over."""
+    grid = permuted((3, 2))
+    network = NodalNetwork(Field(), grid)  # type: ignore[arg-type]
+    force = torch.from_numpy(RNG.normal(size=(2, 6, 2)).astype(np.float32))
+    mean, _ = network(force, 3)
+    assert torch.equal(mean, force.expand(3, 2, 6, 2))
+
+
+def test_weighted_sums_by_hand() -> None:
+    """2·5 + 3·7 = 31; 1·11."""
+    sums = WeightedSums(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 0.0]]))
+    assert sums(torch.tensor([[5.0, 7.0, 11.0]])).tolist() == [[31.0, 11.0]]
+
+
+def test_transpose_by_hand() -> None:
+    """The matrix (2 3 0 0; 4 0 1 0) has the columns (2 4), (3), (1) and one that is empty."""
+    sources, weights = transposed(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 4.0]]), 4)
+    assert weights.tolist() == [[2.0, 4.0], [3.0, 0.0], [1.0, 0.0], [0.0, 0.0]]
+    assert sources.tolist() == [[0, 1], [0, 0], [1, 0], [0, 0]]

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shared_schema.common.errors import InputError
+from surrogate.evaluation.published import PUBLISHED
+from surrogate.presentation.report import write_report
+
+
+@pytest.fixture(scope="module")
+def page(evaluated: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(evaluated, data.parent / "nodal", path)
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+    return path.read_text(encoding="utf-8")
+
+
+def test_page_is_self_contained(page: str, evaluated: Path) -> None:
+    sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", page)
+    assert len(sources) == 4
+    names = ("deformed", "error_field", "errors", "loss")
+    for source, name in zip(sources, names, strict=True):
+        prefix, _, text = source.partition(",")
+        assert prefix == "data:image/png;base64"
+        assert base64.b64decode(text) == (evaluated / "figures" / f"{name}.png").read_bytes()
+    for remote in ("http:", "https:", "file:", "url(", "@import", "<script", "<link", "<iframe"):
+        assert remote not in page
+
+
+def test_page_holds_our_numbers_and_the_papers(page: str, evaluated: Path) -> None:
+    test = json.loads((evaluated / "evaluation.json").read_text())["test"]
+    rows = {
+        cells[0]: cells[1:]
+        for row in re.findall(r"<tr>(.*?)</tr>", page)
+        if (cells := re.findall(r"<td>(.*?)</td>", row))
+    }
+    # Deshpande et al. (2022), Table "det_metrics", 2D beam: ē = 0.3e-3 m, σ(e) = 0.2e-3 m
+    assert rows["mean error ē [10⁻³ m]"] == [f"{test['mean_error'] * 1e3:.3f}", "0.3"]
+    assert rows["standard deviation σ(e) [10⁻³ m]"] == [f"{test['std_error'] * 1e3:.3f}", "0.2"]
+    assert rows["trainable parameters"][1] == "7.5 M"
+    assert rows["test samples M"] == ["12", "–"]
+
+
+def test_page_says_how_it_was_made(page: str) -> None:
+    """60 samples of 0.5 s each in the synthetic nodal dataset."""
+    assert "60 solved, 0 failed, 30.0 core seconds (500.00 ms each)" in page
+    assert "Grid 8 × 4, d = 2; 48 training and 12 test samples" in page
+
+
+def test_published_numbers_of_the_beam() -> None:
+    """Deshpande et al. (2022), 2D beam, deterministic."""
+    published = PUBLISHED["beam2d", "deterministic"]
+    assert (published.mean_error, published.std_error) == (0.3e-3, 0.2e-3)
+    assert round(published.parameters / 1e6, 1) == 7.5
+
+
+def test_without_the_nodal_dataset(evaluated: Path, tmp_path: Path) -> None:
+    write_report(evaluated, None, tmp_path / "a.html")
+    assert "core seconds" not in (tmp_path / "a.html").read_text(encoding="utf-8")
+
+
+def test_run_that_is_not_evaluated(trained: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not evaluated yet"):
+        write_report(trained, None, tmp_path / "a.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_folder(evaluated: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such folder"):
+        write_report(evaluated, None, tmp_path / "nowhere" / "a.html")
+
+
+def test_other_nodal_dataset(
+    evaluated: Path, tmp_path: Path, make_dataset: Callable[..., Path]
+) -> None:
+    other = make_dataset(tmp_path / "other", seed=1).parent / "nodal"
+    with pytest.raises(InputError, match="not the dataset that the run's data was made from"):
+        write_report(evaluated, other, tmp_path / "a.html")
+    assert not (tmp_path / "a.html").exists()
+
+
+def test_damaged_evaluation(evaluated: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(evaluated, run)
+    (run / "evaluation.json").write_text('{"test": ')
+    with pytest.raises(InputError, match=r"evaluation\.json"):
+        write_report(run, None, tmp_path / "a.html")

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from shared_schema.common.errors import InputError
+from surrogate.runs.configuration import SHIPPED, RunConfig, read_config
+
+BAYES = "name: a\ncase: b\nlikelihood: variational_bayes\nvariational"
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_configurations_are_valid_and_named_as_their_files(path: Path) -> None:
+    config = read_config(path.stem)
+    assert config.name == path.stem
+    assert config.case == path.stem.split("-")[0]
+
+
+def test_recipe_of_the_paper() -> None:
+    """Deshpande et al. (2022), Section 3: Adam at 1e-4, batches of 4, 600 epochs, c = 128."""
+    config = read_config("beam2d-det-paper")
+    assert config.training.optimiser.name == "adam"
+    assert config.training.optimiser.learning_rate == 1e-4
+    assert (config.training.batch_size, config.training.epochs) == (4, 600)
+    assert config.training.loss == "mse"
+    assert config.network.level_channels() == [128, 256, 512]
+    assert config.network.batch_norm
+
+
+def test_round_trip_through_yaml(tmp_path: Path) -> None:
+    config = read_config("beam2d-det-fast")
+    path = tmp_path / "a.yaml"
+    path.write_text(yaml.safe_dump(config.plain()))
+    assert read_config(str(path)) == config
+
+
+def test_unknown_name_lists_those_shipped() -> None:
+    with pytest.raises(InputError, match=r"config 'beam4d': .*beam2d-det-fast"):
+        read_config("beam4d")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("name: a", "key 'case' is missing"),
+        ("name: a\ncase: b\nepochs: 3", "unknown key 'epochs'"),
+        ("name: a\ncase: b\ntraining: {epochs: 0}", "key 'training.epochs' = 0"),
+        ("name: a\ncase: b\ntraining: {epochs: many}", "key 'training.epochs' = 'many'"),
+        ("name: a\ncase: b\nnetwork: {levels: 2, depth: 3}", "unknown key 'network.depth'"),
+        ("name: a\ncase: b\ntraining: {optimiser: {name: sgd}}", "'training.optimiser.name'"),
+        ("name: a\ncase: b\ntraining: {validation_fraction: 1}", "'training.validation_fraction'"),
+        ("name: a\ncase: b\nlikelihood: uniform", "key 'likelihood' = 'uniform'"),
+        (f"{BAYES}: {{prior_std: 0}}", "key 'variational.prior_std' = 0"),
+        (f"{BAYES}: {{prior_std: .inf}}", "key 'variational.prior_std' = inf"),
+        (f"{BAYES}: {{initial_std: -0.1}}", "key 'variational.initial_std' = -0.1"),
+        (f"{BAYES}: {{prior_mean: fitted}}", "key 'variational.prior_mean' = 'fitted'"),
+        (f"{BAYES}: {{divergence: exact}}", "key 'variational.divergence' = 'exact'"),
+        (f"{BAYES}: {{warmup: 1.5}}", "key 'variational.warmup' = 1.5"),
+        (f"{BAYES}: {{weight: 0}}", "key 'variational.weight' = 0"),
+        (f"{BAYES}: {{convolutions: [3]}}", "key 'variational.convolutions.0' = 3"),
+        (f"{BAYES}: {{convolutions: []}}", "key 'variational.convolutions'"),
+        (f"{BAYES}: {{levels: []}}", "key 'variational.levels'"),
+        (f"{BAYES}: {{levels: [0, 3]}}", "'variational.levels' = [0, 3]"),
+        (f"{BAYES}: {{levels: [-1]}}", "'variational.levels' = [-1]"),
+        (f"{BAYES}: {{prior: 0.1}}", "unknown key 'variational.prior'"),
+        ("name: a\ncase: b\ntraining: {beta: 1.1}", "key 'training.beta' = 1.1"),
+    ],
+)
+def test_wrong_key_is_named(tmp_path: Path, text: str, part: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read_config(str(path))
+    assert str(error.value).startswith(f"{path}: ")
+    assert part in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("likelihood", "given"),
+    [
+        ("deterministic", "given"),
+        ("maximum_likelihood", "given"),
+        ("variational_bayes", "missing"),
+    ],
+)
+def test_variational_is_for_variational_bayes_only(
+    tmp_path: Path, likelihood: str, given: str
+) -> None:
+    path = tmp_path / "a.yaml"
+    variational = "\nvariational: {prior_std: 0.2}" if given == "given" else ""
+    path.write_text(f"name: a\ncase: b\nlikelihood: {likelihood}{variational}")
+    with pytest.raises(InputError) as error:
+        read_config(str(path))
+    assert f"'variational' is {given}, but 'likelihood' is '{likelihood}'" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_variational_defaults(tmp_path: Path) -> None:
+    """The paper's choices: second convolutions of all levels, kernels only, trainable priors."""
+    path = tmp_path / "a.yaml"
+    path.write_text(f"{BAYES}: {{}}")
+    variational = read_config(str(path)).variational
+    assert variational is not None
+    assert (variational.convolutions, variational.levels) == ((2,), None)
+    assert (variational.biases, variational.prior_mean) == (False, "trainable")
+    assert (variational.weight, variational.warmup) == (1.0, 0.0)
+
+
+def test_defaults_are_stored() -> None:
+    plain = RunConfig(name="a", case="b").plain()
+    assert plain["training"]["optimiser"]["betas"] == [0.9, 0.999]
+    assert RunConfig.model_validate(plain) == RunConfig(name="a", case="b")

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from surrogate.data.dataset import Dataset
+from surrogate.device import lay_out
+from surrogate.probabilistic.likelihoods import Likelihood, Prediction
+from surrogate.runs.configuration import RunConfig
+from surrogate.training.trainer import Trainer
+from tests.surrogate.resuming import assert_resumes, trained
+
+MakeConfig = Callable[..., RunConfig]
+
+
+@pytest.mark.parametrize("likelihood", ["deterministic", "maximum_likelihood"])
+def test_convolutions_in_bfloat16_all_else_in_float32(
+    tmp_path: Path,
+    dataset: Dataset,
+    make_config: MakeConfig,
+    monkeypatch: pytest.MonkeyPatch,
+    likelihood: Likelihood,
+) -> None:
+    """Training convolves in bfloat16, validation does not; predictions and losses are float32."""
+    convolved: set[tuple[bool, torch.dtype]] = set()
+    judged: set[torch.dtype] = set()
+    convolve, loss = nn.Conv2d.forward, Trainer.loss
+
+    def record_convolution(self: nn.Conv2d, x: Tensor) -> Tensor:
+        result = convolve(self, x)
+        convolved.add((torch.is_grad_enabled(), result.dtype))
+        return result
+
+    def record_loss(self: Trainer, prediction: Prediction, reference: Tensor) -> Tensor:
+        assert not torch.is_autocast_enabled("cpu")
+        result = loss(self, prediction, reference)
+        judged.update(t.dtype for t in (*prediction, reference, result) if t is not None)
+        assert all(p.dtype == torch.float32 for p in self.network.parameters())
+        return result
+
+    monkeypatch.setattr(nn.Conv2d, "forward", record_convolution)
+    monkeypatch.setattr(Trainer, "loss", record_loss)
+    config = make_config(epochs=1, precision="bfloat16", likelihood=likelihood)
+    trained(config, dataset, tmp_path / "run")
+    assert convolved == {(True, torch.bfloat16), (False, torch.float32)}
+    assert judged == {torch.float32}
+
+
+def test_training_is_that_of_float32_to_rounding(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """bfloat16 has 8 significant bits, 0.4 %; a few layers' roundings come to some per cent."""
+    losses = []
+    for precision in ("float32", "bfloat16"):
+        run = trained(make_config(epochs=4, precision=precision), dataset, tmp_path / precision)
+        losses.append([line["train_loss"] for line in run.metric_lines()])
+    assert losses[1] == pytest.approx(losses[0], rel=0.05)
+    assert losses[1] != losses[0]
+
+
+def test_bfloat16_resumes(tmp_path: Path, dataset: Dataset, make_config: MakeConfig) -> None:
+    assert_resumes(make_config(epochs=2, precision="bfloat16"), dataset, tmp_path, stop_after=1)
+
+
+def layout(dimension: int, precision: str, device: torch.device) -> torch.memory_format:
+    """In which the kernels of a network lie."""
+    convolution = {2: nn.Conv2d, 3: nn.Conv3d}[dimension](4, 4, 3)
+    lay_out(convolution, dimension, precision, device)  # type: ignore[arg-type]
+    last = {2: torch.channels_last, 3: torch.channels_last_3d}[dimension]
+    is_last = convolution.weight.is_contiguous(memory_format=last)
+    return last if is_last else torch.contiguous_format
+
+
+def test_memory_layouts() -> None:
+    cpu = torch.device("cpu")
+    assert layout(2, "float32", cpu) == torch.channels_last
+    assert layout(3, "float32", cpu) == torch.channels_last_3d
+    assert layout(3, "bfloat16", cpu) == torch.contiguous_format
+
+
+def test_only_kernels_are_laid_out() -> None:
+    """A scale of every node, (3, nx, ny, nz), has four dimensions, but no channels to come last."""
+    convolution, scale = nn.Conv3d(4, 4, 3), nn.Parameter(torch.ones(3, 4, 5, 6))
+    convolution.register_parameter("scale", scale)
+    lay_out(convolution, 3, "float32", torch.device("cpu"))
+    assert convolution.weight.is_contiguous(memory_format=torch.channels_last_3d)
+    assert scale.is_contiguous()
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_memory_layouts_on_cuda() -> None:
+    cuda = torch.device("cuda")
+    assert layout(2, "bfloat16", cuda) == torch.channels_last
+    assert layout(3, "float32", cuda) == torch.contiguous_format
+    assert layout(3, "bfloat16", cuda) == torch.channels_last_3d

@@ -1,0 +1,298 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import yaml
+from safetensors.torch import load_file
+from torch import Tensor
+
+from shared_schema.common.errors import InputError, WorkError
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.device import choose_device
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.seeds import stream
+from surrogate.training.train import train
+from surrogate.training.trainer import Trainer
+
+CPU = torch.device("cpu")
+MakeConfig = Callable[..., RunConfig]
+
+
+def untimed(run: RunFolder) -> list[dict[str, Any]]:
+    times = ("seconds", "samples_per_second")
+    return [{k: v for k, v in line.items() if k not in times} for line in run.metric_lines()]
+
+
+def assert_same_run(first: RunFolder, second: RunFolder) -> None:
+    """Weights, states of the optimisers and measures, bit for bit."""
+    assert first.model.read_bytes() == second.model.read_bytes()
+    one, other = load_file(first.checkpoint), load_file(second.checkpoint)
+    assert list(one) == list(other)
+    assert any(name.startswith("optimiser.") for name in one)
+    for name in one:
+        assert torch.equal(one[name], other[name]), name
+    assert untimed(first) == untimed(second)
+
+
+RECIPES: list[Any] = [
+    pytest.param({"optimiser": "adam", "batch_norm": True}, id="adam-batch-norm"),
+    pytest.param({"optimiser": "muon"}, id="muon"),
+]
+
+
+PROBABILISTIC: list[Any] = [
+    pytest.param({"likelihood": "maximum_likelihood", "beta": 0.5}, id="maximum-likelihood"),
+    pytest.param(
+        {"likelihood": "variational_bayes", "variational": {"biases": True, "warmup": 0.6}},
+        id="closed-divergence",
+    ),
+    pytest.param(
+        {
+            "likelihood": "variational_bayes",
+            "variational": {"divergence": "sampled", "biases": True, "prior_mean": "zero"},
+            "optimiser": "adam",
+            "batch_norm": True,
+        },
+        id="sampled-divergence",
+    ),
+]
+
+
+@pytest.mark.parametrize("recipe", RECIPES + PROBABILISTIC)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_k_and_k_epochs_are_2k(
+    tmp_path: Path,
+    dataset: Dataset,
+    dataset_3d: Dataset,
+    make_config: MakeConfig,
+    recipe: dict[str, Any],
+    dimension: int,
+) -> None:
+    samples = {2: dataset, 3: dataset_3d}[dimension]
+    config = make_config(dimension=dimension, epochs=4, **recipe)
+    whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
+    train(config, samples, whole, CPU)
+    train(config, samples, parts, CPU, stop_after=2)
+    assert not parts.model.is_file()
+    assert [line["epoch"] for line in parts.metric_lines()] == [1, 2]
+    train(config, samples, parts, CPU)
+    assert [line["epoch"] for line in parts.metric_lines()] == [1, 2, 3, 4]
+    assert_same_run(whole, parts)
+
+
+def test_scales_by_node_are_resumed(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    config = make_config(epochs=4, loss="mae").model_copy(update={"displacement_scale": "node"})
+    whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
+    train(config, dataset, whole, CPU)
+    train(config, dataset, parts, CPU, stop_after=3)
+    train(config, dataset, parts, CPU)
+    assert_same_run(whole, parts)
+    scale = load_file(whole.model)["displacement_scale"]
+    assert len(set(scale.flatten().tolist())) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_killed_process_goes_on_as_if_nothing_had_been(
+    tmp_path: Path, data: Path, make_config: MakeConfig, recipe: dict[str, Any]
+) -> None:
+    config = make_config(epochs=60, checkpoint_seconds=0.0, **recipe)
+    killed, whole = RunFolder(tmp_path / "killed"), RunFolder(tmp_path / "whole")
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(config.plain()))
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "surrogate.command_line", "train", str(path)),
+            *("--data", str(data), "--out", str(killed.folder), "--device", "cpu"),
+        ],
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while len(killed.metric_lines()) < 3:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert killed.checkpoint.is_file()
+    assert not killed.model.is_file(), "the process was killed too late to test anything"
+    samples = read_dataset(data)
+    train(config, samples, killed, CPU)
+    train(config, samples, whole, CPU)
+    assert_same_run(killed, whole)
+
+
+def test_finished_run_is_left_alone(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    train(make_config(epochs=1), dataset, run, CPU)
+    before = {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")}
+    train(make_config(epochs=1), dataset, run, CPU)
+    assert {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")} == before
+
+
+def test_lost_measures_of_epochs_after_the_checkpoint_are_made_again(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    run, whole = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
+    config = make_config(epochs=4)
+    train(config, dataset, run, CPU, stop_after=2)
+    with run.metrics.open("a") as file:
+        file.write(json.dumps({"epoch": 3, "train_loss": 0.0, "seconds": 0.0}) + "\n")
+    train(config, dataset, run, CPU)
+    train(config, dataset, whole, CPU)
+    assert_same_run(run, whole)
+
+
+def test_absurd_learning_rate_fails(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(
+        WorkError, match=r"diverged in epoch 1, with a loss of (nan|inf); no checkpoint is kept"
+    ):
+        train(make_config("adam", learning_rate=1e30), dataset, run, CPU)
+    assert not run.model.exists()
+    assert not run.checkpoint.exists()
+
+
+def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, config = RunFolder(tmp_path / "run"), make_config()
+    train(config, dataset, run, CPU, stop_after=2)
+    before = run.checkpoint.read_bytes()
+    loss = Trainer.loss
+    monkeypatch.setattr(Trainer, "loss", lambda self, *fields: loss(self, *fields) * torch.nan)
+    with pytest.raises(
+        WorkError, match="diverged in epoch 3, with a loss of nan; the checkpoint of epoch 2"
+    ):
+        train(config, dataset, run, CPU)
+    assert run.checkpoint.read_bytes() == before
+    assert not run.model.exists()
+    assert [line["epoch"] for line in run.metric_lines()] == [1, 2]
+
+
+def test_weights_that_are_not_finite_are_never_a_model(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """The only step overflows the weights; the loss before it was finite."""
+    run = RunFolder(tmp_path / "run")
+    config = make_config("adam", learning_rate=1e39, epochs=1, batch_size=64)
+    with pytest.raises(WorkError):
+        train(config, dataset, run, CPU)
+    assert not run.model.exists()
+
+
+@pytest.mark.parametrize(
+    ("update", "difference"),
+    [
+        ({"seed": 1}, "run.seed = 1, the folder has 0"),
+        ({"name": "other"}, "run.name = 'other', the folder has 'small'"),
+    ],
+)
+def test_run_of_another_configuration_is_refused(
+    tmp_path: Path,
+    dataset: Dataset,
+    make_config: MakeConfig,
+    update: dict[str, Any],
+    difference: str,
+) -> None:
+    run, config = RunFolder(tmp_path / "run"), make_config()
+    train(config, dataset, run, CPU, stop_after=1)
+    before = run.checkpoint.read_bytes()
+    with pytest.raises(InputError, match="a run with another ") as error:
+        train(config.model_copy(update=update), dataset, run, CPU)
+    assert difference in str(error.value)
+    assert run.checkpoint.read_bytes() == before
+
+
+def test_difference_inside_a_configuration_is_named(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    train(make_config(epochs=6), dataset, run, CPU, stop_after=1)
+    with pytest.raises(InputError, match=r"run\.training\.epochs = 7, the folder has 6"):
+        train(make_config(epochs=7), dataset, run, CPU)
+
+
+def test_run_of_another_dataset_is_refused(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, make_dataset: Callable[..., Path]
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    train(make_config(), dataset, run, CPU, stop_after=1)
+    other = read_dataset(make_dataset(tmp_path / "other", seed=1))
+    with pytest.raises(InputError, match=r"a run with another data\.digest = "):
+        train(make_config(), other, run, CPU)
+
+
+def test_wrong_case_is_refused(
+    tmp_path: Path, dataset_3d: Dataset, make_config: MakeConfig
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(InputError, match="'case' = 'beam2d', the dataset is of case 'block3d'"):
+        train(make_config(), dataset_3d, run, CPU)
+    assert not run.folder.exists()
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_loss_falls(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, recipe: dict[str, Any]
+) -> None:
+    """From about 1, that of the mean field, as the loss is scaled by the root mean square."""
+    run = RunFolder(tmp_path / "run")
+    train(make_config(epochs=40, learning_rate=2e-2, **recipe), dataset, run, CPU)
+    lines = run.metric_lines()
+    assert lines[-1]["train_loss"] < 0.25 * lines[0]["train_loss"]
+    assert lines[-1]["validation_loss"] < 0.5 * lines[0]["validation_loss"]
+
+
+def test_gradient_clip_bounds_the_gradient(
+    dataset: Dataset, make_config: MakeConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    norms: list[float] = []
+    clip = torch.nn.utils.clip_grad_norm_
+
+    def record(parameters: Any, limit: float) -> Tensor:
+        parameters = list(parameters)
+        clip(parameters, limit)
+        norms.append(sum(p.grad.square().sum().item() for p in parameters) ** 0.5)
+        return torch.tensor(0.0)
+
+    monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", record)
+    config = make_config(epochs=1, gradient_clip=1e-3)
+    train(config, dataset, RunFolder(tmp_path / "run"), CPU)
+    assert len(norms) == 3  # 43 training samples in batches of 16
+    assert max(norms) <= 1e-3 * (1 + 1e-5)
+
+
+def test_streams_of_one_seed_differ() -> None:
+    """Initial weights, validation part, order and noise of every epoch, and every pass."""
+    counted = [(7, kind, number) for kind in (2, 3, 4) for number in range(100)]
+    used = [(7, 0), (7, 1), *counted, (8, 0), (8, 1), (8, 2, 0), (8, 3, 0), (8, 4, 0)]
+    assert len({stream(*numbers) for numbers in used}) == len(used)
+    assert stream(7, 2, 5) == stream(7, 2, 5)
+
+
+def test_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert choose_device("auto") == choose_device("cpu") == CPU
+    with pytest.raises(InputError, match="'cuda': none here"):
+        choose_device("cuda")

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from surrogate.data.dataset import Dataset
+from surrogate.inference.prediction import Distribution, load
+from surrogate.runs.configuration import RunConfig
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.split import split_parts
+from surrogate.training.train import train
+from surrogate.uncertainty.calibration import judge
+from surrogate.uncertainty.recalibration import fit_factors
+
+FREE = np.array([False, True, True])
+
+
+def spreads(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Two standard deviations that differ over 4000 samples, independently of each other."""
+    aleatoric, epistemic = np.exp(rng.normal(size=(2, 4000, 3, 2)))
+    return aleatoric, epistemic
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (0.5, 2.0), (3.0, 0.25)])
+def test_factors_are_found(a: float, b: float) -> None:
+    """Errors drawn with the variance a² σ_al² + b² σ_ep²; clamped nodes must not count."""
+    rng = np.random.default_rng(0)
+    aleatoric, epistemic = spreads(rng)
+    error = rng.normal(size=aleatoric.shape) * np.hypot(a * aleatoric, b * epistemic)
+    error[:, 0] = 1e6
+    predicted = Distribution(np.zeros_like(error), epistemic, aleatoric)
+    assert fit_factors(predicted, error, FREE) == pytest.approx((a, b), rel=0.05)
+
+
+def test_weights_counted_twice_by_the_aleatoric_part() -> None:
+    """σ_al² = e² + σ_ep², as a head that is trained on draws finds it: e² = σ_al² − σ_ep²."""
+    rng = np.random.default_rng(1)
+    scale = np.exp(rng.normal(size=(4000, 3, 2)))
+    aleatoric, epistemic = scale, 0.5 * scale
+    error = rng.normal(size=scale.shape) * np.sqrt(1 - 0.25) * scale
+    a, b = fit_factors(Distribution(np.zeros_like(error), epistemic, aleatoric), error, FREE)
+    assert a**2 + 0.25 * b**2 == pytest.approx(0.75, rel=0.03)
+
+
+def test_without_epistemic_part() -> None:
+    """One factor, √(mean z²) in closed form."""
+    rng = np.random.default_rng(2)
+    aleatoric, _ = spreads(rng)
+    error = 0.3 * rng.normal(size=aleatoric.shape) * aleatoric
+    predicted = Distribution(np.zeros_like(error), np.zeros_like(error), aleatoric)
+    a, b = fit_factors(predicted, error, FREE)
+    expected = np.sqrt(((error / aleatoric)[:, FREE] ** 2).mean())
+    assert a == pytest.approx(expected, rel=1e-4)
+    assert b == 1.0
+
+
+@pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
+def test_of_a_run(
+    tmp_path: Path, dataset: Dataset, make_config: Callable[..., RunConfig], likelihood: str
+) -> None:
+    """The same weights; the held-out samples become likelier, by the factors of `fit_factors`."""
+    surrogates = {}
+    for recalibrate in (False, True):
+        config = make_config(
+            likelihood=likelihood, epochs=10, validation_fraction=0.3, recalibrate=recalibrate
+        )
+        folder = tmp_path / str(recalibrate)
+        train(config, dataset, RunFolder(folder), torch.device("cpu"))
+        surrogates[recalibrate] = load(folder)
+    held_out = split_parts(dataset.train, config).validation
+    grid = dataset.geometry.grid
+    force, reference = (
+        grid.to_nodes(field.double().numpy()) for field in (held_out.force, held_out.displacement)
+    )
+    free = ~dataset.geometry.clamped
+    raw, scaled = (surrogates[key].predict_distribution(force, 100) for key in (False, True))
+    a, b = fit_factors(raw, reference, free)
+    assert abs(a - 1) > 0.01
+    np.testing.assert_array_equal(scaled.mean, raw.mean)
+    np.testing.assert_allclose(scaled.std_aleatoric, a * raw.std_aleatoric, rtol=1e-5)
+    np.testing.assert_allclose(scaled.std_epistemic, b * raw.std_epistemic, rtol=1e-5)
+    before, after = (judge(p.mean, p.std, reference, free) for p in (raw, scaled))
+    assert after.negative_log_likelihood < before.negative_log_likelihood
+
+
+def test_it_needs_held_out_samples(make_config: Callable[..., RunConfig]) -> None:
+    with pytest.raises(ValueError, match="recalibrate expects validation_fraction > 0, found 0"):
+        make_config(likelihood="maximum_likelihood", validation_fraction=0.0, recalibrate=True)
+
+
+def test_factors_fade_beyond_the_training_range(evaluated: Path) -> None:
+    """a^w with w = r⁻⁴: at 0.5, 1 and 2 times the largest force a, a and a^(1/16)."""
+    model = load(evaluated)
+    model.network.aleatoric_factor.fill_(0.4)
+    model.network.epistemic_factor.fill_(0.9)
+    force = torch.zeros(3, *model.geometry.coordinates.shape)
+    limit = max(model.description.data.info.force.max_abs)
+    force[:, 31, 1] = torch.tensor([0.5, -1.0, 2.0]) * limit
+    aleatoric, epistemic = model.nodal_network.factors(force)
+    assert aleatoric.shape == (3, 1, 1)
+    torch.testing.assert_close(aleatoric.flatten(), torch.tensor([0.4, 0.4, 0.4 ** (1 / 16)]))
+    torch.testing.assert_close(epistemic.flatten(), torch.tensor([0.9, 0.9, 0.9 ** (1 / 16)]))
