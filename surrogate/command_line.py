@@ -141,6 +141,7 @@ def _passes(options: argparse.Namespace) -> dict[str, int]:
 
 def _train(options: argparse.Namespace) -> None:
     from surrogate.data.dataset import read_dataset
+    from surrogate.models.model import TrainedModel
     from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
     from surrogate.training.data_parallel import joined
@@ -155,10 +156,11 @@ def _train(options: argparse.Namespace) -> None:
         return
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
-    state = "trained" if run.model.is_file() else "stopped, to be gone on with"
-    epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
-    fitted = config.model == "pod"
-    print(f"{options.out}: {state}, {'' if fitted else epochs}{last['seconds']:.0f} s")
+    state = "trained" if run.model.is_file() else "stopped; resume with the same command"
+    epochs = ""
+    if isinstance(config, TrainedModel):
+        epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
+    print(f"{options.out}: {state}, {epochs}{last['seconds']:.0f} s")
 
 
 def _evaluate(options: argparse.Namespace) -> None:

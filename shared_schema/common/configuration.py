@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from shared_schema.common.errors import InputError
 
@@ -17,7 +17,7 @@ class Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-Model = TypeVar("Model", bound=Frozen)
+Model = TypeVar("Model")
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -73,13 +73,13 @@ def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str
     return read_yaml(path), str(path)
 
 
-def validate(model: type[Model], content: Any, source: str) -> Model:
-    """Build `model` from plain data, or name the first key that is wrong.
+def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str) -> Model:
+    """Build a configuration model from plain data, or name the first key that is wrong.
 
     Parameters
     ----------
-    model : type
-        The configuration model.
+    model : type or TypeAdapter
+        Configuration model, or adapter of a union of some.
     content : Any
         What was read, usually a dictionary.
     source : str
@@ -91,19 +91,31 @@ def validate(model: type[Model], content: Any, source: str) -> Model:
         One line: source, key, value and what was expected.
     """
     try:
-        return model.model_validate(content)
+        adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
+        return adapter.validate_python(content)
     except ValidationError as error:
         raise InputError(f"{source}: {first_problem(error)}") from None
 
 
 def first_problem(error: ValidationError) -> str:
-    """Say the first problem of a pydantic error in one line: key, value, expectation."""
+    """Say the first problem of a pydantic error in one line: key, value, expectation.
+
+    The tag of a tagged union, written in parentheses, stands behind the message.
+    """
     problem = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in problem["loc"]) or "(top level)"
+    tags = [str(part) for part in problem["loc"] if str(part).startswith("(")]
+    key = ".".join(str(part) for part in problem["loc"] if str(part) not in tags) or "(top level)"
+    return " ".join([_message(key, problem), *tags])
+
+
+def _message(key: str, problem: Any) -> str:
     if problem["type"] == "extra_forbidden":
         return f"unknown key '{key}'"
     if problem["type"] == "missing":
         return f"key '{key}' is missing"
+    if problem["type"] == "union_tag_invalid":
+        context = problem["ctx"]
+        return f"found {context['tag']}, expected one of {context['expected_tags']}"
     message = problem["msg"].removeprefix("Value error, ")
     value = problem["input"]
     found = "" if isinstance(value, (dict, list, BaseModel)) else f" = {value!r}"

@@ -12,10 +12,11 @@ the nodes:
 
 from __future__ import annotations
 
-from typing import Literal
+from abc import ABC, abstractmethod
+from typing import Literal, Self
 
 import torch
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor
 
 from shared_schema.common.configuration import Frozen
@@ -25,8 +26,10 @@ from surrogate.baselines.ridge_regression import RidgeRegression
 from surrogate.networks.field_network import SMALLEST_STD
 from surrogate.probabilistic.likelihoods import Prediction
 
+ENERGY = 1 - 1e-8
 
-class PODConfig(Frozen):
+
+class PODConfig(Frozen, ABC):
     """Number of modes, and the regression of their coefficients.
 
     Attributes
@@ -34,23 +37,62 @@ class PODConfig(Frozen):
     regression : {"ridge", "gp"}
         Ridge regression or a Gaussian process.
     energy : float
-        Part of the training displacements' variance that the modes hold.
+        Fraction of the training displacements' variance that the modes hold.
     rank : int, optional
-        r, in place of `energy`; for large bodies, as it needs no whole decomposition.
-    degree : int
-        Of the polynomials of ridge regression.
-    penalty : float
-        On their squared weights.
-    gp_samples : int
-        Training samples that the Gaussian process is conditioned on, at most.
+        Number of modes r, in place of `energy`; for large bodies, as it needs no whole
+        decomposition.
     """
 
-    regression: Literal["ridge", "gp"] = "ridge"
-    energy: float = Field(1 - 1e-8, gt=0, lt=1)
+    regression: str
+    energy: float = Field(ENERGY, gt=0, lt=1)
     rank: int | None = Field(None, ge=1)
+
+    @model_validator(mode="after")
+    def _energy_or_rank(self) -> Self:
+        if self.rank is not None and self.energy != ENERGY:
+            raise ValueError(f"energy = {self.energy}: expected none beside rank = {self.rank}")
+        return self
+
+    @abstractmethod
+    def make_regression(self) -> RidgeRegression | GaussianProcess:
+        """Make the regression, not yet fitted."""
+
+
+class RidgeConfig(PODConfig):
+    """Ridge regression of the coefficients.
+
+    Attributes
+    ----------
+    degree : int
+        Degree of the polynomials of the forces.
+    penalty : float
+        Penalty on the squared weights.
+    """
+
+    regression: Literal["ridge"] = "ridge"
     degree: int = Field(6, ge=1)
     penalty: float = Field(1e-8, gt=0)
+
+    def make_regression(self) -> RidgeRegression:
+        """Make the regression, not yet fitted."""
+        return RidgeRegression(self.degree, self.penalty)
+
+
+class GaussianProcessConfig(PODConfig):
+    """Gaussian process regression of the coefficients.
+
+    Attributes
+    ----------
+    gp_samples : int
+        Largest number of training samples that the process is conditioned on.
+    """
+
+    regression: Literal["gp"]
     gp_samples: int = Field(2000, ge=2)
+
+    def make_regression(self) -> GaussianProcess:
+        """Make the regression, not yet fitted."""
+        return GaussianProcess(self.gp_samples)
 
 
 class PODNetwork(Fitted):
@@ -82,11 +124,7 @@ class PODNetwork(Fitted):
         super().__init__("loaded", "mean", "modes", "truncation")
         self.config = config
         self.register_buffer("free", free.flatten().nonzero().squeeze(1), persistent=False)
-        self.regression: RidgeRegression | GaussianProcess
-        if config.regression == "ridge":
-            self.regression = RidgeRegression(config.degree, config.penalty)
-        else:
-            self.regression = GaussianProcess(config.gp_samples)
+        self.regression = config.make_regression()
 
     def fit(self, force: Tensor, displacement: Tensor, seed: int) -> None:
         """Fit modes and regression to scaled fields of the CPU, (N, d, nx, ny[, nz]) both."""

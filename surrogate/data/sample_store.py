@@ -1,4 +1,4 @@
-"""Where samples live during a training: on the device, or in host memory.
+"""Memory that holds the samples during a training: the device's, or the host's.
 
 On the device a batch is a gather. From the host it is copied by way of pinned memory on a stream
 of its own, while the device still works on the batch before.
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from surrogate.data.dataset import Samples
 
-Residency = Literal["auto", "device", "host"]
+Location = Literal["auto", "device", "host"]
 PART_OF_FREE_MEMORY = 0.5  # what samples may take of the device's; the rest is the network's
 
 
@@ -95,9 +95,9 @@ def gather_pinned(field: Tensor, indices: Tensor) -> Tensor:
     return torch.index_select(field, 0, indices, out=pinned)
 
 
-def store_samples(samples: Samples, residency: Residency, device: torch.device) -> SampleStore:
-    """Put samples where a residency says; ``auto``: on the device, if they fit."""
-    on_device = residency == "device" or (residency == "auto" and fits(samples, device))
+def store_samples(samples: Samples, location: Location, device: torch.device) -> SampleStore:
+    """Put samples into the memory of a location; ``auto``: the device's, if they fit."""
+    on_device = location == "device" or (location == "auto" and fits(samples, device))
     return DeviceStore(samples, device) if on_device else HostStore(samples, device)
 
 

@@ -21,7 +21,6 @@ from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 
 BATCH = 4096  # samples times passes at once, at most,
 VALUES = 2**25  # and at most as many values of a layer
@@ -85,13 +84,12 @@ class Surrogate:
 
     @property
     def is_probabilistic(self) -> bool:
-        """Whether it predicts standard deviations."""
-        run = self.description.run
-        return self.is_stochastic or run.ensemble > 1 or run.likelihood != "deterministic"
+        """True if it predicts standard deviations."""
+        return self.is_stochastic or self.description.run.predicts_std
 
     @property
     def is_stochastic(self) -> bool:
-        """Whether passes differ."""
+        """True if passes differ."""
         return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
@@ -137,21 +135,18 @@ class Surrogate:
         nodal = self._checked(forces)
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         passes = passes if self.is_stochastic else 1
-        parts = [
+        batches = [
             self._distribution(samples[start : start + self._batch], passes, seed)
             for start in range(0, max(len(samples), 1), self._batch)
         ]
         mean, epistemic, aleatoric = (
-            np.concatenate(fields).reshape(nodal.shape) for fields in zip(*parts, strict=True)
+            np.concatenate(fields).reshape(nodal.shape) for fields in zip(*batches, strict=True)
         )
-        if self.description.run.model == "pod":  # a Gaussian process's is its lack of data
-            epistemic, aleatoric = aleatoric, epistemic
         return Distribution(mean, epistemic, aleatoric)
 
     @property
     def _batch(self) -> int:
-        channels = self.description.run.network.channels
-        values = channels * self.geometry.grid.mask.size
+        values = self.description.run.values_per_point * self.geometry.grid.mask.size
         return max(1, min(BATCH, VALUES // values))
 
     def _checked(self, forces: ArrayLike) -> Array:
@@ -175,8 +170,7 @@ class Surrogate:
         moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
         moments = moments.scaled(self.nodal_network.factors(force)[1].double())
         mean, epistemic, aleatoric = (
-            field.cpu().numpy()
-            for field in (moments.mean, moments.std_epistemic, moments.std_aleatoric)
+            field.cpu().numpy() for field in self.description.run.distribution(moments)
         )
         return mean, epistemic, aleatoric
 
@@ -233,7 +227,7 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
-    network = make_network(description, geometry)
+    network = description.run.build(geometry, description.data.info)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

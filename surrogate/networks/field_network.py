@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -32,12 +33,14 @@ class FieldNetwork(nn.Module):
 
     Attributes
     ----------
+    node_fraction : float
+        Fraction of the grid points that are nodes.
     force_scale : Tensor, ()
         Standard deviation of a force component that is U(−a, a), a the largest found, in N.
-    unit : Tensor, ()
+    displacement_rms : Tensor, ()
         Root mean square of the displacement over nodes and components, in m.
     displacement_scale : Tensor, (d, nx, ny[, nz])
-        What the network's output is multiplied by, in m: `unit`, unless `scale_by_node` is called.
+        Factor on the network's output, in m: `displacement_rms`, unless `scale_by_node` is called.
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes free to move, else 0.
     free_points : Tensor of int, (n_free,)
@@ -48,7 +51,7 @@ class FieldNetwork(nn.Module):
     """
 
     force_scale: Tensor
-    unit: Tensor
+    displacement_rms: Tensor
     displacement_scale: Tensor
     free: Tensor
     free_points: Tensor
@@ -58,17 +61,23 @@ class FieldNetwork(nn.Module):
     def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
         super().__init__()
         self.network = network
+        self.node_fraction = float(geometry.grid.mask.mean())
         free = torch.from_numpy(geometry.free_mask).float()
-        unit = root_mean_square(info)
+        rms = root_mean_square(info)
         self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
-        self.register_buffer("unit", torch.tensor(unit))
+        self.register_buffer("displacement_rms", torch.tensor(rms))
         self.register_buffer(
-            "displacement_scale", torch.full((geometry.dimension, *free.shape), unit)
+            "displacement_scale", torch.full((geometry.dimension, *free.shape), rms)
         )
         self.register_buffer("free", free)
         self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
         self.register_buffer("aleatoric_factor", torch.ones(()))
         self.register_buffer("epistemic_factor", torch.ones(()))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
+        if prefix + "unit" in state:  # its name in run folders of version 1
+            state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
+        super()._load_from_state_dict(state, prefix, *others)
 
     def scale_by_node(self, displacement: Tensor) -> None:
         """Scale every component of every node by its own root mean square over some samples.
@@ -79,7 +88,7 @@ class FieldNetwork(nn.Module):
             In m.
         """
         scale = displacement.square().mean(dim=0).sqrt()
-        self.displacement_scale.copy_(torch.where(scale > 0, scale, self.unit))
+        self.displacement_scale.copy_(torch.where(scale > 0, scale, self.displacement_rms))
 
     @property
     def members(self) -> int:

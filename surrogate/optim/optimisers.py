@@ -1,18 +1,17 @@
-"""Optimisers and learning-rate schedules, by name."""
+"""Optimisers by name, one for each kind of parameter of a network."""
 
 from __future__ import annotations
 
-import math
-from typing import Literal
+from typing import Literal, Self
 
 import torch
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.configuration import Frozen
 from surrogate.optim.muon import Muon
 
-ONE_CYCLE_START = 1 / 25  # torch's default
+MOMENTUM = 0.95
 
 
 class OptimiserConfig(Frozen):
@@ -25,11 +24,11 @@ class OptimiserConfig(Frozen):
     learning_rate : float
         Peak learning rate.
     betas : tuple of 2 floats
-        Adam's.
+        Decay rates of Adam's moments.
     momentum : float
-        Muon's.
+        Momentum of Muon.
     weight_decay : float
-        Decoupled.
+        Decoupled weight decay.
     rho_factor : float
         Factor on the learning rate of the ρ of Gaussian posteriors. Their best values follow the
         likelihood's σ, which falls by orders of magnitude; a ρ that lags behind leaves bands too
@@ -41,56 +40,16 @@ class OptimiserConfig(Frozen):
     name: Literal["adam", "muon"] = "adam"
     learning_rate: float = Field(1e-4, gt=0)
     betas: tuple[float, float] = (0.9, 0.999)
-    momentum: float = Field(0.95, ge=0, lt=1)
+    momentum: float = Field(MOMENTUM, ge=0, lt=1)
     weight_decay: float = Field(0.0, ge=0)
     rho_factor: float = Field(1.0, gt=0)
     gradient_clip: float | None = Field(None, gt=0)
 
-
-class ScheduleConfig(Frozen):
-    """Learning rate over the training, as a factor on its peak.
-
-    Attributes
-    ----------
-    name : {"constant", "linear", "cosine", "one_cycle"}
-        What follows the warm-up: the peak, or a decay to `final`. ``one_cycle``: half a cosine up,
-        half a cosine down, as torch's OneCycleLR (Smith and Topin 2018).
-    warmup : float
-        Part of all steps over which the rate grows: linearly from zero, with ``one_cycle`` from a
-        25th.
-    final : float
-        Factor at the end.
-    """
-
-    name: Literal["constant", "linear", "cosine", "one_cycle"] = "constant"
-    warmup: float = Field(0.0, ge=0, lt=1)
-    final: float = Field(0.0, ge=0, le=1)
-
-    def factor(self, step: int, steps: int) -> float:
-        """Factor on the learning rate at a step (0 … steps − 1): a pure function of both."""
-        if self.name == "one_cycle":
-            return self._one_cycle(step, steps)
-        done = (step + 1) / steps
-        if done < self.warmup:
-            return done / self.warmup
-        if self.name == "constant":
-            return 1.0
-        left = (1.0 - step / steps) / (1.0 - self.warmup) if self.warmup < 1 else 0.0
-        left = min(1.0, left)
-        decay = left if self.name == "linear" else 0.5 * (1 - math.cos(math.pi * left))
-        return self.final + (1 - self.final) * decay
-
-    def _one_cycle(self, step: int, steps: int) -> float:
-        peak = self.warmup * steps - 1
-        if step < peak:
-            return cosine_between(ONE_CYCLE_START, 1.0, step / peak)
-        peak = max(peak, 0.0)
-        return cosine_between(1.0, self.final, (step - peak) / max(steps - 1 - peak, 1.0))
-
-
-def cosine_between(start: float, end: float, done: float) -> float:
-    """Go from start (done = 0) to end (done = 1) by half a cosine."""
-    return end + (start - end) * 0.5 * (1 + math.cos(math.pi * done))
+    @model_validator(mode="after")
+    def _momentum_is_of_muon(self) -> Self:
+        if self.name == "adam" and self.momentum != MOMENTUM:
+            raise ValueError(f"momentum = {self.momentum}: expected with name 'muon' only")
+        return self
 
 
 def make_optimisers(

@@ -9,49 +9,38 @@ initial weights have no part in it.
 
 from __future__ import annotations
 
-import copy
-from itertools import chain
-
 import torch
-from torch import nn
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+
+Tensors = list[Tensor] | tuple[Tensor, ...]
 
 
-class WeightAverage:
-    """Average over the steps of a training.
+def averaged_model(network: nn.Module, decay: float) -> AveragedModel:
+    """Make the average over the steps of a training.
 
     Parameters
     ----------
     network : nn.Module
-        The one in training.
+        Network in training; `AveragedModel.update_parameters` takes its weights after every step.
     decay : float
         d.
 
-    Attributes
-    ----------
-    network : nn.Module
-        A copy with the averages of all weights and of batch norm's statistics; whole numbers are
-        the latest.
+    Returns
+    -------
+    AveragedModel
+        Its `module` is a copy of the network with the averages of all weights and of batch norm's
+        statistics; integers, such as batch norm's counter, are the latest.
     """
 
-    def __init__(self, network: nn.Module, decay: float) -> None:
-        self.network = copy.deepcopy(network).requires_grad_(False)
-        self.decay = decay
-        pairs = list(
-            zip(
-                chain(self.network.parameters(), self.network.buffers()),
-                chain(network.parameters(), network.buffers()),
-                strict=True,
-            )
-        )
-        real = [(average, latest) for average, latest in pairs if average.is_floating_point()]
-        self._averages = [average for average, _ in real]
-        self._latest = [latest for _, latest in real]
-        self._whole = [pair for pair in pairs if not pair[0].is_floating_point()]
-
     @torch.no_grad()
-    def update(self, step: int) -> None:
-        """Take in the weights that a step (0, 1, …) has led to."""
-        share = (1 - self.decay) / (1 - self.decay ** (step + 1))
-        torch._foreach_lerp_(self._averages, self._latest, share)
-        for average, latest in self._whole:
-            average.copy_(latest)
+    def update(averages: Tensors, latest: Tensors, steps: Tensor | int) -> None:
+        if averages[0].is_floating_point():
+            share = (1 - decay) / (1 - decay ** (int(steps) + 1))
+            torch._foreach_lerp_(averages, latest, share)
+        else:
+            torch._foreach_copy_(averages, latest)
+
+    average = AveragedModel(network, multi_avg_fn=update, use_buffers=True)
+    average.module.requires_grad_(False)
+    return average

@@ -20,14 +20,7 @@ from shared_schema.drawing.figure_style import (
 from shared_schema.drawing.mesh_drawing import Drawing, make_drawing
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.metrics import ErrorMeasures, node_errors
-from surrogate.runs.configuration import RunConfig
 
-LOSS_NAMES = {
-    "mse": "mean squared error",
-    "mae": "mean absolute error",
-    "maximum_likelihood": "negative log-likelihood",
-    "variational_bayes": "negative evidence lower bound",
-}
 LOSSES = {"train_loss": ("training", NETWORK), "validation_loss": ("validation", REFERENCE)}
 NODAL_ERROR = r"nodal error $\|U - u\|_2$ [mm]"
 Array = NDArray[np.float64]
@@ -193,13 +186,6 @@ def sorted_errors(moved: Array, errors: Array, measures: ErrorMeasures) -> Figur
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper left")
     return figure
-
-
-def loss_name(config: RunConfig) -> str:
-    """What a run's loss is called."""
-    if config.likelihood == "deterministic":
-        return LOSS_NAMES[config.training.loss]
-    return LOSS_NAMES[config.likelihood]
 
 
 @styled

@@ -57,8 +57,6 @@ FIGURES = (
     ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
 )
 
-MODELS = {"unet": "U-Net", "linear": "linear layer", "pod": "POD regression"}
-
 STYLE = """
 body { font: 16px/1.5 Georgia, 'Times New Roman', serif; max-width: 46rem; margin: 2rem auto;
   padding: 0 1rem; color: #222; }
@@ -107,7 +105,7 @@ def _page(
     grid = " × ".join(str(n) for n in info.grid_shape)
     kind = description.run.likelihood.replace("_", " ")
     summary = (
-        f"A {kind} {MODELS[description.run.model]} of {evaluation['trainable_parameters']:,} "
+        f"A {kind} {description.run.title} of {evaluation['trainable_parameters']:,} "
         f"parameters, trained on {info.train} finite-element solutions of case <b>{case}</b> in "
         f"{evaluation['training_seconds'] / 60:.1f} minutes, predicts the {info.test} "
         f"test solutions with a mean error ē = {test['mean_error'] * 1e3:.3f} mm."

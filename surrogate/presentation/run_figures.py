@@ -26,7 +26,7 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     save(figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png")
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # what is fitted has no epochs
-        name = figures.loss_name(run.description().run)
+        name = run.description().run.objective
         save(figures.loss_curves({name: lines}), run.figures / "loss.png")
     if evaluation.calibration is not None:
         _write_uncertainty_figures(evaluation, evaluation.calibration, run)

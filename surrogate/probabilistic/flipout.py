@@ -24,7 +24,7 @@ CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functiona
 
 
 class VariationalConfig(Frozen):
-    """Which weights are probabilistic, their priors, and the weight of the divergence.
+    """Choice of the random weights, their priors, and the factor on the KL divergence.
 
     Attributes
     ----------
@@ -40,15 +40,15 @@ class VariationalConfig(Frozen):
         μ_p: trained (empirical Bayes), or fixed at zero.
     initial_std : float
         σ at the start.
-    spread : {"gradient", "gauss_newton"}
-        How σ is found: by gradients of the bound, as in the paper, or from the Fisher information
+    posterior_std : {"gradient", "gauss_newton"}
+        Method that finds σ: gradients of the bound, as in the paper, or the Fisher information
         (`gauss_newton`), which reaches the bound's maximum where gradients are lost in noise.
-    divergence : {"closed", "sampled"}
+    kl_divergence : {"closed", "sampled"}
         Closed form of the Kullback–Leibler divergence, or the paper's Monte Carlo form.
     weight : float
-        Factor on the divergence; 1 is the evidence lower bound, below 1 a tempered posterior.
+        Factor on the KL divergence; 1 is the evidence lower bound, below 1 a tempered posterior.
     warmup : float
-        Part of all steps over which that factor grows linearly from zero.
+        Fraction of all steps over which that factor grows linearly from zero.
     """
 
     convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
@@ -57,8 +57,8 @@ class VariationalConfig(Frozen):
     prior_std: float = Field(0.1, gt=0)
     prior_mean: Literal["trainable", "zero"] = "trainable"
     initial_std: float = Field(0.01, gt=0)
-    spread: Literal["gradient", "gauss_newton"] = "gradient"
-    divergence: Literal["closed", "sampled"] = "closed"
+    posterior_std: Literal["gradient", "gauss_newton"] = "gradient"
+    kl_divergence: Literal["closed", "sampled"] = "closed"
     weight: float = Field(1.0, gt=0)
     warmup: float = Field(0.0, ge=0, le=1)
 
@@ -67,7 +67,7 @@ class VariationalConfig(Frozen):
         return number in self.convolutions and (self.levels is None or level in self.levels)
 
     def factor(self, step: int, steps: int) -> float:
-        """Factor on the divergence at a step (0 … steps − 1)."""
+        """Factor on the KL divergence at a step (0 … steps − 1)."""
         return self.weight * min(1.0, (step + 1) / (self.warmup * steps) if self.warmup else 1.0)
 
 
@@ -89,7 +89,7 @@ class FlipoutConvolution(nn.Module):
         super().__init__()
         assert convolution.bias is not None
         self.convolve = CONVOLVE[convolution.weight.ndim - 2]
-        self.sampled = config.divergence == "sampled"
+        self.sampled = config.kl_divergence == "sampled"
 
         def gaussian(mean: Tensor) -> GaussianParameter:
             trainable = config.prior_mean == "trainable"
@@ -122,13 +122,13 @@ class FlipoutConvolution(nn.Module):
             y = y + (self.bias.std * noise).reshape(*noise.shape, *extra)
         return y
 
-    def divergence(self) -> Tensor:
-        """Divergence of kernel and biases in nats; the sampled one at the latest noise."""
+    def kl_divergence(self) -> Tensor:
+        """KL divergence of kernel and biases in nats; the sampled form at the latest noise."""
         parameters = [p for p in (self.kernel, self.bias) if isinstance(p, GaussianParameter)]
         if not self.sampled:
-            return torch.stack([p.divergence() for p in parameters]).sum()
+            return torch.stack([p.kl_divergence() for p in parameters]).sum()
         pairs = zip(parameters, self._noise, strict=True)
-        return torch.stack([p.sampled_divergence(noise) for p, noise in pairs]).sum()
+        return torch.stack([p.sampled_kl_divergence(noise) for p, noise in pairs]).sum()
 
     def draw(self, generators: Sequence[torch.Generator]) -> None:
         """Draw independent kernels and biases, one of each a generator, to evaluate with."""

@@ -60,7 +60,7 @@ class GaussianParameter(nn.Module):
         """Set σ: ρ = ln(e^σ − 1)."""
         self.rho.copy_(std + torch.log(-torch.expm1(-std)))
 
-    def divergence(self) -> Tensor:
+    def kl_divergence(self) -> Tensor:
         r"""Kullback–Leibler divergence from prior to posterior, summed over the weights, in nats.
 
         .. math:: KL[q|p] = \sum \ln\frac{σ_p}{σ} + \frac{σ^2 + (μ - μ_p)^2}{2 σ_p^2} - \frac{1}{2}
@@ -69,11 +69,11 @@ class GaussianParameter(nn.Module):
         offset = (self.mean - self.prior_mean) / self.prior_std
         return (0.5 * (ratio.square() + offset.square() - 1) - ratio.log()).sum()
 
-    def sampled_divergence(self, noise: Tensor) -> Tensor:
+    def sampled_kl_divergence(self, noise: Tensor) -> Tensor:
         r"""Sum of ln q(w) − ln p(w) over the weights, at w = μ + σε: the form of the paper's loss.
 
         Its expectation over the noise ε, of the weights' shape and standard normal, is
-        `divergence`.
+        `kl_divergence`.
         """
         ratio = self.std / self.prior_std
         offset = (self.mean - self.prior_mean) / self.prior_std + ratio * noise

@@ -1,18 +1,23 @@
-"""What a run is made from: its configuration, and the dataset it belongs to."""
+"""The description of a run: its configuration, and the dataset that it belongs to."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal, cast
+
+from pydantic import model_validator
 
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
+from surrogate.runs.configuration import KINDS, RunConfig, tag_of
+from surrogate.runs.legacy import upgraded
 
 
 class DataFingerprint(Frozen):
-    """Which dataset a run belongs to.
+    """Identity of the dataset that a run belongs to.
 
     Attributes
     ----------
@@ -38,16 +43,30 @@ class RunDescription(Frozen):
 
     Attributes
     ----------
+    version : int
+        Version of the file; files of version 1 do not say it.
     run : RunConfig
     data : DataFingerprint
     """
 
+    version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
 
+    @model_validator(mode="before")
+    @classmethod
+    def _from_version_1(cls, content: Any) -> Any:
+        if not isinstance(content, Mapping) or "version" in content:
+            return content
+        run = content.get("run")
+        kind = KINDS.get(tag_of(run) or "")
+        if not isinstance(run, Mapping) or kind is None:
+            return content
+        return {**content, "version": 2, "run": upgraded(run, kind)}
 
-def describe(config: RunConfig, dataset: Dataset) -> RunDescription:
-    """Say what a run is made from.
+
+def describe(config: Model, dataset: Dataset) -> RunDescription:
+    """Describe a run.
 
     Raises
     ------
@@ -67,4 +86,4 @@ def describe(config: RunConfig, dataset: Dataset) -> RunDescription:
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
     )
-    return RunDescription(run=config, data=data)
+    return RunDescription(run=cast(RunConfig, config), data=data)

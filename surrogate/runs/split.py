@@ -1,4 +1,4 @@
-"""The parts of the training split: to train on, to watch, and to calibrate intervals with."""
+"""The split of the training samples: to train on, to validate with, to calibrate intervals with."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Samples
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
 from surrogate.seeds import CALIBRATION, VALIDATION, stream
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Disjoint random parts of the training split, each in its order.
+class TrainingSplit:
+    """Disjoint random subsets of the training samples, each in their order.
 
     Attributes
     ----------
-    train, validation, calibration : Samples
-        What the weights are fitted to; what says when to stop, and how wide the bands are; and
-        what nothing but conformal intervals ever sees.
+    train : Samples
+        Samples that the weights are fitted to.
+    validation : Samples
+        Samples that choose when to stop and how wide bands are.
+    calibration : Samples
+        Samples that conformal intervals are fitted to, and nothing else.
     calibration_rows : Tensor of int
-        Which samples of the training split the last ones are.
+        Rows of the calibration samples in the training samples.
     """
 
     train: Samples
@@ -39,13 +42,13 @@ def set_aside(rows: Tensor, count: int, seed: int, purpose: int) -> tuple[Tensor
     return rows[order[count:].sort().values], rows[order[:count].sort().values]
 
 
-def split_parts(samples: Samples, config: RunConfig) -> Parts:
-    """Split the training split as a configuration says.
+def split_training(samples: Samples, config: Model) -> TrainingSplit:
+    """Split the training samples as a configuration says.
 
     Raises
     ------
     InputError
-        If no samples are left for one of the parts that the configuration uses.
+        If no samples are left for a subset that the configuration uses.
     """
     training, total = config.training, len(samples)
     rest, validation = set_aside(
@@ -60,13 +63,10 @@ def split_parts(samples: Samples, config: RunConfig) -> Parts:
     if len(train) == 0:
         taken = f"{fraction}, 'training.calibration_fraction' = {training.calibration_fraction}"
         raise InputError(f"config '{config.name}': key {taken} leave none of {total} samples")
-    for key, is_given in (
-        ("early_stopping", training.early_stopping is not None),
-        ("recalibrate", training.recalibrate),
-    ):
-        if is_given and len(validation) == 0:
+    for key in training.validation_users:
+        if len(validation) == 0:
             raise InputError(
                 f"config '{config.name}': key {fraction} takes none of {total} samples, but "
                 f"'training.{key}' expects some"
             )
-    return Parts(samples[train], samples[validation], samples[calibration], calibration)
+    return TrainingSplit(samples[train], samples[validation], samples[calibration], calibration)

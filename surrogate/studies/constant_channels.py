@@ -85,7 +85,7 @@ def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
     """
     if BEST not in runs or STANDARD not in scale.runs:
         return None
-    standard, best = (scale.config_of(run) for run in (STANDARD, runs[BEST]))
+    standard, best = (scale.unet_of(run) for run in (STANDARD, runs[BEST]))
     as_long = standard.training.epochs == best.training.epochs
     return STANDARD if standard.network.multiplier > 1 and as_long else None
 
@@ -93,7 +93,7 @@ def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
 def conduct(workshop: Workshop) -> Outcome:
     """Measure errors, times and losses of all runs of the scale."""
     scale = workshop.scale
-    runs = {scale.config_of(run).network.channels: run for run in scale.matching((RUNS,))}
+    runs = {scale.unet_of(run).network.channels: run for run in scale.matching((RUNS,))}
     found = {channels: network(workshop, runs[channels]) for channels in sorted(runs)}
     rows: list[tuple[Cell, ...]] = []
     comparisons = []

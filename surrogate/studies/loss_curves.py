@@ -23,8 +23,8 @@ def conduct(workshop: Workshop) -> Outcome:
     validation: Losses = {}
     for run in RUNS:
         lines, name = workshop.trained(run).metric_lines(), name_of(workshop, run)
-        unit = float(workshop.surrogate(run).network.unit)
-        said.append(f"{name}, {figures.loss_name(workshop.scale.config_of(run))}, {unit:.3g} m")
+        unit = float(workshop.surrogate(run).network.displacement_rms)
+        said.append(f"{name}, {workshop.scale.config_of(run).objective}, {unit:.3g} m")
         training[name], curves[name] = [line["train_loss"] for line in lines], lines
         watched = [line["validation_loss"] for line in lines if "validation_loss" in line]
         if watched:

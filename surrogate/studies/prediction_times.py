@@ -98,7 +98,7 @@ def pass_times(workshop: Workshop, run: str) -> PassTimes:
     """Both times of a Bayesian network, for the first test sample."""
     force = workshop.dataset_of(run).nodal_test.force[0]
     kept, anew = (network_ms(workshop, run, force, workshop.device, a) for a in (False, True))
-    return PassTimes(PASSES * workshop.scale.config_of(run).ensemble, kept, anew)
+    return PassTimes(PASSES * workshop.scale.unet_of(run).ensemble, kept, anew)
 
 
 def network_ms(

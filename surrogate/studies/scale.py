@@ -10,9 +10,12 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen, read_named, validate
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import NodeOrder
 from surrogate.inference.prediction import PASSES
-from surrogate.runs.configuration import SHIPPED, RunConfig
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.configuration import SHIPPED, run_config
 
 SCALES = Path(__file__).parent / "scales"
 
@@ -112,7 +115,7 @@ class Scale(Frozen):
         """Names of the runs that match any of some patterns, in the order of the scale."""
         return [run for run in self.runs if any(fnmatchcase(run, p) for p in patterns)]
 
-    def config_of(self, run: str) -> RunConfig:
+    def config_of(self, run: str) -> Model:
         """Configuration of a run.
 
         Raises
@@ -125,7 +128,16 @@ class Scale(Frozen):
         content["case"] = self.case_of(spec.data)
         if spec.change:
             content = merged(content, {"name": run, "recipe": "custom", **spec.change})
-        return validate(RunConfig, content, f"scale '{self.name}', run '{run}', {source}")
+        return run_config(content, f"scale '{self.name}', run '{run}', {source}")
+
+    def unet_of(self, run: str) -> UNetModel:
+        """Configuration of a run of U-Nets; InputError if it is of another kind of model."""
+        config = self.config_of(run)
+        if not isinstance(config, UNetModel):
+            raise InputError(
+                f"scale '{self.name}', run '{run}': key 'model' = '{config.model}', expected 'unet'"
+            )
+        return config
 
 
 def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.inference.prediction import Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
-from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.record import DatasetRecord, RunRecord
 from surrogate.studies.scale import Scale
 from surrogate.training.train import train
@@ -166,8 +165,8 @@ class Workshop:
             epochs=lines[-1]["epoch"],
             minutes=minutes_of([line["seconds"] for line in lines]),
             parameters=parameter_count(self.surrogate(name).network),
-            network=network_in_words(config),
-            training=training_in_words(config),
+            network=config.architecture,
+            training=config.training_summary,
             hardware=run.trained_on(),
         )
 

@@ -17,6 +17,8 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
+EARLIER = {"posterior_std": "spreads"}  # names in run folders of version 1
+
 
 class Stateful(Protocol):
     """Something whose state is named tensors, as a network's is."""
@@ -82,7 +84,7 @@ def load_checkpoint(
     try:
         status = json.loads(metadata["status"])
         for part, stateful in parts.items():
-            stateful.load_state_dict(_below(f"{part}.", tensors))
+            stateful.load_state_dict(_state(part, tensors))
         for number, optimiser in enumerate(optimisers):
             _restore(optimiser, _below(f"optimiser.{number}.", tensors))
         return int(status["epoch"]), float(status["seconds"])
@@ -101,6 +103,11 @@ def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> No
         for key, value in values.items():
             if value.shape == parameter.shape:  # fused Adam needs the parameter's memory layout
                 values[key] = torch.empty_like(parameter).copy_(value)
+
+
+def _state(part: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors of a part of the checkpoint, under its name of today or its earlier one."""
+    return _below(f"{part}.", tensors) or _below(f"{EARLIER.get(part, part)}.", tensors)
 
 
 def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

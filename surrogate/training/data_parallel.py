@@ -1,8 +1,8 @@
-r"""Data parallelism: every process takes its part of each batch, and gradients are added up.
+r"""Data parallelism: every process takes its share of each batch, and gradients are added up.
 
 Of a batch's n samples, rank r has :math:`n_r` and differentiates :math:`n_r / n` times the mean
-loss over them, so that the sum over the ranks is the gradient of the batch's mean, parts of
-different sizes included. Processes are started by ``torchrun``; without it there is one.
+loss over them, so that the sum over the ranks is the gradient of the batch's mean, shares
+of different sizes included. Processes are started by ``torchrun``; without it there is one.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Ranks:
         """Whether this is the process that writes."""
         return self.rank == 0
 
-    def part(self, batch: Tensor) -> Tensor:
-        """Give this process its part of a batch."""
+    def share(self, batch: Tensor) -> Tensor:
+        """Return this process's share of a batch."""
         return batch.tensor_split(self.count)[self.rank]
 
     def add_up(self, values: Tensor) -> None:

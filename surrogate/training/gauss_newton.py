@@ -1,13 +1,13 @@
-r"""Spreads of Gaussian posteriors that maximise the evidence lower bound of a linearised network.
+r"""Standard deviations of Gaussian posteriors that maximise the bound of a linearised network.
 
-With the network linearised in its weights, the bound is greatest at
+With the network linearised in its weights, the evidence lower bound is greatest at
 
 .. math:: \frac{1}{σ_w^2} = \frac{1}{σ_p^2} + \frac{h_w}{κ}, \qquad
    h_w = \sum_{i=1}^{N} \sum_{j=1}^{F} \frac{1}{σ_{ij}^2} \Big(\frac{∂μ_{ij}}{∂w}\Big)^2
        + 2 \Big(\frac{∂ \ln σ_{ij}}{∂w}\Big)^2
 
 h being the diagonal of the Fisher information of the N·F data, in the mean over weights drawn from
-the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ the factor on the divergence.
+the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ the factor on the KL divergence.
 Stochastic gradients would find the same σ in the end, were their noise in ρ not so much larger
 than their mean. The sum over a batch has an estimate of relative standard deviation √2: the square
 of the gradient, for random signs v and v', of
@@ -33,8 +33,8 @@ EVERY = 4  # steps from one estimate to the next
 MEMORY = 200  # estimates in the exponential average
 
 
-class GaussNewtonSpreads:
-    """The spreads of a network in training, set from an average of estimates of h.
+class GaussNewtonStd:
+    """Standard deviations of the weights in training, set from an average of estimates of h.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class GaussNewtonSpreads:
         for parameter in self.parameters:
             parameter.rho.requires_grad_(False)
         self.sizes = [parameter.mean.numel() for parameter in self.parameters]
-        self.information = torch.zeros(sum(self.sizes), device=network.unit.device)
+        self.information = torch.zeros(sum(self.sizes), device=network.displacement_rms.device)
         self.weight = torch.zeros(())
 
     def update(self, force: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
@@ -59,7 +59,7 @@ class GaussNewtonSpreads:
         Parameters
         ----------
         force : Tensor, (n, d, nx, ny[, nz])
-            This process's part of a batch of `whole` samples, in N.
+            Forces of this process's share of a batch of `whole` samples, in N.
         factor : float
             κ.
         """
@@ -68,8 +68,8 @@ class GaussNewtonSpreads:
         self.information.lerp_(estimate, 1 / MEMORY)
         self.weight.lerp_(torch.ones(()), 1 / MEMORY)
         if factor > 0:
-            parts = torch.split(self.information / (self.weight.item() * factor), self.sizes)
-            for parameter, h in zip(self.parameters, parts, strict=True):
+            informations = torch.split(self.information / (self.weight.item() * factor), self.sizes)
+            for parameter, h in zip(self.parameters, informations, strict=True):
                 std = (h.view_as(parameter.mean) + parameter.prior_std**-2).rsqrt()
                 parameter.set_std(std)
 
@@ -90,10 +90,10 @@ class GaussNewtonSpreads:
         return torch.cat([gradient.flatten() for gradient in gradients]).square()
 
     def state_dict(self) -> Mapping[str, Tensor]:
-        """Give the average."""
+        """Return the average."""
         return {"information": self.information, "weight": self.weight}
 
     def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> None:
-        """Take an average up."""
+        """Restore an average."""
         self.information.copy_(state_dict["information"])
         self.weight.copy_(state_dict["weight"])

@@ -1,6 +1,6 @@
-"""Training: from a configuration and a dataset to a model, with a checkpoint to go on from.
+"""Training: from a configuration and a dataset to a model, with a checkpoint to resume from.
 
-What a checkpoint holds is all that the next epoch depends on, so that k + k epochs are 2k, bit for
+A checkpoint holds everything that the next epoch depends on, so that k + k epochs are 2k, bit for
 bit.
 """
 
@@ -12,36 +12,39 @@ import time
 from contextlib import closing
 
 import torch
+from torch import Tensor
 
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
+from surrogate.data.sample_store import DeviceStore
 from surrogate.device import lay_out
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import make_surrogate
+from surrogate.models.model import Model, TrainedModel
+from surrogate.models.training_config import RecalibratedTraining
+from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
-from surrogate.runs.configuration import RunConfig
-from surrogate.runs.description import describe
+from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network, require_suitable, start_from_data
-from surrogate.runs.split import split_parts
+from surrogate.runs.split import TrainingSplit, split_training
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
+from surrogate.training.validation import validate
 from surrogate.uncertainty.recalibration import recalibrate
 
 
 def all_finite(network: torch.nn.Module) -> bool:
-    """Tell whether no weight is NaN or infinite."""
+    """Return True if no weight is NaN or infinite."""
     return all(bool(torch.isfinite(p).all()) for p in network.parameters())
 
 
 def train(
-    config: RunConfig,
+    config: Model,
     dataset: Dataset,
     run: RunFolder,
     device: torch.device,
@@ -49,17 +52,17 @@ def train(
     ranks: Ranks = ALONE,
     tensorboard: bool = False,
 ) -> None:
-    """Train a network, or go on from the run's checkpoint, to its last epoch.
+    """Fit a model, or train it to its last epoch, resuming from the run's checkpoint.
 
     Parameters
     ----------
-    config : RunConfig
+    config : Model
     dataset : Dataset
     run : RunFolder
         Made if it is not there.
     device : torch.device
     stop_after : int, optional
-        Stop after this epoch, with a checkpoint to go on from.
+        Stop after this epoch, with a checkpoint to resume from.
     ranks : Ranks
         The processes that train together; each calls this, and the first one writes.
     tensorboard : bool
@@ -76,37 +79,61 @@ def train(
         raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
     if tensorboard:
         require_tensorboard()
-    description, training = describe(config, dataset), config.training
-    parts = split_parts(dataset.train, config)
-    if training.batch_size < ranks.count:
+    description = describe(config, dataset)
+    split = split_training(dataset.train, config)
+    if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
-            f"config '{config.name}': key 'training.batch_size' = {training.batch_size}, expected "
-            f"{ranks.count} at least, the number of processes"
+            f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
+            f"expected {ranks.count} at least, the number of processes"
         )
-    require_suitable(config, dataset, parts.train)
+    config.require_suitable(dataset, split.train)
     ranks.from_first(lambda: run.start(description))
     if run.model.is_file():
         return
     began = time.perf_counter()
-    network = make_network(description, dataset.geometry)
+    network = config.build(dataset.geometry, dataset.info)
     if not run.checkpoint.is_file():
-        start_from_data(network, config, dataset, parts.train)
-    lay_out(network, dataset.geometry.dimension, training.precision, device)
-    if training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
+        config.start_from_data(network, dataset, split.train)
+    if isinstance(config, TrainedModel):
+        trainer = _trainer(config, network, split, dataset, device, ranks)
+        _train(trainer, description, dataset, run, stop_after, tensorboard)
+    elif ranks.is_first:
+        _finish_fit(config, network.to(device), split, dataset, run, began)
+
+
+def _trainer(
+    config: TrainedModel,
+    network: FieldNetwork,
+    split: TrainingSplit,
+    dataset: Dataset,
+    device: torch.device,
+    ranks: Ranks,
+) -> Trainer:
+    """Move a network to the device and make what trains it."""
+    lay_out(network, dataset.geometry.dimension, config.training.precision, device)
+    if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         print(
             f"surrogate: warning: config '{config.name}': 'training.cuda_graphs' is for one "
             f"process on cuda, here {ranks.count} on {device.type}; going on without",
             file=sys.stderr,
         )
-    node_fraction = float(dataset.geometry.grid.mask.mean())
-    trainer = Trainer(config, network, parts.train, parts.validation, node_fraction, ranks)
-    if config.model == "pod":
-        _finish_fit(trainer, dataset.geometry, run, time.perf_counter() - began)
-        return
+    return Trainer(config, network, split.train, split.validation, ranks)
+
+
+def _train(
+    trainer: Trainer,
+    description: RunDescription,
+    dataset: Dataset,
+    run: RunFolder,
+    stop_after: int | None,
+    tensorboard: bool,
+) -> None:
+    """Train epoch after epoch, write checkpoints, and at the end the model."""
+    config, network, ranks = trainer.config, trainer.network, trainer.ranks
     start, seconds = 0, 0.0
     if run.checkpoint.is_file():
-        start, seconds = load_checkpoint(run.checkpoint, trainer.parts(), trainer.optimisers)
-
+        start, seconds = load_checkpoint(run.checkpoint, trainer.states(), trainer.optimisers)
+        trainer.resume_after(start)
     progress = Progress(
         trainer.steps,
         start * trainer.steps_per_epoch,
@@ -115,7 +142,7 @@ def train(
         silent=not ranks.is_first,
     )
     epoch, saved = start, time.perf_counter()
-    last = stop_after or training.epochs
+    last = stop_after or config.training.epochs
     with closing(TrainingLog(run, start, tensorboard, silent=not ranks.is_first)) as log:
         while epoch < last and not trainer.is_over(epoch):
             began = time.perf_counter()
@@ -132,30 +159,44 @@ def train(
             trainer.finish_epoch(epoch, measures)
             now = time.perf_counter()
             seconds += now - began
-            rate = len(parts.train) / (trained - began)
+            rate = len(trainer.train) / (trained - began)
             log.write({"epoch": epoch, **measures, "seconds": seconds, "samples_per_second": rate})
             over = epoch == last or trainer.is_over(epoch)
-            if over or now - saved > training.checkpoint_seconds:
+            if over or now - saved > config.training.checkpoint_seconds:
                 if ranks.is_first:
                     save_checkpoint(
-                        run.checkpoint, epoch, seconds, trainer.parts(), trainer.optimisers
+                        run.checkpoint, epoch, seconds, trainer.states(), trainer.optimisers
                     )
                 start, saved = epoch, time.perf_counter()
     progress.close(f"{seconds:.0f} s")
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
-        if training.recalibrate:
+        if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
             surrogate = make_surrogate(tensors, description)
-            recalibrate(surrogate, parts.validation)
+            recalibrate(surrogate, trainer.validation)
             tensors |= surrogate.network.state_dict()
-        write_text(run.hardware, hardware(device) + "\n")
-        run.write_tensors(tensors)
+        _write_model(run, trainer.device, tensors)
 
 
-def _finish_fit(trainer: Trainer, geometry: Geometry, run: RunFolder, seconds: float) -> None:
-    """Write what is fitted rather than trained: one line of measures, of epoch 0, and the model."""
-    if trainer.ranks.is_first:
-        with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
-            log.write({"epoch": 0, **trainer.validate(), "seconds": seconds})
-        write_text(run.hardware, hardware(trainer.device) + "\n")
-        run.write_tensors({**trainer.network.state_dict(), **geometry.tensors()})
+def _finish_fit(
+    config: Model,
+    network: FieldNetwork,
+    split: TrainingSplit,
+    dataset: Dataset,
+    run: RunFolder,
+    began: float,
+) -> None:
+    """Write a model that is fitted in one go: one line of measures, of epoch 0, and the model."""
+    device = network.displacement_rms.device
+    with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
+        store = DeviceStore(split.validation, device)
+        seconds = time.perf_counter() - began
+        measures = validate(config, network, store, len(split.validation))
+        log.write({"epoch": 0, **measures, "seconds": seconds})
+    _write_model(run, device, {**network.state_dict(), **dataset.geometry.tensors()})
+
+
+def _write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
+    """Write the weights, and beforehand the name of the hardware that they were found on."""
+    write_text(run.hardware, hardware(device) + "\n")
+    run.write_tensors(tensors)

@@ -14,7 +14,7 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution, Surrogate
-from surrogate.runs.split import split_parts
+from surrogate.runs.split import split_training
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 from surrogate.uncertainty.conformal import ConformalCalibration, Kind
 
@@ -97,7 +97,7 @@ def fit_intervals(
             f"--conformal {level}: not the dataset that the run was trained on, whose training "
             "split has its calibration part"
         )
-    rows = split_parts(dataset.train, description.run).calibration_rows
+    rows = split_training(dataset.train, description.run).calibration_rows
     if len(rows) == 0:
         raise InputError(
             f"--conformal {level}: the run kept no samples for it, 'training.calibration_fraction' "

@@ -34,12 +34,10 @@ from surrogate.data.nodal_dataset import scatter
 from surrogate.inference.export import NodalFunction, export
 from surrogate.inference.prediction import PASSES, Surrogate, load
 from surrogate.networks.unet import UNetConfig, parameter_count
-from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.configuration import RunConfig, read_config
+from surrogate.runs.configuration import run_config
 from surrogate.runs.description import DataFingerprint, RunDescription
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 from surrogate.studies import pass_times, speed_up
 from surrogate.studies.timing import median_seconds
 from tests.benchmarks.publication import (
@@ -50,6 +48,7 @@ from tests.benchmarks.publication import (
     markdown_table,
     publish,
 )
+from tests.surrogate.unet_configs import shipped_unet
 
 MODULE = "prediction_latency"
 RECIPES = ("paper", "fast")
@@ -104,7 +103,7 @@ def read_body(folder: Path) -> Body:
 def shape_of(recipe: str, dimension: int) -> UNetConfig:
     """U-Net of a recipe."""
     if recipe == "fast":
-        return read_config("beam2d-det-fast").network
+        return shipped_unet("beam2d-det-fast").network
     return UNetConfig(levels=3 if dimension == 2 else 4)
 
 
@@ -122,12 +121,14 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
         displacement=units,
         source_digest="",
     )
-    config = RunConfig(
-        name=recipe,
-        case=body.manifest.name,
-        likelihood=likelihood,
-        network=shape_of(recipe, dimension),
-        variational=VariationalConfig() if likelihood == "variational_bayes" else None,
+    config = run_config(
+        {
+            "name": recipe,
+            "case": body.manifest.name,
+            "likelihood": likelihood,
+            "network": shape_of(recipe, dimension).model_dump(),
+            **({"variational": {}} if likelihood == "variational_bayes" else {}),
+        }
     )
     data = DataFingerprint(
         case=body.manifest.case,
@@ -139,7 +140,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
     description = RunDescription(run=config, data=data)
     run = RunFolder(folder)
     run.start(description)
-    network = make_network(description, body.geometry)
+    network = description.run.build(body.geometry, description.data.info)
     run.write_tensors({**network.state_dict(), **body.geometry.tensors()})
     return run
 

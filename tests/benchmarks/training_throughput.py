@@ -28,11 +28,9 @@ from torch.utils.data import DataLoader, TensorDataset
 from shared_schema.common.command_line import Progress
 from surrogate.data.dataset import Dataset, Samples, read_dataset
 from surrogate.device import lay_out
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
-from surrogate.runs.configuration import RunConfig, read_config
-from surrogate.runs.description import describe
-from surrogate.runs.network import make_network
 from surrogate.training.trainer import Trainer
 from tests.benchmarks.publication import (
     Results,
@@ -42,6 +40,7 @@ from tests.benchmarks.publication import (
     markdown_table,
     publish,
 )
+from tests.surrogate.unet_configs import shipped_unet
 
 BATCH = 4  # the paper's
 NETWORKS = {"paper": "beam2d-det-paper", "fast": "beam2d-det-fast"}
@@ -55,31 +54,31 @@ WAYS: dict[str, dict[str, dict[str, Any]]] = {
 Epoch = Callable[[], object]
 
 
-def configuration(recipe: str, case: str, changes: dict[str, Any]) -> RunConfig:
+def configuration(recipe: str, case: str, changes: dict[str, Any]) -> UNetModel:
     """The network of a recipe, trained as the paper's is, but for some changes."""
-    paper, of_recipe = read_config(NETWORKS["paper"]), read_config(recipe)
+    paper, of_recipe = shipped_unet(NETWORKS["paper"]), shipped_unet(recipe)
     training = paper.training.model_copy(update={"batch_size": BATCH, **changes})
     update = {"case": case, "network": of_recipe.network, "training": training}
     return paper.model_copy(update=update)
 
 
 def our_epochs(
-    config: RunConfig, dataset: Dataset, samples: Samples, device: torch.device
+    config: UNetModel, dataset: Dataset, samples: Samples, device: torch.device
 ) -> Epoch:
     """Epochs of our loop, one at every call."""
-    network = make_network(describe(config, dataset), dataset.geometry)
+    network = config.build(dataset.geometry, dataset.info)
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
-    trainer = Trainer(config, network, samples, samples[:0], 1.0)
+    trainer = Trainer(config, network, samples, samples[:0])
     numbers = iter(range(config.training.epochs))
     silent = Progress(trainer.steps, silent=True)
     return lambda: trainer.train_epoch(next(numbers), silent)
 
 
 def plain_epochs(
-    config: RunConfig, dataset: Dataset, samples: Samples, device: torch.device
+    config: UNetModel, dataset: Dataset, samples: Samples, device: torch.device
 ) -> Epoch:
     """Epochs of the plain loop, one at every call."""
-    network = make_network(describe(config, dataset), dataset.geometry).to(device).train()
+    network = config.build(dataset.geometry, dataset.info).to(device).train()
     optimiser = torch.optim.Adam(network.parameters(), config.training.optimiser.learning_rate)
     loader = DataLoader(
         TensorDataset(samples.force, samples.displacement),
@@ -102,7 +101,8 @@ def plain_epoch(
         force, displacement = force.to(device), displacement.to(device)
         optimiser.zero_grad()
         predicted = network(force).mean
-        loss = functional.mse_loss(predicted / network.unit, displacement / network.unit)
+        rms = network.displacement_rms
+        loss = functional.mse_loss(predicted / rms, displacement / rms)
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
         total += loss.item()
@@ -138,9 +138,7 @@ def compare(
             "device": device_name(device),
             "network": name,
             "channels": configs[0].network.channels,
-            "parameters": parameter_count(
-                make_network(describe(configs[0], dataset), dataset.geometry)
-            ),
+            "parameters": parameter_count(configs[0].build(dataset.geometry, dataset.info)),
             "way": way,
             "plain_samples_per_second": round(float(np.median(rates[:, 0])), 2),
             "samples_per_second": round(float(np.median(rates[:, i])), 2),

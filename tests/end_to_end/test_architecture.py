@@ -58,6 +58,7 @@ LAYERS = {  # packages and modules of the root, from the ground up
         "probabilistic",
         "networks",
         "baselines",
+        "models",
         "runs",
         "inference",
         "uncertainty",

@@ -27,13 +27,12 @@ from shared_schema.manifest import (
 from shared_schema.shard import Arrays, write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.networks.unet import UNetConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.presentation.run_figures import write_figures
-from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.configuration import RunConfig, TrainingConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
+from tests.surrogate.unet_configs import unet_config
 
 SAMPLES, TEST = 60, 12
 CASES: dict[int, dict[str, Any]] = {
@@ -202,30 +201,29 @@ def small_config(
     likelihood: Likelihood = "deterministic",
     variational: dict[str, Any] | None = None,
     **training: Any,
-) -> RunConfig:
+) -> UNetModel:
     """A network that trains in a second; `variational` is for variational Bayes only."""
-    bayes = likelihood == "variational_bayes"
-    return RunConfig(
-        name="small",
-        case=CASES[dimension]["name"],
-        likelihood=likelihood,
-        variational=VariationalConfig.model_validate(variational or {}) if bayes else None,
-        network=UNetConfig(levels=2, channels=8, padding=1, batch_norm=batch_norm),
-        training=TrainingConfig.model_validate(
-            {
-                "epochs": 6,
-                "batch_size": 16,
-                "optimiser": {
-                    "name": optimiser,
-                    "learning_rate": learning_rate,
-                    "gradient_clip": gradient_clip,
-                },
-                "schedule": {"name": "linear", "warmup": 0.05},
-                "validation_fraction": 0.1,
-                **training,
-            }
-        ),
-    )
+    content: dict[str, Any] = {
+        "name": "small",
+        "case": CASES[dimension]["name"],
+        "likelihood": likelihood,
+        "network": {"levels": 2, "channels": 8, "padding": 1, "batch_norm": batch_norm},
+        "training": {
+            "epochs": 6,
+            "batch_size": 16,
+            "optimiser": {
+                "name": optimiser,
+                "learning_rate": learning_rate,
+                "gradient_clip": gradient_clip,
+            },
+            "schedule": {"name": "linear", "warmup": 0.05},
+            "validation_fraction": 0.1,
+            **training,
+        },
+    }
+    if likelihood == "variational_bayes":
+        content["variational"] = variational or {}
+    return unet_config(**content)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -240,7 +238,7 @@ def make_dataset() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def make_config() -> Callable[..., RunConfig]:
+def make_config() -> Callable[..., UNetModel]:
     return small_config
 
 

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import load_file
 
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
@@ -17,7 +17,7 @@ CPU = torch.device("cpu")
 TIMES = ("seconds", "samples_per_second")
 
 
-def trained(config: RunConfig, dataset: Dataset, folder: Path) -> RunFolder:
+def trained(config: Model, dataset: Dataset, folder: Path) -> RunFolder:
     """A run, trained to its end."""
     run = RunFolder(folder)
     train(config, dataset, run, CPU)
@@ -29,7 +29,7 @@ def untimed(run: RunFolder) -> list[dict[str, Any]]:
     return [{k: v for k, v in line.items() if k not in TIMES} for line in run.metric_lines()]
 
 
-def assert_resumes(config: RunConfig, dataset: Dataset, folder: Path, stop_after: int) -> None:
+def assert_resumes(config: Model, dataset: Dataset, folder: Path, stop_after: int) -> None:
     """Model, checkpoint and measures are the same bit for bit with a stop on the way."""
     whole, parts = trained(config, dataset, folder / "whole"), RunFolder(folder / "parts")
     train(config, dataset, parts, CPU, stop_after=stop_after)

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from surrogate.data.dataset import Dataset
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNetConfig
-from surrogate.runs.configuration import RunConfig
 from tests.benchmarks import prediction_latency, training_throughput
 from tests.benchmarks.publication import machine, page_path, result_path
 
@@ -19,7 +19,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     """Two batches an epoch, three rounds, of a network of four channels."""
     configuration = training_throughput.configuration
 
-    def small(*arguments: object) -> RunConfig:
+    def small(*arguments: object) -> UNetModel:
         network = UNetConfig(levels=2, channels=4)
         return configuration(*arguments).model_copy(update={"network": network})  # type: ignore[arg-type]
 

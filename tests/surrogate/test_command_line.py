@@ -14,13 +14,13 @@ import yaml
 import surrogate
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
 
 @pytest.fixture
-def config(tmp_path: Path, make_config: Callable[..., RunConfig]) -> Path:
+def config(tmp_path: Path, make_config: Callable[..., UNetModel]) -> Path:
     path = tmp_path / "small.yaml"
     path.write_text(yaml.safe_dump(make_config(epochs=2).plain()))
     return path
@@ -30,7 +30,7 @@ def config(tmp_path: Path, make_config: Callable[..., RunConfig]) -> Path:
 def trained_bayes(
     tmp_path_factory: pytest.TempPathFactory,
     dataset: Dataset,
-    make_config: Callable[..., RunConfig],
+    make_config: Callable[..., UNetModel],
 ) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "bayes"
     config = make_config(epochs=1, likelihood="variational_bayes")
@@ -260,7 +260,7 @@ def test_failed_work_exits_with_one(
     tmp_path: Path,
     data: Path,
     out: Path,
-    make_config: Callable[..., RunConfig],
+    make_config: Callable[..., UNetModel],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     path = tmp_path / "wild.yaml"

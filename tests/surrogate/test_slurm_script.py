@@ -15,11 +15,12 @@ import pytest
 import yaml
 
 from surrogate.command_line import _parser
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from tests.surrogate.resuming import untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "slurm" / "surrogate.sbatch"
 JOB = "4711"
@@ -52,7 +53,7 @@ def job(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def submit(folder: Path, config: RunConfig, data: Path) -> subprocess.Popen[str]:
+def submit(folder: Path, config: Model, data: Path) -> subprocess.Popen[str]:
     """Start the script as SLURM does, on two nodes without GPUs."""
     path = folder / "small.yaml"
     path.write_text(yaml.safe_dump(config.plain()))

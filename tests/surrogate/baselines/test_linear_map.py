@@ -21,11 +21,11 @@ from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.models.model import Model
 from surrogate.networks.unet import parameter_count
-from surrogate.runs.configuration import RunConfig
+from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network, start_from_data
 from surrogate.training.train import train
 
 CPU = torch.device("cpu")
@@ -68,7 +68,7 @@ def with_stiffness(dataset: Dataset, stiffness: np.ndarray) -> Dataset:
     return replace(dataset, stiffness=found)
 
 
-def linear_config(**changes: Any) -> RunConfig:
+def linear_config(**changes: Any) -> Model:
     content = {
         "name": "linear",
         "case": "beam2d",
@@ -76,7 +76,7 @@ def linear_config(**changes: Any) -> RunConfig:
         "displacement_scale": "node",
         "training": {"epochs": 4, "batch_size": 16, "optimiser": {"learning_rate": 1e-3}},
     }
-    return RunConfig.model_validate({**content, **changes})
+    return run_config({**content, **changes})
 
 
 @pytest.mark.parametrize("scale", ["global", "node"])
@@ -92,8 +92,8 @@ def test_untrained_it_is_linear_elasticity(
         dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
     config = linear_config(displacement_scale=scale)
     description = describe(config, dataset)
-    network = make_network(description, dataset.geometry)
-    start_from_data(network, config, dataset, dataset.train)
+    network = description.run.build(dataset.geometry, dataset.info)
+    config.start_from_data(network, dataset, dataset.train)
     force = np.random.default_rng(1).normal(size=(5, 32, 2))
     found = Surrogate(network, dataset.geometry, description).predict(force)
     free = np.repeat(~dataset.geometry.clamped, 2)

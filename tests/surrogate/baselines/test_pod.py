@@ -12,12 +12,14 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.baselines.pod import PODConfig, PODNetwork
+from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.models.model import Model
+from surrogate.models.training_config import SplitConfig
 from surrogate.presentation.run_figures import write_figures
-from surrogate.runs.configuration import RunConfig, TrainingConfig
+from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import load_tensors
 from surrogate.training.train import train
@@ -42,7 +44,7 @@ def low_rank(count: int, rank: int) -> tuple[Tensor, Tensor]:
 def test_data_of_rank_r_is_exact() -> None:
     """r modes are found and reproduce linear data, at new forces too."""
     force, displacement = low_rank(60, 3)
-    network = PODNetwork(PODConfig(energy=1 - 1e-10, degree=1, penalty=1e-12), FREE)
+    network = PODNetwork(RidgeConfig(energy=1 - 1e-10, degree=1, penalty=1e-12), FREE)
     network.fit(force[:40], displacement[:40], seed=0)
     assert network.modes.shape == (3, 2 * 12)
     gram = network.modes @ network.modes.T
@@ -57,7 +59,7 @@ def test_data_of_rank_r_is_exact() -> None:
 def test_truncation_is_the_best_of_its_rank() -> None:
     """What one mode leaves out is the sum of the other squared singular values (Eckart–Young)."""
     force, displacement = low_rank(60, 3)
-    network = PODNetwork(PODConfig(rank=1), FREE)
+    network = PODNetwork(RidgeConfig(rank=1), FREE)
     network.fit(force, displacement, seed=0)
     snapshots = displacement.flatten(2)[:, :, FREE.flatten()].flatten(1).double()
     values = torch.linalg.svdvals(snapshots - snapshots.mean(dim=0))
@@ -72,7 +74,7 @@ def test_energy_gives_the_rank() -> None:
     values = torch.linalg.svdvals(snapshots - snapshots.mean(dim=0)).square()
     held = values.cumsum(dim=0) / values.sum()
     for energy in (0.5, 0.8, 0.99):
-        network = PODNetwork(PODConfig(energy=energy), FREE)
+        network = PODNetwork(RidgeConfig(energy=energy), FREE)
         network.fit(force, displacement, seed=0)
         assert len(network.modes) == int((held < energy).sum()) + 1
 
@@ -80,7 +82,7 @@ def test_energy_gives_the_rank() -> None:
 def test_spread_through_the_modes_by_hand() -> None:
     """σ_i² = Σ_k φ_ki² σ_k² + truncation², with coefficients' σ from the Gaussian process."""
     force, displacement = low_rank(50, 4)
-    network = PODNetwork(PODConfig(regression="gp", rank=2), FREE)
+    network = PODNetwork(GaussianProcessConfig(regression="gp", rank=2), FREE)
     network.fit(force[:30], displacement[:30], seed=0)
     _, std = network(force[30:])
     _, spread = network.regression(force[30:].flatten(2)[:, :, network.loaded].double())
@@ -93,8 +95,8 @@ def test_spread_through_the_modes_by_hand() -> None:
     assert not std[:, :, 0].any()
 
 
-def config_with(regression: str, **pod: Any) -> RunConfig:
-    return RunConfig.model_validate(
+def config_with(regression: str, **pod: Any) -> Model:
+    return run_config(
         {
             "name": regression,
             "case": "beam2d",
@@ -191,7 +193,7 @@ def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> No
 def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset) -> None:
     """48 samples on 28 loaded nodes are too few to generalise, but they are fitted."""
     config = config_with("ridge", degree=2).model_copy(update={"case": "block3d"})
-    config = config.model_copy(update={"training": TrainingConfig()})
+    config = config.model_copy(update={"training": SplitConfig()})
     train(config, dataset_3d, RunFolder(tmp_path / "run"), CPU)
     grid, samples = dataset_3d.geometry.grid, dataset_3d.train
     force, displacement = (grid.to_nodes(f.numpy()) for f in (samples.force, samples.displacement))

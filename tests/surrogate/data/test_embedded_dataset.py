@@ -20,7 +20,8 @@ from shared_schema.shard import read_shard, write_shard
 from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
@@ -77,7 +78,7 @@ def embedded(
     return folder
 
 
-def trained_on(data: Path, run: Path, config: RunConfig) -> dict[str, Any]:
+def trained_on(data: Path, run: Path, config: Model) -> dict[str, Any]:
     train(config, read_dataset(data), RunFolder(run), torch.device("cpu"))
     evaluate(run, data)
     content: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
@@ -93,7 +94,7 @@ def test_nodal_samples_of_both_kinds(data: Path, tmp_path: Path) -> None:
 
 
 def test_the_identity_changes_nothing(
-    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+    data: Path, tmp_path: Path, make_config: Callable[..., UNetModel]
 ) -> None:
     """The same network to the last bit, the same predictions and measures."""
     config = make_config(epochs=3)
@@ -108,7 +109,7 @@ def test_the_identity_changes_nothing(
 
 
 def test_the_error_of_the_embedding_itself(
-    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+    data: Path, tmp_path: Path, make_config: Callable[..., UNetModel]
 ) -> None:
     """One node of 32 is |u_next − u| / 2 off; ē is the mean over all components."""
     folder = embedded(data, tmp_path / "data", averaging)
@@ -121,7 +122,7 @@ def test_the_error_of_the_embedding_itself(
 
 
 def test_a_run_on_another_grid_is_refused(
-    data: Path, tmp_path: Path, make_config: Callable[..., RunConfig]
+    data: Path, tmp_path: Path, make_config: Callable[..., UNetModel]
 ) -> None:
     trained_on(data, tmp_path / "run", make_config(epochs=1))
     with pytest.raises(Exception, match="the mesh is not that of the dataset"):

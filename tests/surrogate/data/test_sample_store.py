@@ -9,12 +9,12 @@ import torch
 
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.sample_store import DeviceStore, HostStore, fits, store_samples
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 from tests.surrogate.resuming import trained, untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 CPU = torch.device("cpu")
 DEVICES: list[Any] = [
     CPU,
@@ -51,9 +51,9 @@ def test_training_from_the_host_is_that_from_the_device(
 ) -> None:
     """Bit for bit on the CPU."""
     runs = []
-    for residency in ("device", "host"):
-        run = RunFolder(tmp_path / residency)
-        train(make_config(epochs=3, residency=residency), dataset, run, device)
+    for location in ("device", "host"):
+        run = RunFolder(tmp_path / location)
+        train(make_config(epochs=3, samples_on=location), dataset, run, device)
         runs.append(run)
     if device.type == "cpu":
         assert runs[0].model.read_bytes() == runs[1].model.read_bytes()

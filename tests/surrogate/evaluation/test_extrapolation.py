@@ -15,8 +15,8 @@ from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset, scatter
 from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.models.unet_model import UNetModel
 from surrogate.presentation.run_figures import write_figures
-from surrogate.runs.configuration import RunConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
@@ -40,7 +40,7 @@ def test_nodal_samples_are_those_of_the_grid(data: Path) -> None:
 def run(
     tmp_path_factory: pytest.TempPathFactory,
     dataset: Dataset,
-    make_config: Callable[..., RunConfig],
+    make_config: Callable[..., UNetModel],
 ) -> Path:
     """A network of variational Bayes, shortly trained."""
     folder = tmp_path_factory.mktemp("bayes") / "run"
@@ -96,7 +96,7 @@ def test_figures(run: Path, evaluation: Evaluation) -> None:
 
 
 def test_maximum_likelihood_makes_no_passes(
-    tmp_path: Path, dataset: Dataset, data: Path, make_config: Callable[..., RunConfig]
+    tmp_path: Path, dataset: Dataset, data: Path, make_config: Callable[..., UNetModel]
 ) -> None:
     folder = tmp_path / "run"
     config = make_config(likelihood="maximum_likelihood", epochs=2)

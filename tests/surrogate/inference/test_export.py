@@ -22,13 +22,10 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import Format, export
 from surrogate.inference.prediction import Surrogate, load
-from surrogate.networks.unet import UNetConfig
-from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.configuration import RunConfig
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
+from tests.surrogate.unet_configs import unet_config
 
 Array = NDArray[np.float64]
 SLOW_ONNX = ["pt2", pytest.param("onnx", marks=pytest.mark.slow)]
@@ -56,16 +53,18 @@ def untrained(
     folder: Path, dataset: Dataset, likelihood: Likelihood, geometry: Geometry, **network: Any
 ) -> Path:
     """A run with random weights, and running averages in batch norm that are not 0 and 1."""
-    bayes = likelihood == "variational_bayes"
-    config = RunConfig(
+    posterior: dict[str, Any] = {}
+    if likelihood == "variational_bayes":
+        posterior["variational"] = {"biases": True, "initial_std": 0.05}
+    config = unet_config(
         name="small",
         case=dataset.manifest.name,
         likelihood=likelihood,
-        network=UNetConfig(**{"levels": 2, "channels": 4, "padding": 1, **network}),
-        variational=VariationalConfig(biases=True, initial_std=0.05) if bayes else None,
+        network={"levels": 2, "channels": 4, "padding": 1, **network},
+        **posterior,
     )
     description = describe(config, dataset)
-    model = make_network(description, geometry)
+    model = description.run.build(geometry, description.data.info)
     for module in model.modules():
         if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
             nn.init.normal_(module.running_mean)  # type: ignore[arg-type]

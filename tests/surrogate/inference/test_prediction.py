@@ -15,7 +15,7 @@ import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import save_atomically
 from surrogate.training.train import train
@@ -60,7 +60,7 @@ def test_clamped_nodes_do_not_move(model: surrogate.Surrogate) -> None:
 
 
 def test_prediction_in_3d(
-    tmp_path: Path, dataset_3d: Dataset, make_config: Callable[..., RunConfig]
+    tmp_path: Path, dataset_3d: Dataset, make_config: Callable[..., UNetModel]
 ) -> None:
     run = RunFolder(tmp_path / "run")
     train(make_config(dimension=3, epochs=1), dataset_3d, run, torch.device("cpu"))
@@ -92,7 +92,7 @@ def test_no_samples(model: surrogate.Surrogate) -> None:
 def likely(
     tmp_path_factory: pytest.TempPathFactory,
     dataset: Dataset,
-    make_config: Callable[..., RunConfig],
+    make_config: Callable[..., UNetModel],
 ) -> surrogate.Surrogate:
     run = RunFolder(tmp_path_factory.mktemp("runs") / "likely")
     config = make_config(epochs=2, likelihood="maximum_likelihood")
@@ -104,7 +104,7 @@ def likely(
 def bayes(
     tmp_path_factory: pytest.TempPathFactory,
     dataset: Dataset,
-    make_config: Callable[..., RunConfig],
+    make_config: Callable[..., UNetModel],
 ) -> surrogate.Surrogate:
     run = RunFolder(tmp_path_factory.mktemp("runs") / "bayes")
     variational = {"biases": True, "initial_std": 0.1}

@@ -61,13 +61,14 @@ def test_scales_by_hand() -> None:
     network = FieldNetwork(inner, GEOMETRY, INFO)
     output = network(torch.full((1, 2, 3, 3), 5.0)).mean
     torch.testing.assert_close(inner.given, torch.full((1, 2, 3, 3), 2 * math.sqrt(3)))
-    assert network.unit.item() == pytest.approx(math.sqrt(0.39))
+    assert network.displacement_rms.item() == pytest.approx(math.sqrt(0.39))
     torch.testing.assert_close(output[0, :, 1], torch.full((2, 3), math.sqrt(0.39)))
 
 
 def test_scale_of_resting_data_is_one() -> None:
     zero = ComponentStatistics(mean=(0.0, 0.0), std=(0.0, 0.0), max_abs=(0.0, 0.0))
-    assert FieldNetwork(Constant(), GEOMETRY, info_with(INFO.force, zero)).unit.item() == 1.0
+    network = FieldNetwork(Constant(), GEOMETRY, info_with(INFO.force, zero))
+    assert network.displacement_rms.item() == 1.0
 
 
 def test_scale_by_node_by_hand() -> None:

@@ -11,17 +11,17 @@ import torch
 from safetensors.torch import load_file
 from torch import nn
 
-from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset, Samples
+from surrogate.models.unet_model import UNetModel
 from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
-from surrogate.runs.configuration import RunConfig
+from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import CPU, assert_resumes, trained, untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 LOSSES = (5.0, 3.0, 4.0, 3.0, math.nan, 2.0, 2.5, 2.4, 2.3, 1.0)
 
 
@@ -128,7 +128,7 @@ def test_test_split_has_no_part(tmp_path: Path, dataset: Dataset, make_config: M
 def test_wrong_keys_are_named(training: dict[str, Any], part: str) -> None:
     content = {"name": "a", "case": "b", "training": training}
     with pytest.raises(InputError) as error:
-        validate(RunConfig, content, "a.yaml")
+        run_config(content, "a.yaml")
     assert str(error.value).startswith(f"a.yaml: {part}")
     assert "\n" not in str(error.value)
 

@@ -8,10 +8,10 @@ from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.optim.muon import Muon
 from surrogate.optim.optimisers import (
     OptimiserConfig,
-    ScheduleConfig,
     make_optimisers,
     set_learning_rate,
 )
+from surrogate.optim.schedule import ScheduleConfig
 from surrogate.probabilistic.flipout import VariationalConfig
 
 # 100 steps, a warm-up over the first 20. In the warm-up: (step + 1) / 20. After it, the part left

@@ -7,40 +7,47 @@ import pytest
 import torch
 from safetensors.torch import load_file
 from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
 
-from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.optim.weight_average import WeightAverage
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
+from surrogate.optim.weight_average import averaged_model
+from surrogate.runs.configuration import run_config
 from tests.surrogate.resuming import assert_resumes, trained, untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 def test_average_by_hand() -> None:
     """d = 1/2, weights 1, 2, 4: 1; (1/2 + 2) / (3/2) = 5/3; (1/4 + 1 + 4) / (7/4) = 3."""
     network = nn.Linear(1, 1, bias=False)
     nn.init.constant_(network.weight, 99.0)  # the initial weight has no part
-    average = WeightAverage(network, 0.5)
+    average = averaged_model(network, 0.5)
     found = []
-    for step, value in enumerate((1.0, 2.0, 4.0)):
+    for value in (1.0, 2.0, 4.0):
         nn.init.constant_(network.weight, value)
-        average.update(step)
-        found.append(average.network.get_parameter("weight").item())
+        average.update_parameters(network)
+        found.append(average.module.get_parameter("weight").item())
     assert found == pytest.approx([1.0, 5 / 3, 3.0], rel=1e-6)
 
 
 def test_statistics_of_batch_norm_are_averaged_and_counted() -> None:
     """Running means 1 and 3 at d = 1/2: (1/2 + 3) / (3/2) = 7/3; the count is the latest."""
     network = nn.BatchNorm2d(1)
-    average = WeightAverage(network, 0.5)
-    for step, (mean, count) in enumerate([(1.0, 10), (3.0, 20)]):
+    average = averaged_model(network, 0.5)
+    for mean, count in [(1.0, 10), (3.0, 20)]:
         network.get_buffer("running_mean").fill_(mean)
         network.get_buffer("num_batches_tracked").fill_(count)
-        average.update(step)
-    assert average.network.get_buffer("running_mean").item() == pytest.approx(7 / 3, rel=1e-6)
-    assert average.network.get_buffer("num_batches_tracked").item() == 20
+        average.update_parameters(network)
+    assert average.module.get_buffer("running_mean").item() == pytest.approx(7 / 3, rel=1e-6)
+    assert average.module.get_buffer("num_batches_tracked").item() == 20
+
+
+def flat(network: nn.Module) -> Tensor:
+    """All weights and statistics, without integers."""
+    tensors = (*network.parameters(), *network.buffers())
+    return torch.cat([t.flatten() for t in tensors if t.is_floating_point()])
 
 
 @pytest.mark.parametrize("batch_norm", [False, True])
@@ -53,15 +60,15 @@ def test_model_is_the_average_over_the_steps(
 ) -> None:
     """Against the sum over all steps, in float64."""
     decay, weights = 0.8, list[Tensor]()
-    update = WeightAverage.update
+    update = AveragedModel.update_parameters
 
-    def record(self: WeightAverage, step: int) -> None:
-        update(self, step)
-        weights.append(torch.cat([latest.flatten() for latest in self._latest]).double())
-        averages[:] = [torch.cat([average.flatten() for average in self._averages])]
+    def record(self: AveragedModel, network: nn.Module) -> None:
+        update(self, network)
+        weights.append(flat(network).double())
+        averages[:] = [flat(self.module)]
 
     averages: list[Tensor] = []
-    monkeypatch.setattr(WeightAverage, "update", record)
+    monkeypatch.setattr(AveragedModel, "update_parameters", record)
     config = make_config(epochs=3, ema=decay, batch_norm=batch_norm)
     run = trained(config, dataset, tmp_path / "run")
     assert len(weights) == 9  # 43 training samples in batches of 16, three epochs
@@ -103,4 +110,4 @@ def test_average_is_resumed(
 def test_wrong_decay_is_named(decay: float) -> None:
     content = {"name": "a", "case": "b", "training": {"ema": decay}}
     with pytest.raises(InputError, match=rf"key 'training.ema' = {decay}"):
-        validate(RunConfig, content, "a.yaml")
+        run_config(content, "a.yaml")

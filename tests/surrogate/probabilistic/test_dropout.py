@@ -11,7 +11,7 @@ from surrogate.inference.prediction import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.passes import Drawable
-from surrogate.runs.configuration import RunConfig
+from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
@@ -84,7 +84,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
         "training": {"epochs": 2, "batch_size": 16},
     }
     folder = tmp_path_factory.mktemp("runs") / "dropout"
-    config = RunConfig.model_validate(content)
+    config = run_config(content)
     train(config, dataset, RunFolder(folder), torch.device("cpu"))
     return folder
 

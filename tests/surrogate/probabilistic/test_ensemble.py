@@ -12,22 +12,22 @@ from torch import Tensor, nn
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
-from surrogate.runs.configuration import RunConfig
-from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 from surrogate.runs.tensor_file import load_tensors
 from surrogate.training.train import train
 from surrogate.training.trainer import Trainer
+from surrogate.training.validation import loss_per_datum
+from tests.surrogate.unet_configs import unet_config
 
 CPU = torch.device("cpu")
 
 
-def config_with(likelihood: str = "deterministic", members: int = 2, **network: Any) -> RunConfig:
-    content = {
+def config_with(likelihood: str = "deterministic", members: int = 2, **network: Any) -> UNetModel:
+    content: dict[str, Any] = {
         "name": "ensemble",
         "case": "beam2d",
         "likelihood": likelihood,
@@ -40,10 +40,10 @@ def config_with(likelihood: str = "deterministic", members: int = 2, **network: 
             "validation_fraction": 0.1,
         },
     }
-    return RunConfig.model_validate(content)
+    return unet_config(**content)
 
 
-def trained(folder: Path, dataset: Dataset, config: RunConfig) -> Surrogate:
+def trained(folder: Path, dataset: Dataset, config: UNetModel) -> Surrogate:
     train(config, dataset, RunFolder(folder), CPU)
     return load(folder)
 
@@ -109,15 +109,16 @@ def test_first_member_is_the_network_that_is_trained_alone(
 @pytest.mark.parametrize("likelihood", ["deterministic", "maximum_likelihood"])
 def test_loss_and_error(dataset: Dataset, likelihood: str) -> None:
     """The loss is the mean of the members' losses, the error that of the mean of the members."""
-    description = describe(config_with(likelihood, members=3), dataset)
-    network = make_network(description, dataset.geometry)
-    trainer = Trainer(description.run, network, dataset.train, dataset.test, node_fraction=0.5)
+    config = config_with(likelihood, members=3)
+    network = config.build(dataset.geometry, dataset.info)
+    network.node_fraction = 0.5
+    trainer = Trainer(config, network, dataset.train, dataset.test)
     reference = dataset.test.displacement
     measures = trainer.validate()
     prediction = network(dataset.test.force)
     parts = [Prediction(*fields) for fields in zip(*(_thirds(f) for f in prediction), strict=True)]
     network.network = nn.Identity()  # so that the trainer takes each of them for the only one
-    losses = [trainer.loss(part, reference).item() for part in parts]
+    losses = [loss_per_datum(config, network, part, dataset.test).item() for part in parts]
     assert measures["validation_loss"] == pytest.approx(np.mean(losses), rel=1e-5)
     mean = torch.stack([part.mean for part in parts]).mean(dim=0)
     error = (mean - reference).abs().mean().item() / 0.5
@@ -146,7 +147,7 @@ def test_members_may_be_stochastic(tmp_path: Path, dataset: Dataset) -> None:
 
 
 def test_evaluated(tmp_path: Path, dataset: Dataset, data: Path) -> None:
-    one = make_network(describe(config_with(members=1), dataset), dataset.geometry)
+    one = config_with(members=1).build(dataset.geometry, dataset.info)
     trained(tmp_path / "run", dataset, config_with())
     evaluate(tmp_path / "run", data)
     content = json.loads((tmp_path / "run" / "evaluation.json").read_text())

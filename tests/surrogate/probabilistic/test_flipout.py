@@ -204,14 +204,14 @@ def test_against_bayesian_torch(passes: Passes) -> None:
     kind = {2: layers.Conv2dFlipout, 3: layers.Conv3dFlipout}[passes.dimension]
     layer, x = passes.layer, passes.x[:1]
     other = kind(INPUTS, OUTPUTS, 3, padding=1, prior_mean=0, prior_variance=0.3)
-    divergence = layer.kernel.divergence() / layer.kernel.mean.numel()
+    divergence = layer.kernel.kl_divergence() / layer.kernel.mean.numel()
     with torch.no_grad():
         other.mu_kernel.copy_(layer.kernel.mean)
         other.rho_kernel.copy_(layer.kernel.rho)
         if isinstance(layer.bias, GaussianParameter):
             other.mu_bias.copy_(layer.bias.mean)
             other.rho_bias.copy_(layer.bias.rho)
-            divergence = divergence + layer.bias.divergence() / layer.bias.mean.numel()
+            divergence = divergence + layer.bias.kl_divergence() / layer.bias.mean.numel()
         else:
             other.bias = False
             other.mu_bias.copy_(layer.bias)
@@ -264,7 +264,7 @@ def test_closed_divergence_is_of_kernel_and_biases(biases: bool) -> None:
     layer = layer_of(2, biases=biases, prior_mean="zero", prior_std=0.3)
     parameters = [layer.kernel, *([bias_of(layer)] if biases else [])]
     expected = sum(kl_divergence(Normal(p.mean, p.std), Normal(0, 0.3)).sum() for p in parameters)
-    torch.testing.assert_close(layer.divergence(), expected)
+    torch.testing.assert_close(layer.kl_divergence(), expected)
 
 
 @pytest.mark.parametrize("biases", [False, True])
@@ -276,7 +276,7 @@ def test_sampled_divergence_is_that_of_the_perturbation_just_used(biases: bool) 
     """
     torch.manual_seed(0)
     config = VariationalConfig(
-        divergence="sampled", prior_mean="zero", prior_std=0.3, initial_std=0.5, biases=biases
+        kl_divergence="sampled", prior_mean="zero", prior_std=0.3, initial_std=0.5, biases=biases
     )
     layer = FlipoutConvolution(nn.Conv2d(1, 1, 3, padding=1), config)
     torch.manual_seed(5)
@@ -299,7 +299,7 @@ def test_sampled_divergence_is_that_of_the_perturbation_just_used(biases: bool) 
         posterior: Any = Normal(parameter.mean, parameter.std)
         prior: Any = Normal(0.0, 0.3)
         expected = expected + (posterior.log_prob(value) - prior.log_prob(value)).sum()
-    torch.testing.assert_close(layer.divergence(), expected)
+    torch.testing.assert_close(layer.kl_divergence(), expected)
 
 
 def test_gradient_of_the_spread() -> None:
@@ -340,19 +340,19 @@ def test_draws_are_no_part_of_the_state() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("divergence", ["closed", "sampled"])
+@pytest.mark.parametrize("kl_divergence", ["closed", "sampled"])
 def test_compiled_passes_differ_and_have_the_same_moments(divergence: str) -> None:
-    layer, x = layer_of(2, biases=True, divergence=divergence), input_of(2, 2)
+    layer, x = layer_of(2, biases=True, kl_divergence=divergence), input_of(2, 2)
     compiled = torch.compile(layer)
     found = outputs(compiled, x)
     assert len(set(found[:, 0, 0].tolist())) == PASSES
     for sample in range(2):
         assert_moments(found[:, sample], *exact(layer, x[sample : sample + 1]))
     torch.manual_seed(1)
-    first = compiled(x), layer.divergence()
+    first = compiled(x), layer.kl_divergence()
     torch.manual_seed(1)
-    again = compiled(x), layer.divergence()
-    other = compiled(x), layer.divergence()
+    again = compiled(x), layer.kl_divergence()
+    other = compiled(x), layer.kl_divergence()
     assert torch.equal(first[0], again[0])
     assert torch.equal(first[1], again[1])
     assert not torch.equal(first[0], other[0])

@@ -58,15 +58,15 @@ def test_inverse_softplus_of_known_values() -> None:
 def test_closed_divergence_against_torch(trainable: bool) -> None:
     parameter = spread(trainable)
     expected = kl_divergence(posterior(parameter), prior(parameter)).sum()
-    torch.testing.assert_close(parameter.divergence(), expected, rtol=1e-12, atol=0)
+    torch.testing.assert_close(parameter.kl_divergence(), expected, rtol=1e-12, atol=0)
 
 
 def test_divergence_by_hand() -> None:
     """σ = σ_p = 1/2 and means 1 apart: (1 / 0.5)² / 2 = 2 nats a weight; no distance, no nats."""
     parameter = GaussianParameter(torch.ones(3, dtype=torch.float64), 0.5, 0.5, False)
-    assert parameter.divergence().item() == pytest.approx(6.0, rel=1e-12)
+    assert parameter.kl_divergence().item() == pytest.approx(6.0, rel=1e-12)
     same = GaussianParameter(torch.ones(3, dtype=torch.float64), 0.5, 0.5, True)
-    assert same.divergence().item() == pytest.approx(0.0, abs=1e-12)
+    assert same.kl_divergence().item() == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("trainable", [True, False])
@@ -75,7 +75,7 @@ def test_sampled_divergence_at_one_noise(trainable: bool) -> None:
     noise = torch.randn(parameter.mean.shape, dtype=torch.float64)
     weights = parameter.mean + parameter.std * noise
     expected = posterior(parameter).log_prob(weights) - prior(parameter).log_prob(weights)
-    torch.testing.assert_close(parameter.sampled_divergence(noise), expected.sum())
+    torch.testing.assert_close(parameter.sampled_kl_divergence(noise), expected.sum())
 
 
 def test_sampled_divergence_is_the_closed_one_on_average() -> None:
@@ -83,17 +83,17 @@ def test_sampled_divergence_is_the_closed_one_on_average() -> None:
     parameter, generator = spread(), torch.Generator().manual_seed(1)
     noises = torch.randn(4000, *parameter.mean.shape, generator=generator, dtype=torch.float64)
     with torch.no_grad():
-        found = torch.stack([parameter.sampled_divergence(noise) for noise in noises])
+        found = torch.stack([parameter.sampled_kl_divergence(noise) for noise in noises])
         standard_error = float(found.std()) / math.sqrt(len(found))
-        assert abs(float(found.mean() - parameter.divergence())) < 4 * standard_error
-        assert standard_error < 0.01 * float(parameter.divergence())
+        assert abs(float(found.mean() - parameter.kl_divergence())) < 4 * standard_error
+        assert standard_error < 0.01 * float(parameter.kl_divergence())
 
 
 def test_gradients_by_hand() -> None:
     """(μ - μ_p) / σ_p², its negative, and (σ / σ_p² - 1 / σ) dσ/dρ with dσ/dρ = 1 / (1 + e^-ρ)."""
     parameter = spread()
     assert isinstance(parameter.prior_mean, torch.nn.Parameter)
-    parameter.divergence().backward()  # type: ignore[no-untyped-call]
+    parameter.kl_divergence().backward()  # type: ignore[no-untyped-call]
     offset = (parameter.mean - parameter.prior_mean) / PRIOR_STD**2
     slope = (parameter.std / PRIOR_STD**2 - 1 / parameter.std) * torch.sigmoid(parameter.rho)
     torch.testing.assert_close(parameter.mean.grad, offset)

@@ -18,15 +18,15 @@ from torch import Tensor, nn
 from surrogate.data.dataset import Dataset
 from surrogate.inference import prediction
 from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.passes import Drawable, Passes, drawables
-from surrogate.runs.configuration import RunConfig
 from surrogate.runs.description import describe
-from surrogate.runs.network import make_network
+from tests.surrogate.unet_configs import unet_config
 
 Array = NDArray[np.float64]
 DRAWS = 1000
@@ -37,15 +37,15 @@ def untrained(dataset: Dataset, levels: int = 2) -> Surrogate:
 
     Batch norm keeps its first averages, 0 and 1.
     """
-    config = RunConfig(
+    config = unet_config(
         name="wild",
         case=dataset.manifest.name,
         likelihood="variational_bayes",
-        network=UNetConfig(levels=levels, channels=2, padding=1),
-        variational=VariationalConfig(convolutions=(1, 2), biases=True, initial_std=0.2),
+        network={"levels": levels, "channels": 2, "padding": 1},
+        variational={"convolutions": [1, 2], "biases": True, "initial_std": 0.2},
     )
     description = describe(config, dataset)
-    network = make_network(description, dataset.geometry)
+    network = description.run.build(dataset.geometry, dataset.info)
     for layer in flipouts(network):
         nn.init.normal_(layer.kernel.rho, layer.kernel.rho.mean().item(), 0.5)
     return Surrogate(network, dataset.geometry, description)
@@ -168,7 +168,9 @@ def test_distribution_by_hand(samples: Dataset) -> None:
 def plain_network(model: Surrogate, dataset: Dataset) -> tuple[FieldNetwork, Callable[[], None]]:
     """The same network of plain convolutions, and what sets its weights to a new sample."""
     dimension = dataset.geometry.dimension
-    unet = UNet(dimension, 2 * dimension, model.description.run.network)
+    config = model.description.run
+    assert isinstance(config, UNetModel)
+    unet = UNet(dimension, 2 * dimension, config.network)
     plain = FieldNetwork(unet, dataset.geometry, dataset.info).eval()
     plain.load_state_dict(model.network.state_dict(), strict=False)
     pairs = [

@@ -6,8 +6,11 @@ import pytest
 import yaml
 
 from shared_schema.common.errors import InputError
-from surrogate.runs.configuration import SHIPPED, RunConfig, read_config
+from surrogate.models.unet_model import DeterministicUNet
+from surrogate.runs.configuration import SHIPPED, read_config, run_config
+from tests.surrogate.unet_configs import shipped_unet
 
+MLE = "name: a\ncase: b\nlikelihood: maximum_likelihood"
 BAYES = "name: a\ncase: b\nlikelihood: variational_bayes\nvariational"
 
 
@@ -20,7 +23,8 @@ def test_shipped_configurations_are_valid_and_named_as_their_files(path: Path) -
 
 def test_recipe_of_the_paper() -> None:
     """Deshpande et al. (2022), Section 3: Adam at 1e-4, batches of 4, 600 epochs, c = 128."""
-    config = read_config("beam2d-det-paper")
+    config = shipped_unet("beam2d-det-paper")
+    assert isinstance(config, DeterministicUNet)
     assert config.training.optimiser.name == "adam"
     assert config.training.optimiser.learning_rate == 1e-4
     assert (config.training.batch_size, config.training.epochs) == (4, 600)
@@ -51,12 +55,12 @@ def test_unknown_name_lists_those_shipped() -> None:
         ("name: a\ncase: b\nnetwork: {levels: 2, depth: 3}", "unknown key 'network.depth'"),
         ("name: a\ncase: b\ntraining: {optimiser: {name: sgd}}", "'training.optimiser.name'"),
         ("name: a\ncase: b\ntraining: {validation_fraction: 1}", "'training.validation_fraction'"),
-        ("name: a\ncase: b\nlikelihood: uniform", "key 'likelihood' = 'uniform'"),
+        ("name: a\ncase: b\nlikelihood: uniform", "found (model unet, likelihood uniform)"),
         (f"{BAYES}: {{prior_std: 0}}", "key 'variational.prior_std' = 0"),
         (f"{BAYES}: {{prior_std: .inf}}", "key 'variational.prior_std' = inf"),
         (f"{BAYES}: {{initial_std: -0.1}}", "key 'variational.initial_std' = -0.1"),
         (f"{BAYES}: {{prior_mean: fitted}}", "key 'variational.prior_mean' = 'fitted'"),
-        (f"{BAYES}: {{divergence: exact}}", "key 'variational.divergence' = 'exact'"),
+        (f"{BAYES}: {{kl_divergence: exact}}", "key 'variational.kl_divergence' = 'exact'"),
         (f"{BAYES}: {{warmup: 1.5}}", "key 'variational.warmup' = 1.5"),
         (f"{BAYES}: {{weight: 0}}", "key 'variational.weight' = 0"),
         (f"{BAYES}: {{convolutions: [3]}}", "key 'variational.convolutions.0' = 3"),
@@ -65,7 +69,7 @@ def test_unknown_name_lists_those_shipped() -> None:
         (f"{BAYES}: {{levels: [0, 3]}}", "'variational.levels' = [0, 3]"),
         (f"{BAYES}: {{levels: [-1]}}", "'variational.levels' = [-1]"),
         (f"{BAYES}: {{prior: 0.1}}", "unknown key 'variational.prior'"),
-        ("name: a\ncase: b\ntraining: {beta: 1.1}", "key 'training.beta' = 1.1"),
+        (f"{MLE}\ntraining: {{beta: 1.1}}", "key 'training.beta' = 1.1"),
     ],
 )
 def test_wrong_key_is_named(tmp_path: Path, text: str, part: str) -> None:
@@ -78,30 +82,38 @@ def test_wrong_key_is_named(tmp_path: Path, text: str, part: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("likelihood", "given"),
+    ("likelihood", "part"),
     [
-        ("deterministic", "given"),
-        ("maximum_likelihood", "given"),
-        ("variational_bayes", "missing"),
+        (
+            "deterministic",
+            "unknown key 'variational' (model unet, likelihood deterministic)",
+        ),
+        (
+            "maximum_likelihood",
+            "unknown key 'variational' (model unet, likelihood maximum_likelihood)",
+        ),
+        (
+            "variational_bayes",
+            "key 'variational' is missing (model unet, likelihood variational_bayes)",
+        ),
     ],
 )
 def test_variational_is_for_variational_bayes_only(
-    tmp_path: Path, likelihood: str, given: str
+    tmp_path: Path, likelihood: str, part: str
 ) -> None:
     path = tmp_path / "a.yaml"
-    variational = "\nvariational: {prior_std: 0.2}" if given == "given" else ""
+    variational = "\nvariational: {prior_std: 0.2}" if "unknown" in part else ""
     path.write_text(f"name: a\ncase: b\nlikelihood: {likelihood}{variational}")
     with pytest.raises(InputError) as error:
         read_config(str(path))
-    assert f"'variational' is {given}, but 'likelihood' is '{likelihood}'" in str(error.value)
-    assert "\n" not in str(error.value)
+    assert str(error.value) == f"{path}: {part}"
 
 
 def test_variational_defaults(tmp_path: Path) -> None:
     """The paper's choices: second convolutions of all levels, kernels only, trainable priors."""
     path = tmp_path / "a.yaml"
     path.write_text(f"{BAYES}: {{}}")
-    variational = read_config(str(path)).variational
+    variational = read_config(str(path)).posterior
     assert variational is not None
     assert (variational.convolutions, variational.levels) == ((2,), None)
     assert (variational.biases, variational.prior_mean) == (False, "trainable")
@@ -109,6 +121,6 @@ def test_variational_defaults(tmp_path: Path) -> None:
 
 
 def test_defaults_are_stored() -> None:
-    plain = RunConfig(name="a", case="b").plain()
+    plain = run_config({"name": "a", "case": "b"}).plain()
     assert plain["training"]["optimiser"]["betas"] == [0.9, 0.999]
-    assert RunConfig.model_validate(plain) == RunConfig(name="a", case="b")
+    assert run_config(plain) == run_config({"name": "a", "case": "b"})

@@ -8,14 +8,14 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder, first_difference
 from surrogate.runs.tensor_file import save_atomically
 
 
 def test_start_and_take_up_again(
-    tmp_path: Path, dataset: Dataset, make_config: Callable[..., RunConfig]
+    tmp_path: Path, dataset: Dataset, make_config: Callable[..., UNetModel]
 ) -> None:
     description = describe(make_config(), dataset)
     run = RunFolder(tmp_path / "a" / "run")
@@ -29,7 +29,7 @@ def test_start_and_take_up_again(
 
 @pytest.mark.parametrize("kind", ["file", "folder"])
 def test_foreign_content_is_kept(
-    tmp_path: Path, dataset: Dataset, make_config: Callable[..., RunConfig], kind: str
+    tmp_path: Path, dataset: Dataset, make_config: Callable[..., UNetModel], kind: str
 ) -> None:
     path = tmp_path / "run"
     if kind == "folder":

@@ -7,16 +7,16 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
-from surrogate.runs.split import split_parts
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.split import split_training
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 def test_parts_are_disjoint_and_whole(dataset: Dataset, make_config: MakeConfig) -> None:
     """A fifth of 48 samples, 9.6, is 10; a tenth, 4.8, is 5."""
     config = make_config(validation_fraction=0.2, calibration_fraction=0.1)
-    parts = split_parts(dataset.train, config)
+    parts = split_training(dataset.train, config)
     counts = [len(part) for part in (parts.train, parts.validation, parts.calibration)]
     assert counts == [33, 10, 5]
     rows = torch.cat((parts.train.force, parts.validation.force, parts.calibration.force))
@@ -26,8 +26,8 @@ def test_parts_are_disjoint_and_whole(dataset: Dataset, make_config: MakeConfig)
 
 def test_parts_follow_from_the_seed(dataset: Dataset, make_config: MakeConfig) -> None:
     config = make_config(validation_fraction=0.2, calibration_fraction=0.1)
-    first, again = (split_parts(dataset.train, config) for _ in range(2))
-    other = split_parts(dataset.train, config.model_copy(update={"seed": 1}))
+    first, again = (split_training(dataset.train, config) for _ in range(2))
+    other = split_training(dataset.train, config.model_copy(update={"seed": 1}))
     for name in ("train", "validation", "calibration"):
         force = getattr(first, name).force
         assert torch.equal(force, getattr(again, name).force)
@@ -38,7 +38,7 @@ def test_validation_does_not_depend_on_calibration(
     dataset: Dataset, make_config: MakeConfig
 ) -> None:
     with_it, without = (
-        split_parts(
+        split_training(
             dataset.train, make_config(validation_fraction=0.2, calibration_fraction=fraction)
         ).validation
         for fraction in (0.1, 0.0)
@@ -53,15 +53,15 @@ def test_nothing_left_to_train_on(dataset: Dataset, make_config: MakeConfig) -> 
         match=r"'training.validation_fraction' = 0.5, 'training.calibration_fraction' = 0.5 leave "
         "none of 48 samples",
     ):
-        split_parts(dataset.train, config)
+        split_training(dataset.train, config)
 
 
 @pytest.mark.parametrize("option", [{"recalibrate": True}, {"early_stopping": {"patience": 2}}])
-def test_a_validation_part_of_nothing(
+def test_no_validation_samples(
     dataset: Dataset, make_config: MakeConfig, option: dict[str, object]
 ) -> None:
-    config = make_config(validation_fraction=0.01, **option)
+    config = make_config(likelihood="maximum_likelihood", validation_fraction=0.01, **option)
     with pytest.raises(
         InputError, match=f"takes none of 48 samples, but 'training.{next(iter(option))}'"
     ):
-        split_parts(dataset.train, config)
+        split_training(dataset.train, config)

@@ -11,7 +11,6 @@ import torch
 from shared_schema.common.errors import InputError
 from shared_schema.drawing.figure_style import make_figure
 from surrogate.studies.catalogue import STUDIES
-from surrogate.studies.in_words import network_in_words, training_in_words
 from surrogate.studies.paper_numbers import FIGURES, SCHEMATICS, TABLES, number_of
 from surrogate.studies.record import Claim, Findings, cell, compare, tally
 from surrogate.studies.report import PAGE
@@ -167,9 +166,9 @@ def test_configurations_in_words() -> None:
     """Recipes `fast` of variational Bayes and `paper` of the deterministic U-Net."""
     scale = read_scale("laptop")
     config = scale.config_of("beam2d-vb")
-    assert network_in_words(config) == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
-    assert training_in_words(config) == "variational Bayes, Muon, 40 epochs, batches of 32"
+    assert config.architecture == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
+    assert config.training_summary == "variational Bayes, Muon, 40 epochs, batches of 32"
     config = read_scale("paper").config_of("beam2d-det")
-    assert network_in_words(config) == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
-    assert training_in_words(config) == "squared error, Adam, 600 epochs, batches of 4"
-    assert network_in_words(scale.config_of("beam3d-linear")) == "linear layer"
+    assert config.architecture == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
+    assert config.training_summary == "squared error, Adam, 600 epochs, batches of 4"
+    assert scale.config_of("beam3d-linear").architecture == "linear layer"

@@ -11,10 +11,11 @@ from safetensors.torch import load_file
 
 from shared_schema.common.errors import WorkError
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
 from tests.surrogate.resuming import trained
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 @pytest.fixture
@@ -23,7 +24,7 @@ def _traced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "compile", partial(torch.compile, backend="aot_eager"))
 
 
-def assert_trains_as_the_plain_one(config: RunConfig, dataset: Dataset, folder: Path) -> None:
+def assert_trains_as_the_plain_one(config: Model, dataset: Dataset, folder: Path) -> None:
     compiled = config.training.model_copy(update={"compile": True})
     plain = trained(config, dataset, folder / "plain")
     fast = trained(config.model_copy(update={"training": compiled}), dataset, folder / "compiled")
@@ -62,7 +63,7 @@ def test_compiled_variational_network(
         config = make_config(
             epochs=2,
             likelihood="variational_bayes",
-            variational={"initial_std": 1e-5, "divergence": "sampled"},
+            variational={"initial_std": 1e-5, "kl_divergence": "sampled"},
             compile=compiled,
         )
         lines.append(trained(config, dataset, tmp_path / str(compiled)).metric_lines())

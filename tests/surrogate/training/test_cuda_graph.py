@@ -10,12 +10,11 @@ import torch
 from torch import Tensor
 
 from surrogate.data.dataset import Dataset, Samples
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
-from surrogate.runs.configuration import RunConfig
-from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 from surrogate.training import cuda_graph
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE
@@ -23,7 +22,7 @@ from surrogate.training.train import train
 from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import trained, untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 def test_where_steps_can_be_captured() -> None:
@@ -130,7 +129,7 @@ def test_replays_take_every_batch_in(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ran == ["as it comes"] * 3 + ["replayed"] * 3
 
 
-def train_on_cuda(config: RunConfig, dataset: Dataset, folder: Path) -> RunFolder:
+def train_on_cuda(config: Model, dataset: Dataset, folder: Path) -> RunFolder:
     run = RunFolder(folder)
     train(config, dataset, run, torch.device("cuda"))
     return run
@@ -192,9 +191,9 @@ def test_every_replay_has_noise_of_its_own(
         cuda_graphs=True,
         compile=compiled,
     )
-    network = make_network(describe(config, dataset), dataset.geometry).cuda()
+    network = config.build(dataset.geometry, dataset.info).cuda()
     few = dataset.train[:4]
-    trainer = Trainer(config, network, few, few, 1.0, ALONE)
+    trainer = Trainer(config, network, few, few, ALONE)
     batch = few.to(torch.device("cuda"))
     assert trainer.captured_step is not None
 

@@ -17,15 +17,15 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import Model, TrainedModel
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 from surrogate.training.data_parallel import ALONE, Ranks, joined
 from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import CPU, trained, untimed
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 # Of 48 samples a quarter is for validation; 36 in batches of 7 are 5 batches and 1 sample: parts of
 # 4 and 3, and at last of 1 and none.
@@ -34,10 +34,10 @@ UNEVEN: dict[str, Any] = {"batch_size": 7, "validation_fraction": 0.25}
 
 def test_parts_of_a_batch() -> None:
     batch = torch.tensor([5, 3, 8, 1, 9])
-    parts = [Ranks(rank, 3).part(batch).tolist() for rank in range(3)]
+    parts = [Ranks(rank, 3).share(batch).tolist() for rank in range(3)]
     assert parts == [[5, 3], [8, 1], [9]]
-    assert [Ranks(rank, 2).part(batch[:1]).tolist() for rank in range(2)] == [[5], []]
-    assert ALONE.part(batch).tolist() == batch.tolist()
+    assert [Ranks(rank, 2).share(batch[:1]).tolist() for rank in range(2)] == [[5], []]
+    assert ALONE.share(batch).tolist() == batch.tolist()
 
 
 def test_without_torchrun_there_is_one() -> None:
@@ -56,12 +56,15 @@ def test_more_processes_than_devices(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
 
-def gradients(config: RunConfig, dataset: Dataset, ranks: Ranks, count: int) -> tuple[Tensor, ...]:
+def gradients(
+    config: TrainedModel, dataset: Dataset, ranks: Ranks, count: int
+) -> tuple[Tensor, ...]:
     """All gradients of a rank's part of the first `count` samples, and its part of the terms."""
-    network = make_network(describe(config, dataset), dataset.geometry)
-    trainer = Trainer(config, network, dataset.train, dataset.train, 1.0, ranks)
-    trainer.divergence_factor.fill_(0.5)
-    terms = trainer.differentiate(dataset.train[ranks.part(torch.arange(count))], count)
+    network = config.build(dataset.geometry, dataset.info)
+    trainer = Trainer(config, network, dataset.train, dataset.train, ranks)
+    if trainer.elbo is not None:
+        trainer.elbo.factor.fill_(0.5)
+    terms = trainer.differentiate(dataset.train[ranks.share(torch.arange(count))], count)
     flat = [(torch.zeros_like(p) if p.grad is None else p.grad) for p in network.parameters()]
     return torch.cat([gradient.flatten() for gradient in flat]), terms
 
@@ -96,8 +99,8 @@ def test_noise_differs_by_rank(
     for ranks in (ALONE, Ranks(0, 2), Ranks(1, 2)):
         monkeypatch.setattr(Ranks, "add_up", lambda *_: None)
         monkeypatch.setattr(Ranks, "add_up_gradients", lambda *_: None)
-        network = make_network(description, dataset.geometry)
-        trainer = Trainer(config, network, dataset.train, dataset.test, 1.0, ranks)
+        network = description.run.build(dataset.geometry, dataset.info)
+        trainer = Trainer(config, network, dataset.train, dataset.test, ranks)
         trainer.train_epoch(0, _NoProgress())  # type: ignore[arg-type]
     noise = seeds[1::2]  # the others are for the initial weights
     assert noise[0] == noise[1] != noise[2]
@@ -108,7 +111,7 @@ class _NoProgress:
 
 
 def torchrun(
-    config: RunConfig, data: Path, run: Path, *options: str
+    config: Model, data: Path, run: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
     """Train in two processes; configuration beside the run."""
     path = run.with_suffix(".yaml")
@@ -178,7 +181,7 @@ def test_what_one_process_refuses_all_do(
 ) -> None:
     """In one line of ours, and without a traceback; torchrun adds lines of its own."""
 
-    def refused(config: RunConfig, run: Path, part: str) -> None:
+    def refused(config: Model, run: Path, part: str) -> None:
         done = torchrun(config, data, run)
         assert done.returncode != 0
         ours = [line for line in done.stderr.splitlines() if line.startswith("surrogate: error:")]

@@ -9,15 +9,15 @@ import torch
 from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
-from surrogate.runs.configuration import RunConfig
 from surrogate.training.data_parallel import ALONE
-from surrogate.training.gauss_newton import GaussNewtonSpreads
+from surrogate.training.gauss_newton import GaussNewtonStd
 from tests.surrogate.resuming import assert_resumes
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 PRIOR = 0.3
 
 
@@ -65,7 +65,7 @@ def test_fisher_information_against_one_gradient_a_datum(dataset: Dataset) -> No
     """The estimate's mean over many signs; each has a relative standard deviation below √2."""
     network = field_network(dataset, rho=-2.0)
     force = dataset.train.force[:3]
-    spreads = GaussNewtonSpreads(network, samples=3)
+    spreads = GaussNewtonStd(network, samples=3)
     torch.manual_seed(1)
     count = 2000
     mean = sum(spreads._squared_gradients(force) for _ in range(count)) / count
@@ -81,7 +81,7 @@ def test_spread_maximises_the_bound_of_a_linear_network(dataset: Dataset, factor
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
     force = dataset.train.force[:3]
-    spreads = GaussNewtonSpreads(network, samples=3)
+    spreads = GaussNewtonStd(network, samples=3)
     torch.manual_seed(1)
     for _ in range(600):
         spreads.update(force, len(force), factor, ALONE)
@@ -98,7 +98,7 @@ def test_weights_without_information_keep_the_prior(dataset: Dataset) -> None:
     network = field_network(dataset, rho=-2.0)
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
-    spreads = GaussNewtonSpreads(network, samples=3)
+    spreads = GaussNewtonStd(network, samples=3)
     spreads.update(torch.zeros_like(dataset.train.force[:3]), 3, 1.0, ALONE)
     torch.testing.assert_close(layer.kernel.std, torch.full_like(layer.kernel.std, PRIOR))
 
@@ -110,7 +110,7 @@ def test_a_larger_dataset_narrows_the_posterior(dataset: Dataset) -> None:
         network = field_network(dataset, rho=-5.0)
         layer = network.network.layer
         assert isinstance(layer, FlipoutConvolution)
-        spreads = GaussNewtonSpreads(network, samples)
+        spreads = GaussNewtonStd(network, samples)
         torch.manual_seed(1)
         spreads.update(dataset.train.force[:3], 3, 1.0, ALONE)
         found.append(layer.kernel.std.detach()[:2] ** -2 - PRIOR**-2)
@@ -121,7 +121,7 @@ def test_a_larger_dataset_narrows_the_posterior(dataset: Dataset) -> None:
 def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, make_config: MakeConfig) -> None:
     config = make_config(
         likelihood="variational_bayes",
-        variational={"spread": "gauss_newton", "biases": True},
+        variational={"posterior_std": "gauss_newton", "biases": True},
         epochs=4,
     )
     assert_resumes(config, dataset, tmp_path, stop_after=2)
@@ -129,7 +129,7 @@ def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, make_config: Ma
 
 def test_rho_gets_no_gradient_step(dataset: Dataset) -> None:
     network = field_network(dataset, rho=-2.0)
-    GaussNewtonSpreads(network, samples=3)
+    GaussNewtonStd(network, samples=3)
     parameters = [m for m in network.modules() if isinstance(m, GaussianParameter)]
     assert [p.rho.requires_grad for p in parameters] == [False]
     assert all(p.mean.requires_grad for p in parameters)

@@ -9,12 +9,13 @@ from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
 from surrogate.device import lay_out
+from surrogate.models.model import TrainedModel
+from surrogate.models.unet_model import UNetModel
+from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Likelihood, Prediction
-from surrogate.runs.configuration import RunConfig
-from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import assert_resumes, trained
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 @pytest.mark.parametrize("likelihood", ["deterministic", "maximum_likelihood"])
@@ -28,22 +29,24 @@ def test_convolutions_in_bfloat16_all_else_in_float32(
     """Training convolves in bfloat16, validation does not; predictions and losses are float32."""
     convolved: set[tuple[bool, torch.dtype]] = set()
     judged: set[torch.dtype] = set()
-    convolve, loss = nn.Conv2d.forward, Trainer.loss
+    convolve, loss = nn.Conv2d.forward, TrainedModel.data_loss
 
     def record_convolution(self: nn.Conv2d, x: Tensor) -> Tensor:
         result = convolve(self, x)
         convolved.add((torch.is_grad_enabled(), result.dtype))
         return result
 
-    def record_loss(self: Trainer, prediction: Prediction, reference: Tensor) -> Tensor:
+    def record_loss(
+        self: TrainedModel, prediction: Prediction, reference: Tensor, network: FieldNetwork
+    ) -> Tensor:
         assert not torch.is_autocast_enabled("cpu")
-        result = loss(self, prediction, reference)
+        result = loss(self, prediction, reference, network)
         judged.update(t.dtype for t in (*prediction, reference, result) if t is not None)
-        assert all(p.dtype == torch.float32 for p in self.network.parameters())
+        assert all(p.dtype == torch.float32 for p in network.parameters())
         return result
 
     monkeypatch.setattr(nn.Conv2d, "forward", record_convolution)
-    monkeypatch.setattr(Trainer, "loss", record_loss)
+    monkeypatch.setattr(TrainedModel, "data_loss", record_loss)
     config = make_config(epochs=1, precision="bfloat16", likelihood=likelihood)
     trained(config, dataset, tmp_path / "run")
     assert convolved == {(True, torch.bfloat16), (False, torch.float32)}

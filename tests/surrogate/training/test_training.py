@@ -19,14 +19,14 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.device import choose_device
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.model import TrainedModel
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.seeds import stream
 from surrogate.training.train import train
-from surrogate.training.trainer import Trainer
 
 CPU = torch.device("cpu")
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
 def untimed(run: RunFolder) -> list[dict[str, Any]]:
@@ -60,7 +60,7 @@ PROBABILISTIC: list[Any] = [
     pytest.param(
         {
             "likelihood": "variational_bayes",
-            "variational": {"divergence": "sampled", "biases": True, "prior_mean": "zero"},
+            "variational": {"kl_divergence": "sampled", "biases": True, "prior_mean": "zero"},
             "optimiser": "adam",
             "batch_norm": True,
         },
@@ -179,8 +179,10 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
     run, config = RunFolder(tmp_path / "run"), make_config()
     train(config, dataset, run, CPU, stop_after=2)
     before = run.checkpoint.read_bytes()
-    loss = Trainer.loss
-    monkeypatch.setattr(Trainer, "loss", lambda self, *fields: loss(self, *fields) * torch.nan)
+    loss = TrainedModel.data_loss
+    monkeypatch.setattr(
+        TrainedModel, "data_loss", lambda self, *fields: loss(self, *fields) * torch.nan
+    )
     with pytest.raises(
         WorkError, match="diverged in epoch 3, with a loss of nan; the checkpoint of epoch 2"
     ):

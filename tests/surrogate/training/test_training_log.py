@@ -9,12 +9,12 @@ import yaml
 
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 from tests.surrogate.resuming import CPU, trained
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 NAMES = {
     "epoch",
     "train_loss",
@@ -46,10 +46,10 @@ def test_terms_of_a_variational_network(
         epochs=2, likelihood="variational_bayes", variational={"weight": 0.5, "prior_std": 0.5}
     )
     for line in trained(config, dataset, tmp_path / "run").metric_lines():
-        assert set(line) == NAMES | {"negative_log_likelihood", "divergence"}
-        assert line["divergence"] > 0
+        assert set(line) == NAMES | {"negative_log_likelihood", "kl_divergence"}
+        assert line["kl_divergence"] > 0
         assert line["train_loss"] == pytest.approx(
-            line["negative_log_likelihood"] + 0.5 * line["divergence"], rel=1e-5
+            line["negative_log_likelihood"] + 0.5 * line["kl_divergence"], rel=1e-5
         )
 
 

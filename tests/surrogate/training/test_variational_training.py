@@ -14,24 +14,24 @@ from torch import Tensor
 from torch.distributions import Normal, kl_divergence
 
 from surrogate.data.dataset import Dataset
+from surrogate.models.model import TrainedModel
+from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNet, UNetConfig, parameter_count
+from surrogate.probabilistic.elbo import EvidenceLowerBound
 from surrogate.probabilistic.flipout import VariationalConfig, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
-from surrogate.runs.configuration import RunConfig
-from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.network import make_network
 from surrogate.training.train import train
 from surrogate.training.trainer import Trainer
 
 CPU = torch.device("cpu")
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 
 
-def trainer_of(config: RunConfig, dataset: Dataset) -> Trainer:
-    network = make_network(describe(config, dataset), dataset.geometry)
-    return Trainer(config, network.train(), dataset.train, dataset.test, 1.0)
+def trainer_of(config: TrainedModel, dataset: Dataset) -> Trainer:
+    network = config.build(dataset.geometry, dataset.info)
+    return Trainer(config, network.train(), dataset.train, dataset.test)
 
 
 def summed_likelihood(dataset: Dataset, prediction: Prediction, reference: Tensor) -> float:
@@ -82,7 +82,8 @@ def test_loss_is_the_papers(
         torch.nn.init.normal_(parameter.mean, std=0.1)
         torch.nn.init.normal_(parameter.rho, mean=-3.0, std=0.5)
     batch = samples.train[torch.arange(8)]
-    trainer.divergence_factor.fill_(1.0)
+    assert trainer.elbo is not None
+    trainer.elbo.factor.fill_(1.0)
     torch.manual_seed(1)
     loss, likelihood, divergence = trainer.differentiate(batch, len(batch)).double().tolist()
 
@@ -94,7 +95,7 @@ def test_loss_is_the_papers(
         for p in posteriors(trainer)
     )
     count = 48 * dimension * {2: 28, 3: 112}[dimension]
-    units = count * math.log(trainer.network.unit.item())
+    units = count * math.log(trainer.network.displacement_rms.item())
     assert count * likelihood + units == pytest.approx(48 / 8 * nll, rel=1e-4)
     assert count * divergence == pytest.approx(kl, rel=1e-4)
     assert count * loss + units == pytest.approx(48 / 8 * nll + kl, rel=1e-4)
@@ -108,7 +109,7 @@ def test_maximum_likelihood_loss_is_the_papers(dataset: Dataset, make_config: Ma
     (loss,) = trainer.differentiate(batch, len(batch)).double().tolist()
     with torch.no_grad():
         nll = summed_likelihood(dataset, trainer.network(batch.force), batch.displacement)
-    units = math.log(trainer.network.unit.item())
+    units = math.log(trainer.network.displacement_rms.item())
     assert loss + units == pytest.approx(nll / (8 * 56), rel=1e-4)
 
 
@@ -126,7 +127,8 @@ def test_divergence_of_an_ensemble_is_the_mean_of_its_members(
             for p in posteriors(trainer)
         )
         assert len(posteriors(trainer)) == 2 * 3
-        torch.testing.assert_close(trainer.divergence(), kl / 2 / (48 * 56))
+        assert trainer.elbo is not None
+        torch.testing.assert_close(trainer.elbo.kl_divergence(), kl / 2 / (48 * 56))
 
 
 def test_sampled_divergence_averages_to_the_closed_one(
@@ -134,23 +136,25 @@ def test_sampled_divergence_averages_to_the_closed_one(
 ) -> None:
     """Over 200 perturbations, within four standard errors."""
 
-    def trainer(divergence: str) -> Trainer:
-        return trainer_of(
+    def bound(divergence: str) -> tuple[Trainer, EvidenceLowerBound]:
+        trainer = trainer_of(
             make_config(
                 likelihood="variational_bayes",
-                variational={"divergence": divergence, "biases": True, "initial_std": 0.08},
+                variational={"kl_divergence": divergence, "biases": True, "initial_std": 0.08},
             ),
             dataset,
         )
+        assert trainer.elbo is not None
+        return trainer, trainer.elbo
 
-    sampled, force = trainer("sampled"), dataset.train.force[:1]
+    (trainer, sampled), force = bound("sampled"), dataset.train.force[:1]
     torch.manual_seed(0)
     found = []
     with torch.no_grad():
         for _ in range(200):
-            sampled.network(force)
-            found.append(float(sampled.divergence()))
-        closed = float(trainer("closed").divergence())
+            trainer.network(force)
+            found.append(float(sampled.kl_divergence()))
+        closed = float(bound("closed")[1].kl_divergence())
     values = torch.tensor(found)
     assert abs(values.mean().item() - closed) < 4 * values.std().item() / math.sqrt(200)
     assert values.std() > 0
@@ -170,7 +174,7 @@ def test_divergence_grows_over_the_warm_up(
     run = RunFolder(tmp_path / "run")
     train(config, dataset, run, CPU)
     found = [
-        (line["train_loss"] - line["negative_log_likelihood"]) / line["divergence"]
+        (line["train_loss"] - line["negative_log_likelihood"]) / line["kl_divergence"]
         for line in run.metric_lines()
     ]
     expected = [weight * factor for factor in (0.25, 0.5, 0.75, *[1.0] * 7)]
@@ -185,7 +189,7 @@ LIKELIHOODS: list[Any] = [
     pytest.param(
         {
             "likelihood": "variational_bayes",
-            "variational": {"divergence": "sampled", "biases": True, "prior_mean": "zero"},
+            "variational": {"kl_divergence": "sampled", "biases": True, "prior_mean": "zero"},
         },
         id="sampled",
     ),
@@ -204,7 +208,7 @@ def test_loss_falls(
     assert last["validation_loss"] < first["validation_loss"] - 0.1
     assert last["validation_error"] < first["validation_error"]
     if "variational" in changes:
-        assert last["divergence"] < first["divergence"]
+        assert last["kl_divergence"] < first["kl_divergence"]
 
 
 def test_prior_means_are_trained_if_they_are_to_be(
@@ -217,7 +221,7 @@ def test_prior_means_are_trained_if_they_are_to_be(
         )
         run = RunFolder(tmp_path / prior_mean)
         train(config, dataset, run, CPU)
-        start = make_network(describe(config, dataset), dataset.geometry).state_dict()
+        start = config.build(dataset.geometry, dataset.info).state_dict()
         end = load_file(run.model)
         name = "network.encoder.0.2.kernel."
         moved = end[f"{name}prior_mean"] - start[f"{name}prior_mean"]

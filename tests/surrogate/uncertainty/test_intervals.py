@@ -15,13 +15,13 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.split import split_parts
+from surrogate.runs.split import split_training
 from surrogate.training.train import train
 from surrogate.uncertainty.intervals import fit_intervals, load_intervals
 
-MakeConfig = Callable[..., RunConfig]
+MakeConfig = Callable[..., UNetModel]
 LIKELIHOODS = ["deterministic", "maximum_likelihood", "variational_bayes"]
 
 
@@ -54,7 +54,7 @@ def test_scores_of_the_calibration_part(run: Path, data: Path, content: dict[str
     again = fit_intervals(surrogate, dataset, 0.9, passes=10, seed=0)
     for kind, calibration in again.calibrations.items():
         np.testing.assert_allclose(intervals.calibrations[kind].factor, calibration.factor)
-    rows = split_parts(dataset.train, surrogate.description.run).calibration_rows
+    rows = split_training(dataset.train, surrogate.description.run).calibration_rows
     samples = dataset.nodal_train(rows)
     predicted = surrogate.predict_distribution(samples.force, 10)
     std = predicted.std if surrogate.is_probabilistic else np.ones_like(predicted.mean)

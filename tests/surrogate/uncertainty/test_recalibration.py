@@ -9,9 +9,9 @@ import torch
 
 from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution, load
-from surrogate.runs.configuration import RunConfig
+from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.split import split_parts
+from surrogate.runs.split import split_training
 from surrogate.training.train import train
 from surrogate.uncertainty.calibration import judge
 from surrogate.uncertainty.recalibration import fit_factors
@@ -60,7 +60,7 @@ def test_without_epistemic_part() -> None:
 
 @pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
 def test_of_a_run(
-    tmp_path: Path, dataset: Dataset, make_config: Callable[..., RunConfig], likelihood: str
+    tmp_path: Path, dataset: Dataset, make_config: Callable[..., UNetModel], likelihood: str
 ) -> None:
     """The same weights; the held-out samples become likelier, by the factors of `fit_factors`."""
     surrogates = {}
@@ -71,7 +71,7 @@ def test_of_a_run(
         folder = tmp_path / str(recalibrate)
         train(config, dataset, RunFolder(folder), torch.device("cpu"))
         surrogates[recalibrate] = load(folder)
-    held_out = split_parts(dataset.train, config).validation
+    held_out = split_training(dataset.train, config).validation
     grid = dataset.geometry.grid
     force, reference = (
         grid.to_nodes(field.double().numpy()) for field in (held_out.force, held_out.displacement)
@@ -87,7 +87,7 @@ def test_of_a_run(
     assert after.negative_log_likelihood < before.negative_log_likelihood
 
 
-def test_it_needs_held_out_samples(make_config: Callable[..., RunConfig]) -> None:
+def test_it_needs_held_out_samples(make_config: Callable[..., UNetModel]) -> None:
     with pytest.raises(ValueError, match="recalibrate expects validation_fraction > 0, found 0"):
         make_config(likelihood="maximum_likelihood", validation_fraction=0.0, recalibrate=True)
 

@@ -1,0 +1,77 @@
+"""The paper's linear layer as a model: it starts at K⁻¹ and is trained like a network."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import model_validator
+from torch import Tensor, nn
+
+from shared_schema.common.errors import InputError
+from shared_schema.grid_map import GridMap
+from surrogate.baselines.linear_map import LinearMap, compliance_of
+from surrogate.data.dataset import Dataset, Samples
+from surrogate.models.model import TrainedModel
+from surrogate.models.training_config import RegressionTraining
+from surrogate.networks.field_network import FieldNetwork
+
+
+class LinearModel(TrainedModel):
+    """One dense layer without bias between nodal forces and displacements."""
+
+    title = "linear layer"
+
+    model: Literal["linear"]
+    likelihood: Literal["deterministic"] = "deterministic"
+    training: RegressionTraining = RegressionTraining()
+
+    @model_validator(mode="after")
+    def _trained_by_adam(self) -> Self:
+        for key, value, default in (
+            ("name", self.training.optimiser.name, "adam"),
+            ("rho_factor", self.training.optimiser.rho_factor, 1.0),
+        ):
+            if value != default:
+                raise ValueError(
+                    f"'training.optimiser.{key}' = {value!r}: expected {default!r} "
+                    "of model 'linear'"
+                )
+        return self
+
+    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+        """Build the layer; its weights are zero until `start_from_data`."""
+        return LinearMap(dimension, free)
+
+    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+        """Raise InputError unless grid points are nodes and the dataset has the stiffness."""
+        where = f"config '{self.name}': key 'model' = 'linear'"
+        if not isinstance(dataset.geometry.grid, GridMap):
+            raise InputError(
+                f"{where}: the dataset's grid is embedded on its mesh, expected one whose points "
+                "are nodes"
+            )
+        if dataset.stiffness is None:
+            raise InputError(
+                f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' "
+                "into a new folder"
+            )
+
+    def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Set the scales, and the weights to K⁻¹."""
+        super().start_from_data(network, dataset, train)
+        layer, geometry = network.network, dataset.geometry
+        assert isinstance(layer, LinearMap)
+        assert dataset.stiffness is not None
+        assert isinstance(geometry.grid, GridMap)
+        compliance = compliance_of(dataset.stiffness, geometry.grid, geometry.clamped)
+        layer.start_at(compliance, network.force_scale, network.displacement_scale)
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return self.training.objective
+
+    @property
+    def architecture(self) -> str:
+        """Describe the network."""
+        return "linear layer"

@@ -1,0 +1,112 @@
+"""Proper orthogonal decomposition as a model: fitted in one go, by one of two regressions."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from torch import Tensor, nn
+
+from shared_schema.common.errors import InputError
+from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
+from surrogate.data.dataset import Dataset, Samples
+from surrogate.models.model import Gaussian, Model
+from surrogate.models.training_config import SplitConfig
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.probabilistic.likelihoods import (
+    Prediction,
+    deterministic_loss,
+    negative_log_likelihood,
+)
+from surrogate.probabilistic.moments import Moments
+from surrogate.seeds import INITIAL_WEIGHTS, stream
+
+
+class PODModel(Model):
+    """Orthogonal modes of the displacements, and a regression of their coefficients.
+
+    Attributes
+    ----------
+    pod : PODConfig
+    """
+
+    title = "POD regression"
+
+    model: Literal["pod"]
+    pod: PODConfig
+    training: SplitConfig = SplitConfig()
+
+    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+        """Build the network, empty until `start_from_data` fits it."""
+        return PODNetwork(self.pod, free)
+
+    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+        """Raise InputError if more modes are asked for than the samples have."""
+        geometry = dataset.geometry
+        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
+        if self.pod.rank is not None and self.pod.rank > most:
+            raise InputError(
+                f"config '{self.name}': key 'pod.rank' = {self.pod.rank}: expected {most} at most, "
+                "the smaller of the numbers of training samples and of free degrees of freedom"
+            )
+
+    def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Set the scales, then fit modes and regression."""
+        super().start_from_data(network, dataset, train)
+        assert isinstance(network.network, PODNetwork)
+        network.network.fit(
+            train.force / network.force_scale,
+            train.displacement / network.displacement_scale,
+            stream(self.seed, INITIAL_WEIGHTS),
+        )
+
+    @property
+    def architecture(self) -> str:
+        """Describe the model."""
+        return "orthogonal modes"
+
+
+class RidgePOD(PODModel):
+    """Coefficients by ridge regression on polynomials of the forces."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+    pod: RidgeConfig
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Mean squared error per datum, which ridge regression minimises."""
+        return deterministic_loss("mse", prediction.mean, reference, network.displacement_rms)
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return "mean squared error"
+
+    @property
+    def training_summary(self) -> str:
+        """Describe the fit."""
+        return f"ridge regression, degree {self.pod.degree}"
+
+
+class GaussianProcessPOD(PODModel):
+    """Coefficients by a Gaussian process, whose standard deviation is that of missing data."""
+
+    likelihood: Literal["maximum_likelihood"]
+    pod: GaussianProcessConfig
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Negative log-likelihood per datum in nats."""
+        unit = network.displacement_rms
+        return negative_log_likelihood(prediction, reference, network.free_points, unit)
+
+    def distribution(self, moments: Moments) -> Gaussian:
+        """Take the predicted standard deviation for epistemic: it is zero where data are dense."""
+        return Gaussian(moments.mean, moments.std_aleatoric, moments.std_epistemic)
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return "negative log-likelihood"
+
+    @property
+    def training_summary(self) -> str:
+        """Describe the fit."""
+        return f"Gaussian process, {self.pod.gp_samples} samples at most"

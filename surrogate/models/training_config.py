@@ -1,0 +1,163 @@
+"""Keys of ``training`` in a configuration: each kind of model has those that it reads."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Self
+
+from pydantic import Field, model_validator
+from torch import Tensor
+
+from shared_schema.common.configuration import Frozen
+from surrogate.data.sample_store import Location
+from surrogate.device import Precision
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.optim.early_stopping import EarlyStoppingConfig
+from surrogate.optim.optimisers import OptimiserConfig
+from surrogate.optim.schedule import ScheduleConfig
+from surrogate.probabilistic.likelihoods import (
+    Loss,
+    Prediction,
+    deterministic_loss,
+    negative_log_likelihood,
+)
+
+
+class SplitConfig(Frozen):
+    """Fractions of the training split that are kept out of training or fitting.
+
+    Attributes
+    ----------
+    validation_fraction : float
+        For the loss curve, for `early_stopping` and for `recalibrate`.
+    calibration_fraction : float
+        For conformal intervals, and for nothing else.
+    """
+
+    validation_fraction: float = Field(0.0, ge=0, lt=1)
+    calibration_fraction: float = Field(0.0, ge=0, lt=1)
+
+    @property
+    def validation_users(self) -> tuple[str, ...]:
+        """Names of the keys in use that need validation samples."""
+        return ()
+
+
+class TrainingConfig(SplitConfig, ABC):
+    """How a network is trained (defaults: the paper's recipe in two dimensions).
+
+    Attributes
+    ----------
+    epochs : int
+    batch_size : int
+    optimiser : OptimiserConfig
+    schedule : ScheduleConfig
+    early_stopping : EarlyStoppingConfig, optional
+        The model is then that of the epoch with the smallest validation loss.
+    ema : float, optional
+        Decay of the exponential moving average of the weights; that average is then validated and
+        becomes the model.
+    precision : {"float32", "bfloat16"}
+        Precision of the convolutions; weights, losses and validation are always in float32.
+    compile : bool
+        Compile the network by `torch.compile`.
+    cuda_graphs : bool
+        Launch a whole step as one CUDA graph: for small batches on a GPU.
+    samples_on : {"auto", "device", "host"}
+        Memory that holds the samples; ``auto``: the device's, if they fit.
+    checkpoint_seconds : float
+        Time between two checkpoints; one is always written at the end.
+    """
+
+    epochs: int = Field(600, gt=0)
+    batch_size: int = Field(4, gt=0)
+    optimiser: OptimiserConfig = OptimiserConfig()
+    schedule: ScheduleConfig = ScheduleConfig()
+    early_stopping: EarlyStoppingConfig | None = None
+    ema: float | None = Field(None, gt=0, lt=1)
+    precision: Precision = "float32"
+    compile: bool = False
+    cuda_graphs: bool = False
+    samples_on: Location = "auto"
+    checkpoint_seconds: float = Field(60.0, ge=0)
+
+    @property
+    def validation_users(self) -> tuple[str, ...]:
+        """Names of the keys in use that need validation samples."""
+        return ("early_stopping",) if self.early_stopping is not None else ()
+
+    @abstractmethod
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Loss per datum, as `Model.data_loss`."""
+
+    @property
+    def in_brief(self) -> str:
+        """Optimiser, epochs and batches, such as "Muon, 80 epochs, batches of 32"."""
+        name = self.optimiser.name.capitalize()
+        return f"{name}, {self.epochs} epochs, batches of {self.batch_size}"
+
+    @model_validator(mode="after")
+    def _validation_samples_if_needed(self) -> Self:
+        for key in self.validation_users:
+            if self.validation_fraction == 0:
+                raise ValueError(f"{key} expects validation_fraction > 0, found 0")
+        return self
+
+
+class RecalibratedTraining(TrainingConfig):
+    """Training of a network that may predict standard deviations.
+
+    Attributes
+    ----------
+    recalibrate : bool
+        Fit factors on the predicted standard deviations to the validation samples.
+    """
+
+    recalibrate: bool = False
+
+    @property
+    def validation_users(self) -> tuple[str, ...]:
+        """Names of the keys in use that need validation samples."""
+        return (*super().validation_users, *(("recalibrate",) if self.recalibrate else ()))
+
+
+class RegressionTraining(TrainingConfig):
+    """Training of a network that predicts displacements without a likelihood.
+
+    Attributes
+    ----------
+    loss : {"mse", "mae"}
+        Mean squared error or mean absolute error.
+    """
+
+    loss: Loss = "mse"
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return {"mse": "mean squared error", "mae": "mean absolute error"}[self.loss]
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Mean squared or absolute error per datum, displacements in units of their RMS."""
+        return deterministic_loss(self.loss, prediction.mean, reference, network.displacement_rms)
+
+
+class DeterministicTraining(RegressionTraining, RecalibratedTraining):
+    """Training of deterministic U-Nets, ensembles and dropout among them."""
+
+
+class LikelihoodTraining(RecalibratedTraining):
+    """Training of a network that predicts a mean and a standard deviation of every component.
+
+    Attributes
+    ----------
+    beta : float
+        Exponent of the likelihood's weights (`negative_log_likelihood`); 0 is the paper's.
+    """
+
+    beta: float = Field(0.0, ge=0, le=1)
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Negative log-likelihood per datum in nats, displacements in units of their RMS."""
+        unit = network.displacement_rms
+        return negative_log_likelihood(prediction, reference, network.free_points, unit, self.beta)

@@ -1,0 +1,64 @@
+"""Learning-rate schedules, by name."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from shared_schema.common.configuration import Frozen
+
+ONE_CYCLE_START = 1 / 25  # torch's default
+
+
+class ScheduleConfig(Frozen):
+    """Learning rate over the training, as a factor on its peak.
+
+    Attributes
+    ----------
+    name : {"constant", "linear", "cosine", "one_cycle"}
+        Rate after the warm-up: constant at the peak, or a decay to `final`. ``one_cycle``: half a
+        cosine up, half a cosine down, as torch's OneCycleLR (Smith and Topin 2018).
+    warmup : float
+        Fraction of all steps over which the rate grows: linearly from zero, with ``one_cycle`` by
+        half a cosine from a 25th of the peak.
+    final : float
+        Factor at the end of a decay.
+    """
+
+    name: Literal["constant", "linear", "cosine", "one_cycle"] = "constant"
+    warmup: float = Field(0.0, ge=0, lt=1)
+    final: float = Field(0.0, ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _final_is_of_a_decay(self) -> Self:
+        if self.name == "constant" and self.final != 0:
+            raise ValueError(f"final = {self.final}: expected none with name 'constant'")
+        return self
+
+    def factor(self, step: int, steps: int) -> float:
+        """Factor on the learning rate at a step (0 … steps − 1): a pure function of both."""
+        if self.name == "one_cycle":
+            return self._one_cycle(step, steps)
+        done = (step + 1) / steps
+        if done < self.warmup:
+            return done / self.warmup
+        if self.name == "constant":
+            return 1.0
+        left = (1.0 - step / steps) / (1.0 - self.warmup) if self.warmup < 1 else 0.0
+        left = min(1.0, left)
+        decay = left if self.name == "linear" else 0.5 * (1 - math.cos(math.pi * left))
+        return self.final + (1 - self.final) * decay
+
+    def _one_cycle(self, step: int, steps: int) -> float:
+        peak = self.warmup * steps - 1
+        if step < peak:
+            return cosine_between(ONE_CYCLE_START, 1.0, step / peak)
+        peak = max(peak, 0.0)
+        return cosine_between(1.0, self.final, (step - peak) / max(steps - 1 - peak, 1.0))
+
+
+def cosine_between(start: float, end: float, done: float) -> float:
+    """Go from start (done = 0) to end (done = 1) by half a cosine."""
+    return end + (start - end) * 0.5 * (1 + math.cos(math.pi * done))

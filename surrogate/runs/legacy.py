@@ -1,0 +1,46 @@
+"""Run folders of version 1, whose ``config.yaml`` spells out every key of every kind of model."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from surrogate.models.model import Model
+
+RENAMED = {  # keys of version 1, by section
+    "variational": {"divergence": "kl_divergence", "spread": "posterior_std"},
+    "training": {"residency": "samples_on"},
+}
+
+
+def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
+    """Turn the configuration in a run folder of version 1 into that of a kind of model.
+
+    Keys get their names of today; those that version 1 wrote out, but the kind of model does not
+    read, are dropped.
+    """
+    content = dict(run)
+    for section, names in RENAMED.items():
+        if isinstance(content.get(section), Mapping):
+            content[section] = {names.get(k, k): v for k, v in content[section].items()}
+    network, members = content.get("network"), content.get("ensemble", 1)
+    if isinstance(network, Mapping) and "inputs" in network:
+        content["network"] = {**network, "inputs": network["inputs"][:members]}
+    return _known(content, kind)
+
+
+def _known(content: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """Drop the keys that a configuration model does not have, in its sections as well."""
+    kept = {}
+    for name, value in content.items():
+        field = model.model_fields.get(name)
+        if field is None:
+            continue
+        section = field.annotation
+        if isinstance(value, Mapping) and inspect.isclass(section):
+            value = _known(value, section) if issubclass(section, BaseModel) else value
+        kept[name] = value
+    return kept

@@ -1,0 +1,52 @@
+"""The loss per datum of a prediction, and its mean over the validation samples."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from surrogate.data.dataset import Samples
+from surrogate.data.sample_store import SampleStore
+from surrogate.models.model import Model
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.probabilistic.likelihoods import Prediction
+
+BATCH = 256
+
+
+def loss_per_datum(
+    model: Model, network: FieldNetwork, prediction: Prediction, samples: Samples
+) -> Tensor:
+    """Loss per datum of a prediction for some samples, without the weights' KL divergence.
+
+    The loss of an ensemble is the mean of its members' losses.
+    """
+    reference = samples.displacement
+    if network.members > 1:
+        reference = reference.repeat(network.members, *[1] * (reference.ndim - 1))
+    return model.data_loss(prediction, reference, network)
+
+
+@torch.no_grad()
+def validate(
+    model: Model, network: FieldNetwork, store: SampleStore, count: int
+) -> dict[str, float]:
+    """Measure a network on the validation samples.
+
+    Returns
+    -------
+    dict
+        ``validation_loss``, and ``validation_error``: the mean absolute error in m over samples,
+        nodes and components. Empty if there are no samples.
+    """
+    if count == 0:
+        return {}
+    network.eval()
+    loss, error = 0.0, 0.0
+    numbers = torch.arange(count, device=store.home)
+    for samples in store.batches(torch.split(numbers, BATCH)):
+        prediction, weight = network(samples.force), len(samples) / count
+        loss += weight * float(loss_per_datum(model, network, prediction, samples))
+        mean = prediction.mean.unflatten(0, (network.members, -1)).mean(dim=0)
+        error += weight * float((mean - samples.displacement).abs().mean())
+    return {"validation_loss": loss, "validation_error": error / network.node_fraction}

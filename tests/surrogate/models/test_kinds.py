@@ -1,0 +1,156 @@
+"""The kinds of model: each takes the keys that it reads, and no others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shared_schema.common.errors import InputError
+from surrogate.models.unet_model import DeterministicUNet
+from surrogate.runs.configuration import KINDS, read_config, run_config
+from tests.surrogate.unet_configs import shipped_unet
+
+BASELINES = ("linear", "pod", "gp", "dropout", "ensemble")
+MLE = "likelihood: maximum_likelihood"
+BAYES = "likelihood: variational_bayes\nvariational: {}"
+VALIDATION = "validation_fraction: 0.1"
+
+
+def test_defaults_are_one_plain_unet() -> None:
+    config = run_config({"name": "a", "case": "b"})
+    assert isinstance(config, DeterministicUNet)
+    assert (config.model, config.ensemble) == ("unet", 1)
+    assert config.network.dropout == 0.0
+
+
+@pytest.mark.parametrize("model", BASELINES)
+def test_cases_differ_by_their_name_alone(model: str) -> None:
+    beam, l_shape = (read_config(f"{case}-{model}-fast") for case in ("beam2d", "lshape2d"))
+    renamed = beam.model_copy(update={"name": l_shape.name, "case": "lshape2d"})
+    assert renamed == l_shape
+
+
+@pytest.mark.parametrize("model", ["dropout", "ensemble"])
+def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
+    config, plain = shipped_unet(f"beam2d-{model}-fast"), shipped_unet("beam2d-det-fast")
+    assert config.training == plain.training
+    assert config.network.model_copy(update={"dropout": 0.0}) == plain.network
+
+
+def test_every_kind_is_chosen_by_a_shipped_configuration() -> None:
+    names = ("det", "mle", "vb", "linear", "pod", "gp")
+    assert {type(read_config(f"beam2d-{name}-fast")) for name in names} == set(KINDS.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("model: tree", "found (model tree, likelihood deterministic), expected one of '(model un"),
+        ("model: pod", "key 'pod' is missing (model pod, likelihood deterministic)"),
+        ("pod: {}", "unknown key 'pod' (model unet, likelihood deterministic)"),
+        ("model: linear\npod: {}", "unknown key 'pod' (model linear"),
+        ("model: linear\nnetwork: {levels: 2}", "unknown key 'network' (model linear"),
+        ("model: linear\nensemble: 3", "unknown key 'ensemble' (model linear"),
+        ("ensemble: 0", "key 'ensemble' = 0"),
+        ("network: {dropout: 1}", "key 'network.dropout' = 1"),
+        ("model: pod\npod: {energy: 1}", "key 'pod.energy' = 1"),
+        ("model: pod\npod: {regression: tree}", "key 'pod.regression' = 'tree'"),
+        (
+            "model: linear\nlikelihood: maximum_likelihood",
+            "found (model linear, likelihood maximum_likelihood), expected one of",
+        ),
+        (
+            "model: pod\npod: {regression: gp}",
+            "key 'pod.regression' = 'gp': input should be 'ridge' (model pod, likelihood determin",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_named(tmp_path: Path, text: str, part: str) -> None:
+    assert_refused(tmp_path, text, part)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        *(
+            (
+                f"model: pod\npod: {{}}\ntraining: {{{VALIDATION}, {key}: {value}}}",
+                f"unknown key 'training.{key}' (model pod, likelihood deterministic)",
+            )
+            for key, value in {
+                "ema": "0.9",
+                "early_stopping": "{patience: 3}",
+                "compile": "true",
+                "recalibrate": "true",
+                "epochs": "3",
+                "loss": "mae",
+            }.items()
+        ),
+        ("training: {beta: 0.5}", "unknown key 'training.beta' (model unet, likelihood determin"),
+        (
+            f"{MLE}\ntraining: {{loss: mae}}",
+            "unknown key 'training.loss' (model unet, likelihood ",
+        ),
+        (f"{BAYES}\ntraining: {{loss: mae}}", "unknown key 'training.loss' (model unet, likelihoo"),
+        (
+            f"training: {{{VALIDATION}, recalibrate: true}}",
+            "'training.recalibrate' = True: expected a model that predicts standard deviations",
+        ),
+        (
+            f"model: linear\ntraining: {{{VALIDATION}, recalibrate: true}}",
+            "unknown key 'training.recalibrate' (model linear, likelihood deterministic)",
+        ),
+        ("model: linear\ntraining: {beta: 0.5}", "unknown key 'training.beta' (model linear"),
+        (
+            "model: linear\ntraining: {optimiser: {name: muon}}",
+            "'training.optimiser.name' = 'muon': expected 'adam' of model 'linear'",
+        ),
+        (
+            "training: {optimiser: {name: adam, momentum: 0.5}}",
+            "key 'training.optimiser': momentum = 0.5: expected with name 'muon' only",
+        ),
+        (
+            "training: {optimiser: {rho_factor: 2}}",
+            "'training.optimiser.rho_factor' = 2.0: expected 1, as no standard deviation",
+        ),
+        (
+            "training: {schedule: {name: constant, final: 0.1}}",
+            "key 'training.schedule': final = 0.1: expected none with name 'constant'",
+        ),
+        (
+            "network: {inputs: [linear, asinh]}",
+            "'network.inputs' = ['linear', 'asinh']: expected 1 at most, the number of networks",
+        ),
+        ("model: pod\npod: {gp_samples: 9}", "unknown key 'pod.gp_samples' (model pod, likelihood"),
+        (
+            f"model: pod\n{MLE}\npod: {{regression: gp, degree: 2}}",
+            "unknown key 'pod.degree' (model pod, likelihood maximum_likelihood)",
+        ),
+        (
+            "model: pod\npod: {rank: 3, energy: 0.9}",
+            "key 'pod': energy = 0.9: expected none beside rank = 3",
+        ),
+    ],
+)
+def test_keys_without_effect_are_refused(tmp_path: Path, text: str, part: str) -> None:
+    assert_refused(tmp_path, text, part)
+
+
+def assert_refused(folder: Path, text: str, part: str) -> None:
+    """Wrong input: one line that names the file and, in it, what is wrong."""
+    path = folder / "a.yaml"
+    path.write_text(f"name: a\ncase: b\n{text}")
+    with pytest.raises(InputError) as error:
+        read_config(str(path))
+    assert str(error.value).startswith(f"{path}: ")
+    assert part in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("change", [{"ensemble": 2}, {"network": {"dropout": 0.1}}])
+def test_recalibration_of_deterministic_networks_that_differ(change: dict[str, object]) -> None:
+    """Ensembles and dropout predict standard deviations without a likelihood."""
+    training = {"validation_fraction": 0.1, "recalibrate": True}
+    config = run_config({"name": "a", "case": "b", "training": training, **change})
+    assert config.training.validation_users == ("recalibrate",)

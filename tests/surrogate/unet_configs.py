@@ -1,0 +1,22 @@
+"""Configurations of U-Nets, with the type that says so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.configuration import read_config, run_config
+
+
+def unet_config(**content: Any) -> UNetModel:
+    """A configuration of U-Nets by its keys."""
+    config = run_config({"name": "a", "case": "b", **content})
+    assert isinstance(config, UNetModel)
+    return config
+
+
+def shipped_unet(name: str) -> UNetModel:
+    """A shipped configuration of U-Nets."""
+    config = read_config(name)
+    assert isinstance(config, UNetModel)
+    return config
