@@ -65,7 +65,7 @@ def test_train_stop_and_go_on(
 ) -> None:
     command = ["train", str(config), "--data", str(data), "--out", str(out / "run")]
     assert main([*command, "--device", "cpu", "--stop-after", "1"]) == 0
-    assert "stopped, to be gone on with, 1 of 2 epochs" in capsys.readouterr().out
+    assert "stopped; resume with the same command, 1 of 2 epochs" in capsys.readouterr().out
     assert not (out / "run" / "model.safetensors").exists()
     assert main([*command, "--device", "cpu"]) == 0
     assert "trained, 2 of 2 epochs" in capsys.readouterr().out

@@ -148,7 +148,7 @@ def test_scales_are_saved_with_the_weights() -> None:
     state = FieldNetwork(Constant(), GEOMETRY, INFO).state_dict()
     assert set(state) == {
         "force_scale",
-        "unit",
+        "displacement_rms",
         "displacement_scale",
         "free",
         "aleatoric_factor",

@@ -340,7 +340,7 @@ def test_draws_are_no_part_of_the_state() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kl_divergence", ["closed", "sampled"])
+@pytest.mark.parametrize("divergence", ["closed", "sampled"])
 def test_compiled_passes_differ_and_have_the_same_moments(divergence: str) -> None:
     layer, x = layer_of(2, biases=True, kl_divergence=divergence), input_of(2, 2)
     compiled = torch.compile(layer)

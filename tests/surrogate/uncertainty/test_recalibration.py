@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution, load
 from surrogate.models.unet_model import UNetModel
@@ -88,7 +89,7 @@ def test_of_a_run(
 
 
 def test_it_needs_held_out_samples(make_config: Callable[..., UNetModel]) -> None:
-    with pytest.raises(ValueError, match="recalibrate expects validation_fraction > 0, found 0"):
+    with pytest.raises(InputError, match="recalibrate expects validation_fraction > 0, found 0"):
         make_config(likelihood="maximum_likelihood", validation_fraction=0.0, recalibrate=True)
 
 

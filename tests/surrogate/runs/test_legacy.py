@@ -1,0 +1,153 @@
+"""Run folders of version 1: the same model is read from them, and training resumes in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from shared_schema.common.errors import InputError
+from surrogate.data.dataset import Dataset
+from surrogate.inference.prediction import load
+from surrogate.models.model import Model
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.configuration import read_config, run_config
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.tensor_file import load_tensors, save_atomically
+from surrogate.training.train import train
+from tests.surrogate.resuming import trained
+from tests.surrogate.unet_configs import unet_config
+
+CPU = torch.device("cpu")
+SPELLED_OUT: dict[str, Any] = {  # by version 1, whatever the kind of model
+    "model": "unet",
+    "likelihood": "deterministic",
+    "network": {
+        "levels": 3,
+        "channels": 128,
+        "multiplier": 2,
+        "padding": 2,
+        "activation": "relu",
+        "batch_norm": True,
+        "inputs": ["linear"],
+        "dropout": 0.0,
+    },
+    "pod": None,
+    "ensemble": 1,
+    "variational": None,
+}
+POD = {"energy": 1 - 1e-8, "rank": None, "degree": 6, "penalty": 1e-8, "gp_samples": 2000}
+TRAINING: dict[str, Any] = {
+    "epochs": 600,
+    "batch_size": 4,
+    "optimiser": {"name": "adam", "momentum": 0.95, "rho_factor": 1.0},
+    "schedule": {"name": "constant", "warmup": 0.0, "final": 0.0},
+    "loss": "mse",
+    "beta": 0.0,
+    "validation_fraction": 0.0,
+    "recalibrate": False,
+    "calibration_fraction": 0.0,
+    "early_stopping": None,
+    "ema": None,
+    "precision": "float32",
+    "compile": False,
+    "cuda_graphs": False,
+    "checkpoint_seconds": 60.0,
+}
+
+
+def as_version_1(config: Model) -> dict[str, Any]:
+    """The configuration as version 1 wrote it: every key of every model, by its name of then."""
+    content = SPELLED_OUT | config.plain()
+    content["training"] = TRAINING | content["training"]
+    content["training"]["residency"] = content["training"].pop("samples_on", "auto")
+    if content["pod"] is not None:
+        content["pod"] = POD | content["pod"]
+    if content["variational"] is not None:
+        names = {"kl_divergence": "divergence", "posterior_std": "spread"}
+        content["variational"] = {
+            names.get(key, key): value for key, value in content["variational"].items()
+        }
+    return content
+
+
+def turn_into_version_1(run: RunFolder) -> None:
+    """Rewrite a run folder as version 1 would have written it."""
+    content = yaml.safe_load(run.config.read_text())
+    del content["version"]
+    content["run"] = as_version_1(run_config(content["run"]))
+    run.config.write_text(yaml.safe_dump(content, sort_keys=False))
+    for path in (run.model, run.checkpoint):
+        if path.is_file():
+            tensors, metadata = load_tensors(path)
+            renamed = {
+                name.replace("displacement_rms", "unit").replace("posterior_std.", "spreads."): t
+                for name, t in tensors.items()
+            }
+            save_atomically(renamed, path, {k: v for k, v in metadata.items() if k != "sha256"})
+
+
+@pytest.mark.parametrize("name", ["det", "mle", "vb", "linear", "pod", "gp", "ensemble"])
+def test_configurations_come_back(name: str, dataset: Dataset, tmp_path: Path) -> None:
+    run, config = RunFolder(tmp_path), read_config(f"beam2d-{name}-fast")
+    data = {
+        "case": {},
+        "digest": "",
+        "dimension": 2,
+        "cell_type": "quad",
+        "info": dataset.info.model_dump(mode="json"),
+    }
+    run.config.write_text(yaml.safe_dump({"run": as_version_1(config), "data": data}))
+    assert run.description().run == config
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"ema": 0.9, "early_stopping": {"patience": 2}},
+        {"likelihood": "variational_bayes", "variational": {"posterior_std": "gauss_newton"}},
+    ],
+    ids=["average", "gauss-newton"],
+)
+def test_prediction_and_resume(
+    tmp_path: Path,
+    dataset: Dataset,
+    make_config: Callable[..., UNetModel],
+    options: dict[str, Any],
+) -> None:
+    config = make_config(epochs=4, **options)
+    whole = trained(config, dataset, tmp_path / "whole")
+    expected = load(whole.folder).predict(dataset.nodal_test.force)
+    halves = RunFolder(tmp_path / "halves")
+    train(config, dataset, halves, CPU, stop_after=2)
+    turn_into_version_1(halves)
+    train(config, dataset, halves, CPU)
+    turn_into_version_1(whole)
+    for run in (whole, halves):
+        assert np.array_equal(load(run.folder).predict(dataset.nodal_test.force), expected)
+
+
+def test_inputs_that_no_member_took_are_dropped(dataset: Dataset, tmp_path: Path) -> None:
+    """Version 1 let a configuration name more inputs than it had networks."""
+    run = trained(unet_config(case="beam2d", training={"epochs": 1}), dataset, tmp_path)
+    content = yaml.safe_load(run.config.read_text())
+    del content["version"]
+    content["run"]["network"]["inputs"] = ["linear", "asinh"]
+    run.config.write_text(yaml.safe_dump(content))
+    config = run.description().run
+    assert isinstance(config, UNetModel)
+    assert config.network.inputs == ("linear",)
+
+
+def test_a_wrong_key_of_today_is_no_key_of_then(dataset: Dataset, tmp_path: Path) -> None:
+    run = trained(unet_config(case="beam2d", training={"epochs": 1}), dataset, tmp_path)
+    content = yaml.safe_load(run.config.read_text())
+    content["run"]["pod"] = None
+    run.config.write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match=r"unknown key 'run\.pod'"):
+        run.description()
