@@ -4,6 +4,7 @@ CASE ?= beam2d
 MODEL ?= det
 RECIPE ?= fast
 NP ?= 2
+JOBS ?= 2
 SAMPLES ?=
 SCALE ?= smoke
 WHERE ?=
@@ -19,6 +20,8 @@ DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
+# A worker takes whole files, for their fixtures; the longest, end to end, come first.
+PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
@@ -60,15 +63,14 @@ reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
 		sh -e .venv-surrogate/data-commands
 	$(REPRODUCE)
 
-test: setup ## run every test (add T="-m 'not slow'" to choose)
-	+$(MAKE) --no-print-directory -j 2 --output-sync=target test-datagen test-surrogate
-	.venv-surrogate/bin/python -m pytest tests/end_to_end tests/docker $(T)
+test: test-datagen test-surrogate ## run every test on JOBS cores (T="-m 'not slow'" chooses)
 
 test-datagen: setup
-	.venv-datagen/bin/python -m pytest tests/shared_schema tests/datagen $(T)
+	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
 test-surrogate: setup
-	.venv-surrogate/bin/python -m pytest tests/shared_schema tests/surrogate $(T)
+	.venv-surrogate/bin/python $(PYTEST) tests/end_to_end tests/surrogate tests/shared_schema \
+		tests/docker $(T)
 
 lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff format --check .

@@ -28,13 +28,13 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="surrogate",
-        description="Train and judge U-Net surrogates on datasets made by datagen.",
+        description="Train and evaluate surrogates on datasets made by datagen.",
         epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
     )
     parser.add_argument("--version", action="version", version=f"surrogate {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    train = commands.add_parser("train", help="train a network, or go on from its checkpoint")
+    train = commands.add_parser("train", help="train a network, or resume from its checkpoint")
     train.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
     train.add_argument("--data", type=Path, required=True, metavar="DIR", help="structured dataset")
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         "--stop-after",
         type=int,
         metavar="EPOCH",
-        help="stop there, with a checkpoint to go on from",
+        help="stop after this epoch, with a checkpoint to resume from",
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     predict.set_defaults(command=_predict)
 
     export = commands.add_parser(
-        "export", help="write the network as a file that needs no surrogate"
+        "export", help="write the network as a file that needs no code of this project"
     )
     export.add_argument("run", type=Path, metavar="RUN")
     export.add_argument("--format", choices=("onnx", "pt2"), required=True)
@@ -101,13 +101,13 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
 
-    study = commands.add_parser("study", help="do some of the paper's tables and figures")
+    study = commands.add_parser("study", help="make some of the paper's tables and figures")
     study.add_argument("names", nargs="+", metavar="NAME", help="such as force-sweep-beam")
     _add_studies(study)
     study.add_argument("--again", action="store_true", help="even if they are up to date")
     study.set_defaults(command=_study)
 
-    reproduce = commands.add_parser("reproduce", help="do all of the paper's tables and figures")
+    reproduce = commands.add_parser("reproduce", help="make all of the paper's tables and figures")
     _add_studies(reproduce)
     reproduce.add_argument(
         "--list-data", action="store_true", help="print the commands that make missing datasets"
@@ -130,11 +130,11 @@ def _add_studies(parser: argparse.ArgumentParser) -> None:
 
 def _add_passes(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--passes", type=int, metavar="T", help=what)
-    parser.add_argument("--seed", type=int, metavar="S", help="of the passes (default 0)")
+    parser.add_argument("--seed", type=int, metavar="S", help="seed of the passes (default 0)")
 
 
 def _passes(options: argparse.Namespace) -> dict[str, int]:
-    """The options of passes that are given."""
+    """Return the options of passes that are given."""
     given = {"passes": options.passes, "seed": options.seed}
     return {name: value for name, value in given.items() if value is not None}
 

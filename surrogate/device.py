@@ -1,4 +1,4 @@
-"""The device that tensors live on, and how a network is laid out and computes there."""
+"""The device of tensors, and the memory layout and precision of a network on it."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def choose_device(name: str) -> torch.device:
 def lay_out(network: nn.Module, dimension: int, precision: Precision, device: torch.device) -> None:
     """Move a network to a device, in the memory layout that its convolutions are fastest in.
 
-    Channels come last, but in space only on a CPU in float32 and on a GPU in bfloat16, where
-    tensor cores take them so.
+    Channels come last in the plane; in space they do on a CPU in float32, and on a GPU in bfloat16,
+    because tensor cores need it.
     """
     network.to(device)
     if dimension == 2:

@@ -1,4 +1,4 @@
-"""What a computation ran on, in words."""
+"""Name of the hardware that a computation ran on."""
 
 from __future__ import annotations
 

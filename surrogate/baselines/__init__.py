@@ -1,1 +1,1 @@
-"""What the U-Net is compared with: a linear map, and proper orthogonal decomposition."""
+"""Baselines of the U-Net: a linear map, and proper orthogonal decomposition."""

@@ -1,4 +1,4 @@
-"""Modules that are fitted to the data in one go, rather than trained."""
+"""Modules that are fitted to the data in one go, instead of trained by steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Fitted(nn.Module):
     Parameters
     ----------
     names : str
-        Of the tensors, which are empty until they are fitted or loaded.
+        Names of the tensors, which are empty until they are fitted or loaded.
     """
 
     def __init__(self, *names: str) -> None:

@@ -25,20 +25,20 @@ class GaussianProcess(Fitted):
     Parameters
     ----------
     samples : int
-        At most as many are conditioned on, chosen at random.
+        Largest number of samples to condition on, chosen at random.
 
     Attributes
     ----------
     kernel : Tensor, (3,)
         a, ℓ and σ_n².
     inputs : Tensor, (n, d · n_loaded)
-        Forces conditioned on.
+        Forces of the samples that the process is conditioned on.
     cholesky : Tensor, (n, n)
         L with L Lᵀ = k(inputs, inputs).
     alpha : Tensor, (n, n_outputs)
-        (L Lᵀ)⁻¹ of the standardised outputs.
+        (L Lᵀ)⁻¹ y, y being the standardised outputs.
     mean, std : Tensor, (n_outputs,)
-        Of the outputs, for their standardisation.
+        Mean and standard deviation of the outputs, for their standardisation.
     """
 
     kernel: Tensor
@@ -76,7 +76,7 @@ class GaussianProcess(Fitted):
     def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
         """Predict outputs and their standard deviations, (N, n_outputs) both.
 
-        The latter are of what would be observed, σ_n² included.
+        The standard deviations are those of an observation: they include the noise σ_n².
         """
         amplitude, length, noise = self.kernel
         x, y = force.flatten(1) / length, self.inputs / length

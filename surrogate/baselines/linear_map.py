@@ -2,8 +2,8 @@ r"""The linear surrogate of Deshpande et al. (2022), Table "CNN_MLP": one dense 
 
 .. math:: u = W f, \qquad W_0 = K^{-1}
 
-over the degrees of freedom that can move, K being the stiffness of the undeformed body: before
-training it is linear elasticity. (The paper's layer has the clamped ones too, whose rows and
+over the free degrees of freedom, K being the stiffness of the undeformed body: before training the
+layer is linear elasticity. (The paper's layer has the clamped ones too, whose rows and
 columns are zero.)
 """
 
@@ -46,16 +46,16 @@ class LinearMap(nn.Module):
 
     @torch.no_grad()
     def start_at(self, compliance: Tensor, force_unit: Tensor, displacement_unit: Tensor) -> None:
-        """Start at a compliance.
+        """Set the weights to a compliance.
 
         Parameters
         ----------
         compliance : Tensor, (d · n_free, d · n_free)
             In m/N.
         force_unit : Tensor, ()
-            What scaled forces are measured in, in N.
+            Unit of the scaled forces, in N.
         displacement_unit : Tensor, (d, nx, ny[, nz])
-            What scaled displacements are measured in, in m.
+            Unit of the scaled displacements, in m.
         """
         units = displacement_unit.flatten(1)[:, self.points].flatten().double()
         self.weight.copy_(compliance * (force_unit.double() / units)[:, None])
@@ -74,7 +74,7 @@ def compliance_of(stiffness: Stiffness, grid: GridMap, clamped: NDArray[np.bool_
     Parameters
     ----------
     stiffness : Stiffness
-        Of the whole body, without supports.
+        Stiffness of the whole body, without supports.
     grid : GridMap
     clamped : array of bool, (n_nodes,)
     """

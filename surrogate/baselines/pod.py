@@ -107,11 +107,11 @@ class PODNetwork(Fitted):
     Attributes
     ----------
     loaded : Tensor of int, (n_loaded,)
-        Grid points that bear a force in training, numbered as the flattened grid is.
+        Numbers, in the flattened grid, of the points that bear a force in training.
     mean : Tensor, (d · n_free,)
     modes : Tensor, (r, d · n_free)
     truncation : Tensor, (d · n_free,)
-        Root mean square of what the modes leave out of the training displacements.
+        Root mean square of the part of the training displacements that the modes leave out.
     """
 
     free: Tensor

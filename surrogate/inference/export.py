@@ -1,4 +1,4 @@
-"""A trained network as one file that needs no code of ours: ONNX, or PyTorch's own ``.pt2``.
+"""A trained network as one file that needs no code of this project: ONNX, or PyTorch's ``.pt2``.
 
 Input is ``force``, (N, n_nodes, d) float32 in N, N being free. Outputs are ``displacement`` and, of
 probabilistic networks, standard deviations, of the same shape in m. Scales, supports and the map
@@ -38,13 +38,13 @@ CHECKED_BATCHES = (1, 3)
 
 
 class NodalFunction(nn.Module):
-    """What is exported: nodal forces to named nodal fields.
+    """The exported function: nodal forces to named nodal fields.
 
     Parameters
     ----------
     network : NodalNetwork
     passes : int, optional
-        T, if passes are drawn; otherwise the mean weights serve, of every member of an ensemble.
+        Number of passes T that were drawn; None for the mean weights of every member.
     """
 
     def __init__(self, network: NodalNetwork, passes: int | None) -> None:
@@ -70,20 +70,20 @@ class NodalFunction(nn.Module):
 def export(
     run: Path, kind: Format, path: Path, passes: int | None = None, seed: int | None = None
 ) -> float:
-    """Write the network of a run to a file, and compare what both give.
+    """Write the network of a run to a file, and compare the results of both.
 
     Parameters
     ----------
     run : Path
-        Its folder.
+        Run folder.
     kind : {"onnx", "pt2"}
     path : Path
         Ending in .onnx or .pt2.
     passes : int, optional
-        T: the weights of as many passes become constants of the file, which gives what
-        `Surrogate.predict_distribution` does. Otherwise the mean weights serve.
+        Number of passes T: their weights become constants of the file, which then gives the result
+        of `Surrogate.predict_distribution`. None for the mean weights.
     seed : int, optional
-        Of the passes; 0 if left out.
+        Seed of the passes; 0 if left out.
 
     Returns
     -------
@@ -93,11 +93,11 @@ def export(
     Raises
     ------
     InputError
-        If there is no finished run, the file's name or the passes are wrong, ONNX cannot hold as
-        many, or a package is missing.
+        If there is no finished run, the file's name or the passes are wrong, the passes are too
+        many for an ONNX file, or a package is missing.
     WorkError
-        If the format cannot express the network, or the file does not give what it does; none is
-        left then.
+        If the format cannot express the network, or the file's result differs from the network's;
+        no file is left then.
     """
     require_suffix(path, (f".{kind}",))
     _require_packages(kind)

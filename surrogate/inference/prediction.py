@@ -35,7 +35,8 @@ class Distribution:
     Attributes
     ----------
     mean, std_epistemic, std_aleatoric : array, (n_nodes, d) or (N, n_nodes, d)
-        In m: mean, and standard deviations from the weights' spread and from the data's.
+        Mean, and standard deviations from the randomness of the weights and from that of the data,
+        in m.
     """
 
     mean: Array
@@ -48,7 +49,7 @@ class Distribution:
         return np.hypot(self.std_epistemic, self.std_aleatoric)
 
     def fields(self) -> dict[str, Array]:
-        """The arrays by the names that they have in files."""
+        """Return the arrays by the names that they have in files."""
         return {
             "displacement": self.mean,
             "std": self.std,
@@ -64,13 +65,13 @@ class Surrogate:
     ----------
     network : FieldNetwork
     nodal_network : NodalNetwork
-        The same between the nodes of the mesh.
+        The same network between the nodes of the mesh.
     passes : Passes
-        Of the network; those of the last prediction stay drawn.
+        Passes of the network; the weights of the last prediction stay drawn.
     geometry : Geometry
         Mesh, supports and grid; forces and displacements are numbered as its nodes are.
     description : RunDescription
-        What it was made from.
+        Configuration and dataset of the run.
     """
 
     def __init__(
@@ -122,9 +123,10 @@ class Surrogate:
         forces : array, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N.
         passes : int
-            T; a network that is not stochastic makes one. Of an ensemble every member makes them.
+            Number of passes T; a network that is not stochastic makes one. Every member of an
+            ensemble makes them.
         seed : int
-            Of the passes, 0 or more. The same passes serve all samples.
+            Seed of the passes, 0 or more. The same passes serve all samples.
 
         Raises
         ------
@@ -175,13 +177,13 @@ class Surrogate:
         return mean, epistemic, aleatoric
 
     def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
-        """Of some passes, in double precision."""
+        """Moments of some passes, in double precision."""
         self.passes.draw(seed, passes)
         mean, std = self.nodal_network(force, len(passes))
         return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
 
     def require_stochastic(self, **options: int) -> None:
-        """Raise InputError if there are options of passes, but passes do not differ."""
+        """Raise InputError if options of passes are given, but passes do not differ."""
         for name, value in options.items():
             if not self.is_stochastic:
                 raise InputError(
@@ -190,7 +192,7 @@ class Surrogate:
                 )
 
     def outside_training(self, forces: NDArray[np.float64]) -> str | None:
-        """Say in which way forces leave what the network was trained on, if they do.
+        """Describe in which way forces leave the range of the training; None if they do not.
 
         Parameters
         ----------
@@ -218,12 +220,12 @@ def require_passes(passes: int, seed: int) -> None:
 def make_surrogate(
     tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
 ) -> Surrogate:
-    """Make a surrogate of the tensors of ``model.safetensors``.
+    """Make a surrogate from the tensors of ``model.safetensors``.
 
     Raises
     ------
     KeyError, IndexError, RuntimeError, ValueError
-        If they are not those of such a run.
+        If the tensors do not fit the description.
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)

@@ -44,7 +44,7 @@ class SplitConfig(Frozen):
 
 
 class TrainingConfig(SplitConfig, ABC):
-    """How a network is trained (defaults: the paper's recipe in two dimensions).
+    """Settings of a training (defaults: the paper's recipe in two dimensions).
 
     Attributes
     ----------

@@ -139,7 +139,7 @@ class BayesianUNet(UNetModel):
     Attributes
     ----------
     variational : VariationalConfig
-        Which weights are random, and their priors.
+        Choice of the random weights, and their priors.
     """
 
     likelihood: Literal["variational_bayes"] = "variational_bayes"

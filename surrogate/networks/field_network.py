@@ -44,7 +44,7 @@ class FieldNetwork(nn.Module):
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes free to move, else 0.
     free_points : Tensor of int, (n_free,)
-        Those, numbered as the flattened grid is.
+        Numbers of these points in the flattened grid.
     aleatoric_factor, epistemic_factor : Tensor, ()
         Factors a and b on standard deviations between the nodes
         (`surrogate.uncertainty.recalibration`).

@@ -2,7 +2,7 @@
 
 Zero padding of the grid; at every level two 3×3(×3) convolutions, each with batch normalisation
 and an activation; 2×2(×2) max pooling on the way down; nearest up-sampling by 2 on the way up,
-concatenated with what the way down had at that level; a 1×1 linear convolution at the end.
+concatenated with the output of the way down at that level; a 1×1 linear convolution at the end.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ class UNetConfig(Frozen):
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
     inputs : tuple of {"linear", "asinh", "saturating"}
-        What the first convolution is given of the scaled forces f: f, arsinh f or f / √(1 + f²/3).
-        All serve within the training range, −√3 to √3; beyond it the network goes on linearly in
-        what it is given, so that an ensemble, whose members take them in turn, spreads over
-        responses that go on, stiffen and saturate.
+        Input of the first convolution, a function of the scaled forces f: f, arsinh f or
+        f / √(1 + f²/3). Within the training range, −√3 to √3, all are equally good. Beyond it the
+        network continues linearly in its input: so an ensemble, whose members take the functions in
+        turn, covers responses that stay linear, stiffen and saturate.
     dropout : float
         Probability with which a channel is dropped behind the second convolution of every level,
         in training and in stochastic passes.
@@ -115,9 +115,9 @@ class UNet(nn.Module):
         Output channels.
     config : UNetConfig
     variational : VariationalConfig, optional
-        Which convolutions are probabilistic; none if left out.
+        Choice of the convolutions with random weights; none if left out.
     member : int
-        Its number in an ensemble.
+        Number of the network in an ensemble.
     """
 
     def __init__(

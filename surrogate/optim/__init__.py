@@ -1,1 +1,1 @@
-"""What changes the weights: optimisers, schedules, weight averages, early stopping."""
+"""Optimisers, learning-rate schedules, weight averages, early stopping."""

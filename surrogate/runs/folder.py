@@ -1,16 +1,16 @@
-"""The folder of a run: what it was made from, its weights, its measures. Nothing in it is pickled.
+"""The folder of a run: configuration, weights, measures. Nothing in it is pickled.
 
 ::
 
     config.yaml         resolved configuration, and the dataset it was trained on
     model.safetensors   weights, scales, mesh and grid map
     metrics.jsonl       one line an epoch
-    hardware.txt        what it was trained on
+    hardware.txt        name of the hardware that it was trained on
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals, where asked for
     figures/            pictures
     checkpoint/         last.safetensors, to resume from
-    tensorboard/        event files of TensorBoard, on demand
+    tensorboard/        event files of TensorBoard, where asked for
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class RunFolder:
         self.tensorboard = folder / "tensorboard"
 
     def start(self, description: RunDescription) -> None:
-        """Make the folder, or see that it belongs to the same configuration and dataset.
+        """Make the folder, or require that it belongs to the same configuration and dataset.
 
         Raises
         ------
@@ -89,11 +89,11 @@ class RunFolder:
         save_atomically(tensors, self.model)
 
     def trained_on(self) -> str:
-        """Name of the hardware that it was trained on, as far as it was written down."""
+        """Name of the hardware that the run was trained on; "unknown" if not written down."""
         return self.hardware.read_text().strip() if self.hardware.is_file() else "unknown"
 
     def metric_lines(self) -> list[dict[str, Any]]:
-        """Every whole line of ``metrics.jsonl``; a last one that was cut short is left out."""
+        """Read every complete line of ``metrics.jsonl``, without a last one that was cut short."""
         if not self.metrics.is_file():
             return []
         lines = []
@@ -105,7 +105,7 @@ class RunFolder:
         return lines
 
     def keep_metric_lines(self, epoch: int) -> None:
-        """Drop what was measured after an epoch."""
+        """Drop the lines of later epochs."""
         lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
         write_text(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
 
@@ -132,7 +132,7 @@ class RunFolder:
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:
-    """Say where two nested mappings differ first: ``key = new, the folder has old``."""
+    """Describe where two nested mappings differ first: ``key = new, the folder has old``."""
     if isinstance(old, dict) and isinstance(new, dict):
         for name in [*old, *(k for k in new if k not in old)]:
             if old.get(name) != new.get(name):

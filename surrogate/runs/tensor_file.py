@@ -1,4 +1,4 @@
-"""Files of named tensors (safetensors): complete or not there, and with a digest inside."""
+"""Files of named tensors (safetensors), written atomically and with a digest inside."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Checkpoints: everything that the next epoch depends on, in one safetensors file.
 
 The order of the samples and the noise are pure functions of seed and epoch, and the learning rate
-one of the step, so weights and the states of what changes them are all there is to keep.
+is one of the step. So the weights, the optimisers and the averages are all that a checkpoint holds.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ EARLIER = {"posterior_std": "spreads"}  # names in run folders of version 1
 
 
 class Stateful(Protocol):
-    """Something whose state is named tensors, as a network's is."""
+    """An object whose state is named tensors, such as a network."""
 
     def state_dict(self) -> Mapping[str, Tensor]:
-        """Give the state."""
+        """Return the state."""
 
     def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> Any:
-        """Take a state up."""
+        """Restore a state."""
 
 
 def save_checkpoint(
@@ -47,7 +47,7 @@ def save_checkpoint(
     seconds : float
         Training time so far.
     parts : dict of Stateful
-        The network, and what else changes from epoch to epoch, by name.
+        Network, and everything else that changes from epoch to epoch, by name.
     optimisers : list of torch.optim.Optimizer
     """
     tensors: dict[str, Tensor] = {
@@ -66,14 +66,14 @@ def save_checkpoint(
 def load_checkpoint(
     path: Path, parts: Mapping[str, Stateful], optimisers: list[Any]
 ) -> tuple[int, float]:
-    """Take up a checkpoint in place.
+    """Restore a checkpoint in place.
 
     Returns
     -------
     epoch : int
         Number of finished epochs.
     seconds : float
-        Training time up to there.
+        Training time up to the checkpoint.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from surrogate.probabilistic.likelihoods import Prediction
 def compiled(network: nn.Module) -> Callable[[Tensor], Prediction]:
     """Compile a network, once for every shape that it is called with.
 
-    What is returned raises WorkError where compiling fails, for want of a C++ compiler say.
+    The function that it returns raises WorkError if compiling fails, as without a C++ compiler.
     """
     from torch._dynamo.exc import TorchDynamoException
 

@@ -1,7 +1,7 @@
 """A training step as one CUDA graph.
 
-A step of a small batch is hundreds of kernels of microseconds each, and launching them one by one
-takes longer than they do. Captured once, they are launched together.
+A step of a small batch is hundreds of kernels of microseconds each; launching them one by one
+takes longer than running them. Captured once as a graph, they are launched together.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ WARM_UP = 3  # steps before the capture, in which libraries and optimisers alloc
 
 
 def can_capture(device: torch.device, processes: int) -> bool:
-    """Tell whether steps can be captured: on a GPU, by one process."""
+    """Return True if steps can be captured: on a GPU, in one process."""
     return device.type == "cuda" and processes == 1
 
 
 class CapturedStep:
-    """A step that is replayed; the first few, which are as good, run one kernel after another.
+    """A step that is replayed; the first few run one kernel after another, with the same result.
 
     Parameters
     ----------
     step : callable
-        From a batch, always of one size, to a tensor. Everything else that it reads, the learning
-        rate above all, is in tensors that stay where they are. Its random numbers are those of the
-        default generator, which every replay takes further.
+        Function from a batch, always of one size, to a tensor. Everything else that it reads, such
+        as the learning rate, is in tensors whose memory does not move. Its random numbers are those
+        of the default generator, which every replay advances.
     """
 
     def __init__(self, step: Callable[[Samples], Tensor]) -> None:
@@ -41,7 +41,7 @@ class CapturedStep:
         self._result: Tensor
 
     def __call__(self, samples: Samples) -> Tensor:
-        """Do the step; the result is overwritten by the next."""
+        """Do the step; the next step overwrites the result."""
         self._steps += 1
         if self._steps <= WARM_UP:
             return self._run_aside(samples)
@@ -53,7 +53,7 @@ class CapturedStep:
         return self._result
 
     def _run_aside(self, samples: Samples) -> Tensor:
-        """Run on the stream of the capture, as autograd remembers the streams of parameters."""
+        """Run on the capture's stream, because autograd remembers the streams of parameters."""
         current = torch.cuda.current_stream()
         self._stream.wait_stream(current)
         with torch.cuda.stream(self._stream):

@@ -29,8 +29,9 @@ class Ranks:
     Attributes
     ----------
     rank : int
-        Its number, from 0. The first one alone writes files.
+        Number of the process, from 0. Process 0 alone writes files.
     count : int
+        Number of processes.
     """
 
     rank: int = 0
@@ -38,7 +39,7 @@ class Ranks:
 
     @property
     def is_first(self) -> bool:
-        """Whether this is the process that writes."""
+        """True in the process that writes files."""
         return self.rank == 0
 
     def share(self, batch: Tensor) -> Tensor:
@@ -66,12 +67,12 @@ class Ranks:
             gradient.copy_(total.view_as(gradient))
 
     def from_first(self, work: Callable[[], Result]) -> Result:
-        """Do some work in the first process, and have what it returns or raises in all. Collective.
+        """Do some work in the first process; return or raise its outcome in all. Collective.
 
         Raises
         ------
         InputError, WorkError, OSError
-            What the work raises.
+            Errors of the work.
         """
         if self.count == 1:
             return work()

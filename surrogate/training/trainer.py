@@ -44,7 +44,7 @@ class Trainer:
     ----------
     config : TrainedModel
     network : FieldNetwork
-        On the device to train on.
+        Network on the device to train on.
     train, validation : Samples
     ranks : Ranks
         The processes that train it together.
@@ -86,7 +86,7 @@ class Trainer:
         return self.network if self.average is None else cast(FieldNetwork, self.average.module)
 
     def order(self, epoch: int) -> Tensor:
-        """Order in which an epoch takes the training samples."""
+        """Return the order in which an epoch takes the training samples."""
         generator = torch.Generator().manual_seed(stream(self.config.seed, ORDER, epoch))
         return torch.randperm(len(self.train), generator=generator).to(self.train_store.home)
 
@@ -158,17 +158,17 @@ class Trainer:
         return validate(self.config, self.model, self.validation_store, len(self.validation))
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
-        """Take note of the measures of an epoch (counted from 1)."""
+        """Pass the measures of an epoch (counted from 1) to early stopping."""
         if self.stopping is not None:
             self.stopping.observe(epoch, measures["validation_loss"], self.model)
 
     def is_over(self, epoch: int) -> bool:
-        """Tell whether the training is over after an epoch (counted from 1)."""
+        """Return True if the training is over after an epoch (counted from 1)."""
         stopped = self.stopping is not None and self.stopping.is_over(epoch)
         return stopped or epoch >= self.config.training.epochs
 
     def states(self) -> dict[str, Stateful]:
-        """What a checkpoint holds beside the states of the optimisers, by name."""
+        """Everything that a checkpoint holds beside the optimisers, by name."""
         states: dict[str, Stateful] = {"network": self.network}
         if self.posterior_std is not None:
             states["posterior_std"] = self.posterior_std
@@ -179,7 +179,7 @@ class Trainer:
         return states
 
     def resume_after(self, epochs: int) -> None:
-        """Take up the counts of a training of which some epochs are done."""
+        """Set the counters of a training of which some epochs are done."""
         if self.average is not None:
             self.average.n_averaged.fill_(epochs * self.steps_per_epoch)
 

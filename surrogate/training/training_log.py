@@ -1,4 +1,4 @@
-"""What is measured in every epoch: lines of ``metrics.jsonl``, on demand TensorBoard's files."""
+"""Measures of every epoch: lines of ``metrics.jsonl``, and TensorBoard's files if asked for."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class TrainingLog:
     ----------
     run : RunFolder
     epoch : int
-        The last one that counts; lines of later ones are dropped.
+        Last epoch that counts; lines of later epochs are dropped.
     tensorboard : bool
-        Whether to write event files of TensorBoard as well.
+        Write event files of TensorBoard as well.
     silent : bool
         Write nothing.
     """
