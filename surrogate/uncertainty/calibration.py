@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.special import ndtr, ndtri
 from scipy.stats import rankdata
 
@@ -133,8 +134,7 @@ def calibration_curve(error: Array, std: Array) -> tuple[Array, Array]:
 
 def miscalibration_area(levels: Array, observed: Array) -> float:
     r""":math:`\int_0^1 |\hat p(p) - p| \, dp` by the trapezoidal rule; 0 at best, 1/2 at worst."""
-    gap = np.abs(observed - levels)
-    return float(np.sum(0.5 * (gap[1:] + gap[:-1]) * np.diff(levels)))
+    return float(trapezoid(np.abs(observed - levels), levels))
 
 
 def rank_correlation(x: Array, y: Array) -> Array:
