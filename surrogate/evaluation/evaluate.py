@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.same_body import BODY_KEYS, Body, require_same_body
 from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.metrics import ErrorMeasures, measure, sample_errors
@@ -106,9 +107,13 @@ def evaluate(
     description = run.description()
     surrogate = load(run_folder, device)
     dataset = read_dataset(data)
-    run.require_case_of(dataset.manifest, description)
-    if surrogate.geometry.differs_from(dataset.geometry):
-        raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
+    require_same_body(
+        Body(description.data.case, surrogate.geometry.arrays()),
+        Body(dataset.manifest.case, dataset.geometry.arrays()),
+        f"{run_folder}: trained on case '{description.run.case}', the dataset is of case "
+        f"'{dataset.manifest.name}'",
+        keys=("name", *BODY_KEYS),
+    )
     if len(dataset.test) == 0:
         raise InputError(f"{data}: no test samples in it")
     force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
