@@ -2,21 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared_schema.grid_map import GridMap
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.same_body import differing_array
-
-# An L of 8 nodes: the grid is 3 × 3 with the corner (2, 2) empty, the column x = 0 clamped.
-NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])
-L_SHAPE = Geometry(
-    coordinates=np.argwhere(NODE_AT >= 0).astype(np.float64),
-    cells=np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4]]),
-    cell_type="quad",
-    clamped=np.arange(8) < 3,
-    loadable=np.isin(np.arange(8), (4, 5, 7)),
-    grid=GridMap(NODE_AT),
-)
+from tests.surrogate.l_shape import L_SHAPE
 
 
 def test_free_mask_leaves_out_clamped_and_empty_points() -> None:
