@@ -1,4 +1,7 @@
-"""The report of one run: a self-contained HTML page with figures and the paper's numbers."""
+"""Report of a run: a self-contained HTML page with its figures and numbers beside the paper's.
+
+The text of the page stands in ``report.html.j2``; Jinja escapes every value in it.
+"""
 
 from __future__ import annotations
 
@@ -110,16 +113,16 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     Parameters
     ----------
     run_folder : Path
-        The run, evaluated.
+        Folder of an evaluated run.
     nodal : Path, optional
-        The nodal dataset that its data came from, for the time that the equilibria took.
+        Nodal dataset from which the run's data was made; adds the time of the equilibria.
     path : Path
-        The HTML file to write.
+        HTML file to write.
 
     Raises
     ------
     InputError
-        If the run is not evaluated, or the nodal dataset is another's.
+        If the run is not evaluated, or its data was made from another nodal dataset.
     """
     run = RunFolder(run_folder)
     description = run.description()

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from surrogate.presentation.calibration_curves import calibration_curves
-from surrogate.uncertainty.calibration import CalibrationMeasures, judge
+from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
 from tests.surrogate.presentation.pictures import assert_is_picture
 
 
@@ -13,7 +13,7 @@ def judged(factor: float) -> CalibrationMeasures:
     """Measures of 400 standard normal errors whose predicted σ is `factor` instead of 1."""
     errors = np.random.default_rng(0).normal(size=(50, 4, 2))
     std = np.full_like(errors, factor)
-    return judge(0 * errors, std, errors, np.ones(4, dtype=bool))
+    return measure_calibration(0 * errors, std, errors, np.ones(4, dtype=bool))
 
 
 def test_calibration_curves(tmp_path: Path) -> None:

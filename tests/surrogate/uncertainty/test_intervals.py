@@ -34,7 +34,7 @@ def content(run: Path, data: Path) -> dict[str, Any]:
     return found
 
 
-def test_scores_of_the_calibration_part(run: Path, data: Path, content: dict[str, Any]) -> None:
+def test_scores_of_the_calibration_split(run: Path, data: Path, content: dict[str, Any]) -> None:
     """⌈13 · 0.9⌉ = 12: with 12 samples the factors are their largest scores."""
     assert (content["conformal"]["level"], content["conformal"]["samples"]) == (0.9, 12)
     surrogate, dataset = load(run), read_dataset(data)
