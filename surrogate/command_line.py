@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         "--conformal",
         type=float,
         metavar="LEVEL",
-        help="fit conformal intervals to the run's calibration part, and judge them",
+        help="fit conformal intervals to the run's calibration samples, and measure them",
     )
     evaluate.set_defaults(command=_evaluate)
 

@@ -60,12 +60,15 @@ class Geometry:
         grid = grid_of(arrays)
         return cls(**{name: arrays[name] for name in _ARRAYS}, cell_type=cell_type, grid=grid)
 
+    def arrays(self) -> Arrays:
+        """Arrays of mesh, supports and grid map by name."""
+        return {name: getattr(self, name) for name in _ARRAYS} | grid_arrays(self.grid)
+
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS} | grid_arrays(self.grid)
         return {
             PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
-            for name, array in arrays.items()
+            for name, array in self.arrays().items()
         }
 
     @property
@@ -87,13 +90,6 @@ class Geometry:
             self.coordinates[candidates][:, None, :] - support[None, :, :], axis=2
         ).min(axis=1)
         return int(candidates[distance.argmax()])
-
-    def differs_from(self, other: Geometry) -> bool:
-        """Tell whether the two are not the same mesh, supports and grid."""
-        ours, theirs = self.tensors(), other.tensors()
-        return ours.keys() != theirs.keys() or not all(
-            torch.equal(ours[name], theirs[name]) for name in ours
-        )
 
 
 _ARRAYS = ("coordinates", "cells", "clamped", "loadable")

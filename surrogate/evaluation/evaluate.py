@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.same_body import BODY_KEYS, Body, require_same_body
 from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.metrics import ErrorMeasures, measure, sample_errors
@@ -22,7 +23,7 @@ from surrogate.evaluation.published import PUBLISHED
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
-from surrogate.uncertainty.calibration import CalibrationMeasures, judge
+from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
 from surrogate.uncertainty.intervals import fit_intervals
 
 
@@ -36,11 +37,11 @@ class Evaluation:
     force, reference : array, (M, n_nodes, d)
         Forces in N, displacements in m.
     distribution : Distribution
-        As predicted.
+        Predicted distributions.
     measures : ErrorMeasures
-        Of its means.
+        Errors of the predicted means.
     calibration : CalibrationMeasures or None
-        Of a probabilistic surrogate.
+        Calibration measures of a probabilistic surrogate.
     extrapolation : Extrapolation or None
         Predictions under other loads.
     """
@@ -60,14 +61,14 @@ class Evaluation:
 
     @property
     def example(self) -> int:
-        """The test sample to show: loaded at the tip, and moved there as far as the paper's."""
+        """Number of the test sample to show: loaded at the tip, moved closest to the paper's."""
         tip, run = self.surrogate.geometry.tip, self.surrogate.description.run
         published = PUBLISHED.get((run.case, run.likelihood))
         aim = published.tip_displacement if published else None
         return find_example(self.force, self.reference, tip, np.array([tip]), aim)
 
     def example_measures(self) -> dict[str, float]:
-        """Tip displacement of the example in m, and the relative error of its prediction."""
+        """Return the tip displacement of the example in m and its relative error."""
         tip, example = self.surrogate.geometry.tip, self.example
         moved, error = tip_measures(self.predicted[example], self.reference[example], tip)
         return {"tip_displacement": moved, "relative_tip_error": error}
@@ -91,24 +92,29 @@ def evaluate(
         Structured dataset.
     device : str
     passes, seed : int
-        Stochastic passes, of networks that are stochastic.
+        Number of stochastic passes and their seed, for stochastic networks.
     loads : Path, optional
-        Nodal dataset of the same body under other loads, to predict as well.
+        Nodal dataset of the same body under other loads, predicted as well.
     conformal : float, optional
-        Level of conformal intervals to fit to the run's calibration part, and to judge.
+        Level of conformal intervals, fitted to the run's calibration split and measured on the test
+        split.
 
     Raises
     ------
     InputError
-        If the run or the dataset is missing or damaged, or they are of different cases.
+        If the run or the dataset is missing or damaged, or their cases differ.
     """
     run = RunFolder(run_folder)
     description = run.description()
     surrogate = load(run_folder, device)
     dataset = read_dataset(data)
-    run.require_case_of(dataset.manifest, description)
-    if surrogate.geometry.differs_from(dataset.geometry):
-        raise InputError(f"{run_folder}: the mesh is not that of the dataset {data}")
+    require_same_body(
+        Body(description.data.case, surrogate.geometry.arrays()),
+        Body(dataset.manifest.case, dataset.geometry.arrays()),
+        f"{run_folder}: trained on case '{description.run.case}', the dataset is of case "
+        f"'{dataset.manifest.name}'",
+        keys=("name", *BODY_KEYS),
+    )
     if len(dataset.test) == 0:
         raise InputError(f"{data}: no test samples in it")
     force, reference = dataset.nodal_test.force, dataset.nodal_test.displacement
@@ -161,10 +167,12 @@ def _calibration(
 ) -> CalibrationMeasures | None:
     if not surrogate.is_probabilistic:
         return None
-    return judge(predicted.mean, predicted.std, reference, ~surrogate.geometry.clamped)
+    return measure_calibration(
+        predicted.mean, predicted.std, reference, ~surrogate.geometry.clamped
+    )
 
 
 def embedding_error(dataset: Dataset) -> float:
-    """ē in m of the reference itself, taken to an embedded grid and back: no network is better."""
+    """ē in m of the reference mapped to an embedded grid and back: the error of the embedding."""
     grid, reference = dataset.geometry.grid, dataset.nodal_test.displacement
     return float(sample_errors(grid.to_nodes(grid.to_grid(reference)), reference).mean())

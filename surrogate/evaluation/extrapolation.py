@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.errors import InputError
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
+from surrogate.data.same_body import Body, require_same_body
 from surrogate.evaluation.metrics import sample_errors
 from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.uncertainty.calibration import half_width
@@ -92,14 +92,10 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
         If there is none, it is damaged, or of another body.
     """
     dataset = read_nodal_dataset(nodal)
-    trained, other = surrogate.description.data.case, dataset.manifest.case
-    for key in ("mesh", "supports", "material"):
-        if trained.get(key) != other.get(key):
-            raise InputError(
-                f"--loads '{nodal}': another body than the run's: {key} = {other.get(key)!r}, "
-                f"expected {trained.get(key)!r}"
-            )
-    if not np.array_equal(dataset.coordinates, surrogate.geometry.coordinates):
-        raise InputError(f"--loads '{nodal}': its nodes are not those of the run's mesh")
+    require_same_body(
+        Body(surrogate.description.data.case, surrogate.geometry.arrays()),
+        Body(dataset.manifest.case, {"coordinates": dataset.coordinates}),
+        f"--loads '{nodal}': another body than the run's",
+    )
     predicted = surrogate.predict_distribution(dataset.samples.force, passes, seed)
     return Extrapolation(dataset.manifest.name, surrogate, dataset.samples, predicted)

@@ -25,17 +25,18 @@ class ErrorMeasures:
     Attributes
     ----------
     samples : int
-        M.
+        Number of samples M.
     mean_error : float
-        ē in m.
+        Mean error ē in m.
     std_error : float
-        σ(e) in m.
+        Standard deviation σ(e) of the errors in m.
     max_error : float
         Largest absolute error of any component of any sample, in m.
     relative_tip_error_median, relative_tip_error_mean : float
-        ‖U − u‖ / ‖u‖ at the tip node, over the samples.
+        Median and mean over the samples of the relative error ‖U − u‖ / ‖u‖ at the tip node.
     slope, intercept : float
-        Least-squares line of e_m over the displacement magnitude where the force is applied.
+        Slope and intercept of the least-squares line of e_m over the displacement magnitude at the
+        loaded node.
     """
 
     samples: int
@@ -48,24 +49,24 @@ class ErrorMeasures:
     intercept: float
 
     def plain(self) -> dict[str, float | int]:
-        """As plain data."""
+        """Return the measures as plain data."""
         return asdict(self)
 
 
 def sample_errors(predicted: Array, reference: Array) -> Array:
-    """e_m of every sample: (M, n_nodes, d) and (M, n_nodes, d) in m → (M,) in m."""
+    """Mean error e_m of every sample: (M, n_nodes, d) and (M, n_nodes, d) in m → (M,) in m."""
     result: Array = np.abs(predicted - reference).mean(axis=(1, 2))
     return result
 
 
 def node_errors(predicted: Array, reference: Array) -> Array:
-    """‖U − u‖₂ at every node: (..., n_nodes, d) in m → (..., n_nodes) in m."""
+    """Error ‖U − u‖₂ at every node: (..., n_nodes, d) in m → (..., n_nodes) in m."""
     result: Array = np.linalg.norm(predicted - reference, axis=-1)
     return result
 
 
 def displacement_at_load(force: Array, displacement: Array) -> Array:
-    """‖u‖ at the loaded node, the largest if several: (M, n_nodes, d) twice → (M,) in m."""
+    """Largest ‖u‖ at a loaded node of every sample: (M, n_nodes, d) twice → (M,) in m."""
     loaded = np.any(force != 0.0, axis=2)
     magnitude = np.linalg.norm(displacement, axis=2)
     result: Array = np.where(loaded, magnitude, 0.0).max(axis=1)
@@ -88,7 +89,7 @@ def measure(force: Array, predicted: Array, reference: Array, tip: int) -> Error
     force, predicted, reference : array, (M, n_nodes, d)
         Forces in N, displacements in m.
     tip : int
-        Node at which the relative error is taken.
+        Node of the relative error.
     """
     errors = sample_errors(predicted, reference)
     magnitude = np.linalg.norm(reference[:, tip], axis=1)

@@ -1,4 +1,4 @@
-"""Early stopping: the weights that are best on the validation part become the model."""
+"""Early stopping: the best weights on the validation split become the model."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ NETWORK = "network."
 
 
 class EarlyStoppingConfig(Frozen):
-    """When a training stops before its last epoch.
+    """Condition for stopping a training before its last epoch.
 
     Attributes
     ----------
     patience : int
-        Epochs in a row after which it stops if none has brought the validation loss below its
-        smallest value so far.
+        Number of consecutive epochs without a new smallest validation loss after which training
+        stops.
     """
 
     patience: int = Field(gt=0)
 
 
 class EarlyStopping:
-    """The best weights so far, and how long ago they were found.
+    """Best weights so far, and their epoch.
 
     Attributes
     ----------
     best_epoch : int
-        Counted from 1; 0 if there is none yet.
+        Epoch of the best weights, counted from 1; 0 before the first.
     best_loss : float
-        Validation loss there.
+        Validation loss in that epoch.
     best : dict of Tensor
-        The network's state there.
+        State of the network in that epoch.
     """
 
     def __init__(self, config: EarlyStoppingConfig) -> None:
@@ -52,11 +52,11 @@ class EarlyStopping:
             self.best = {name: value.clone() for name, value in network.state_dict().items()}
 
     def is_over(self, epoch: int) -> bool:
-        """Tell whether the training ends after an epoch (counted from 1)."""
+        """Return True if training ends after an epoch (counted from 1)."""
         return epoch - self.best_epoch >= self.patience
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Everything as tensors, for the checkpoint."""
+        """Return the state as tensors for the checkpoint."""
         return {
             "best_epoch": torch.tensor(self.best_epoch),
             "best_loss": torch.tensor(self.best_loss, dtype=torch.float64),
@@ -64,7 +64,7 @@ class EarlyStopping:
         }
 
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Take up what `state_dict` gave."""
+        """Restore the state from the tensors of `state_dict`."""
         self.best_epoch, self.best_loss = int(state["best_epoch"]), float(state["best_loss"])
         self.best = {
             name.removeprefix(NETWORK): value

@@ -1,6 +1,6 @@
 r"""Muon: momentum whose update of every weight matrix is made orthogonal (Jordan et al. 2024).
 
-For a kernel of shape (outputs, inputs, 3, 3[, 3]) taken as a matrix with a row an output, with
+For a kernel of shape (outputs, inputs, 3, 3[, 3]) taken as a matrix with one row per output, with
 gradient G and Nesterov momentum M,
 
 .. math:: W ← W - η · 0.2 \sqrt{\max(m, n)} · \operatorname{NS}(M),
@@ -8,7 +8,7 @@ gradient G and Nesterov momentum M,
 
 NS being five Newton–Schulz iterations :math:`X ← aX + (bA + cA^2)X,\ A = XX^T`. The factor gives
 the update the root mean square of Adam's (Liu et al. 2025, arXiv 2502.16982). `torch.optim.Muon`
-takes matrices only and iterates in bfloat16, which CPUs are slow at; hence this one.
+takes matrices only and iterates in bfloat16, which is slow on CPUs.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Muon(torch.optim.Optimizer):
     Parameters
     ----------
     parameters : iterable of Tensor
-        Each of two dimensions at least, the outputs first.
+        Tensors of at least two dimensions, outputs first.
     lr : float or Tensor, ()
-        η.
+        Learning rate η.
     momentum : float
     weight_decay : float
-        Decoupled, as in AdamW.
+        Decoupled weight decay, as in AdamW.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Muon(torch.optim.Optimizer):
 def orthogonalise(matrix: Tensor) -> Tensor:
     """Bring all singular values of a matrix near 1 by Newton–Schulz iterations.
 
-    The iterations are done on the small square A = XXᵀ, and X is multiplied once, at the end.
+    The iterations act on the small square matrix A = XXᵀ; X is multiplied once, at the end.
     """
     a, b, c = COEFFICIENTS
     if matrix.shape[0] > matrix.shape[1]:

@@ -1,1 +1,1 @@
-"""Figures, and the report of a run."""
+"""Figures and report page of a run."""

@@ -1,13 +1,17 @@
-"""The report of one run: a self-contained HTML page with figures and the paper's numbers."""
+"""Report of a run: a self-contained HTML page with its figures and numbers beside the paper's.
+
+The text of the page stands in ``report.html.j2``; Jinja escapes every value in it.
+"""
 
 from __future__ import annotations
 
-import base64
-import html
+from base64 import b64encode
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from shared_schema.checker import require_intact
 from shared_schema.common.atomic_file import write_text
@@ -57,17 +61,48 @@ FIGURES = (
     ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
 )
 
-STYLE = """
-body { font: 16px/1.5 Georgia, 'Times New Roman', serif; max-width: 46rem; margin: 2rem auto;
-  padding: 0 1rem; color: #222; }
-h1 { font-size: 1.6rem; line-height: 1.2; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
-table { border-collapse: collapse; margin: 1rem 0; } th, td { text-align: left;
-  padding: .3rem 1.2rem .3rem 0; border-bottom: 1px solid #ddd; }
-th { border-bottom: 1px solid #222; } thead { border-top: 1px solid #222; }
-figure { margin: 1.6rem 0; } img { max-width: 100%; display: block; margin: 0 auto; }
-figcaption { font-size: .9rem; color: #555; margin-top: .4rem; }
-pre { background: #f6f6f6; padding: .8rem; overflow-x: auto; font-size: .8rem; line-height: 1.35; }
-"""
+PAGES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the page.
+
+    Attributes
+    ----------
+    caption : str
+    source : str
+        Data URI of the PNG.
+    """
+
+    caption: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Solving:
+    """Cost of the equilibria that the run's data came from.
+
+    Attributes
+    ----------
+    solved, failed : int
+        Number of load cases.
+    seconds : float
+        Wall time of all solved load cases together.
+    software : dict
+        Versions by name.
+    """
+
+    solved: int
+    failed: int
+    seconds: float
+    software: dict[str, str]
 
 
 def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
@@ -76,75 +111,45 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     Parameters
     ----------
     run_folder : Path
-        The run, evaluated.
+        Folder of an evaluated run.
     nodal : Path, optional
-        The nodal dataset that its data came from, for the time that the equilibria took.
+        Nodal dataset from which the run's data was made; adds the time of the equilibria.
     path : Path
-        The HTML file to write.
+        HTML file to write.
 
     Raises
     ------
     InputError
-        If the run is not evaluated, or the nodal dataset is another's.
+        If the run is not evaluated, or its data was made from another nodal dataset.
     """
     run = RunFolder(run_folder)
     description = run.description()
     evaluation = run.read_evaluation()
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
-    solving = _solving(nodal, description) if nodal is not None else None
-    write_text(path, _page(run, description, evaluation, solving))
-
-
-def _page(
-    run: RunFolder, description: RunDescription, evaluation: dict[str, Any], solving: str | None
-) -> str:
-    case = html.escape(description.run.case)
-    info = description.data.info
-    test = evaluation["test"]
-    grid = " × ".join(str(n) for n in info.grid_shape)
-    kind = description.run.likelihood.replace("_", " ")
-    summary = (
-        f"A {kind} {description.run.title} of {evaluation['trainable_parameters']:,} "
-        f"parameters, trained on {info.train} finite-element solutions of case <b>{case}</b> in "
-        f"{evaluation['training_seconds'] / 60:.1f} minutes, predicts the {info.test} "
-        f"test solutions with a mean error ē = {test['mean_error'] * 1e3:.3f} mm."
+    page = PAGES.get_template("report.html.j2").render(
+        case=description.run.case,
+        likelihood=description.run.likelihood.replace("_", " "),
+        model=description.run.title,
+        recipe=description.run.recipe,
+        dimension=description.data.dimension,
+        info=description.data.info,
+        evaluation=evaluation,
+        rows=_rows(description, evaluation),
+        figures=_figures(run),
+        solving=_solving(nodal, description) if nodal is not None else None,
+        run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
+        case_configuration=yaml.safe_dump(description.data.case, sort_keys=False),
     )
-    figures = "\n".join(
-        f'<figure><img alt="{html.escape(caption)}" src="{_embed(run.figures / name)}">'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+    write_text(path, page + "\n")
+
+
+def _figures(run: RunFolder) -> list[Figure]:
+    return [
+        Figure(caption, "data:image/png;base64," + b64encode(file.read_bytes()).decode())
         for name, caption in FIGURES
-        if (run.figures / name).is_file()
-    )
-    made = [
-        f"Grid {grid}, d = {description.data.dimension}; {info.train} training and {info.test} "
-        f"test samples (split seed {info.split_seed}).",
-        f"Training: {evaluation['epochs']} epochs, {evaluation['training_seconds']:.0f} s on "
-        f"{evaluation['machine']}, torch {evaluation['torch']}, seed {evaluation['seed']}, recipe "
-        f"“{description.run.recipe}”.",
-        f"Dataset digest <code>{evaluation['data_digest'][:16]}</code>.",
+        if (file := run.figures / name).is_file()
     ]
-    if solving:
-        made.insert(0, solving)
-    items = "".join(f"<li>{line}</li>" for line in made)
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Surrogate of {case}</title>
-<style>{STYLE}</style></head><body>
-<h1>Surrogate of case {case}</h1>
-<p>{summary}</p>
-<h2>Errors on the test split</h2>
-{_table(_rows(description, evaluation))}
-<p>Paper: Deshpande, Lengiewicz, Bordas, <i>Probabilistic deep learning for real-time large
-deformation simulations</i>, CMAME 2022. e<sub>m</sub> is the mean absolute error over the
-components of one sample; ē and σ(e) are its mean and standard deviation over the test split.</p>
-<h2>Figures</h2>
-{figures}
-<h2>How it was made</h2>
-<ul>{items}</ul>
-<pre>{html.escape(yaml.safe_dump(description.run.plain(), sort_keys=False))}</pre>
-<pre>{html.escape(yaml.safe_dump(description.data.case, sort_keys=False))}</pre>
-</body></html>
-"""
 
 
 def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
@@ -211,28 +216,12 @@ def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str
     ]
 
 
-def _table(rows: list[Row]) -> str:
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    head = "<tr><th></th><th>here</th><th>paper</th></tr>"
-    return f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
-
-
-def _solving(nodal: Path, description: RunDescription) -> str:
+def _solving(nodal: Path, description: RunDescription) -> Solving:
     manifest = read_manifest(nodal, "nodal")
     if manifest.digest != description.data.info.source_digest:
         raise InputError(f"{nodal}: not the dataset that the run's data was made from")
     require_intact(nodal, manifest)
-    wall = 0.0
+    seconds = 0.0
     for entry in manifest.shards:
-        wall += float(read_shard(nodal / entry.file, "nodal")["samples/wall_time"].sum())
-    return (
-        f"Equilibria: {manifest.samples} solved, {manifest.failed} failed, {wall:.1f} core seconds "
-        f"({1e3 * wall / max(manifest.samples, 1):.2f} ms each); dolfinx "
-        f"{manifest.software['dolfinx']}, PETSc {manifest.software['petsc']}."
-    )
-
-
-def _embed(path: Path) -> str:
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+        seconds += float(read_shard(nodal / entry.file, "nodal")["samples/wall_time"].sum())
+    return Solving(manifest.samples, manifest.failed, seconds, manifest.software)

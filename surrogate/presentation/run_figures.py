@@ -2,54 +2,64 @@
 
 from __future__ import annotations
 
+from matplotlib.figure import Figure
+
 from shared_schema.drawing.figure_style import save
 from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.metrics import displacement_at_load, sample_errors
-from surrogate.presentation import figures, uncertainty_figures
+from surrogate.presentation.calibration_curves import calibration_curves
+from surrogate.presentation.error_figures import error_over_displacement, error_over_uncertainty
+from surrogate.presentation.field_figures import error_field, uncertainty_field
+from surrogate.presentation.loss_curves import loss_curves
+from surrogate.presentation.mesh_figures import deformed_meshes
+from surrogate.presentation.sweep_curves import sweep_curves
 from surrogate.runs.folder import RunFolder
 from surrogate.uncertainty.calibration import CalibrationMeasures
 
 
 def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     """Draw the paper's figures of one run into its ``figures/`` folder."""
+    drawn = _error_figures(evaluation)
+    lines = run.metric_lines()
+    if lines and lines[-1]["epoch"] > 0:  # a fitted model has no epochs
+        drawn["loss"] = loss_curves({run.description().run.objective: lines})
+    if evaluation.calibration is not None:
+        name = run.description().run.name
+        drawn |= _uncertainty_figures(evaluation, evaluation.calibration, name)
     run.figures.mkdir(exist_ok=True)
-    geometry = evaluation.surrogate.geometry
-    example = evaluation.example
+    for file, figure in drawn.items():
+        save(figure, run.figures / f"{file}.png")
+
+
+def _error_figures(evaluation: Evaluation) -> dict[str, Figure]:
+    geometry, example = evaluation.surrogate.geometry, evaluation.example
     predicted, reference = evaluation.predicted[example], evaluation.reference[example]
-    force = evaluation.force[example]
-    save(
-        figures.deformed_meshes(geometry, predicted, reference, force), run.figures / "deformed.png"
-    )
-    save(figures.error_field(geometry, predicted, reference), run.figures / "error_field.png")
     errors = sample_errors(evaluation.predicted, evaluation.reference)
     moved = displacement_at_load(evaluation.force, evaluation.reference)
-    save(figures.sorted_errors(moved, errors, evaluation.measures), run.figures / "errors.png")
-    lines = run.metric_lines()
-    if lines and lines[-1]["epoch"] > 0:  # what is fitted has no epochs
-        name = run.description().run.objective
-        save(figures.loss_curves({name: lines}), run.figures / "loss.png")
-    if evaluation.calibration is not None:
-        _write_uncertainty_figures(evaluation, evaluation.calibration, run)
+    force = evaluation.force[example]
+    return {
+        "deformed": deformed_meshes(geometry, predicted, reference, force),
+        "error_field": error_field(geometry, predicted, reference),
+        "errors": error_over_displacement(moved, errors, evaluation.measures),
+    }
 
 
-def _write_uncertainty_figures(
-    evaluation: Evaluation, calibration: CalibrationMeasures, run: RunFolder
-) -> None:
+def _uncertainty_figures(
+    evaluation: Evaluation, calibration: CalibrationMeasures, name: str
+) -> dict[str, Figure]:
     geometry, distribution = evaluation.surrogate.geometry, evaluation.distribution
     free, example = ~geometry.clamped, evaluation.example
     error = evaluation.predicted - evaluation.reference
-    name = run.description().run.name
     drawn = {
-        "calibration": uncertainty_figures.calibration_curve({name: calibration}),
-        "error_against_uncertainty": uncertainty_figures.error_against_uncertainty(
+        "calibration": calibration_curves({name: calibration}),
+        "error_against_uncertainty": error_over_uncertainty(
             distribution.std[:, free], error[:, free]
         ),
-        "uncertainty_field": uncertainty_figures.uncertainty_field(
+        "uncertainty_field": uncertainty_field(
             geometry, distribution.mean[example], distribution.std[example]
         ),
     }
     extrapolation = evaluation.extrapolation
     if extrapolation is not None and extrapolation.node is not None:
-        drawn["sweep"] = uncertainty_figures.sweep(extrapolation)
-    for file, figure in drawn.items():
-        save(figure, run.figures / f"{file}.png")
+        drawn["sweep"] = sweep_curves(extrapolation)
+    return drawn

@@ -1,7 +1,7 @@
-"""Monte Carlo dropout: networks thinned out at random, in prediction as in training.
+"""Monte Carlo dropout: channels are dropped at random in prediction as in training.
 
-Every pass sees other channels of the same network; their spread is taken for the epistemic
-uncertainty (Gal and Ghahramani 2016; of whole channels: Tompson et al. 2015).
+Every pass drops other channels of the same network; the standard deviation over the passes is taken
+as the epistemic uncertainty (Gal and Ghahramani 2016; whole channels: Tompson et al. 2015).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from torch.nn import functional
 class ChannelDropout(nn.Module):
     """Sets channels to zero with probability p, and multiplies the others by 1 / (1 − p).
 
-    In training every sample of a batch has a mask of its own. In evaluation nothing is dropped, or,
-    after `draw`, the batch is as many equal parts as there were draws, each with one mask.
+    In training every sample of a batch has its own mask. In evaluation nothing is dropped; after
+    `draw`, a batch consists of as many equal chunks as there were draws, each with one mask.
 
     Parameters
     ----------
     channels : int
     rate : float
-        p.
+        Probability p.
     """
 
     def __init__(self, channels: int, rate: float) -> None:
@@ -42,10 +42,10 @@ class ChannelDropout(nn.Module):
         return x * functional.dropout(x.new_ones(*x.shape[:2], *extra), self.rate)
 
     def draw(self, generators: Sequence[torch.Generator]) -> None:
-        """Draw independent masks, one a generator of the CPU, to evaluate with."""
+        """Draw independent masks for evaluation, one for each generator of the CPU."""
         kept = [torch.rand(self.channels, generator=g) >= self.rate for g in generators]
         self._masks = torch.stack(kept) / (1 - self.rate)
 
     def forget(self) -> None:
-        """Evaluate with nothing dropped again."""
+        """Discard the drawn masks: nothing is dropped in evaluation."""
         self._masks = None

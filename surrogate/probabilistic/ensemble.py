@@ -1,7 +1,7 @@
 """Deep ensembles (Lakshminarayanan et al. 2017): networks that differ by their initial weights.
 
-All members see the same batches, and the loss is the mean of theirs, so that each is trained as if
-it were alone. Their spread is taken for the epistemic uncertainty.
+All members see the same batches, and the loss is the mean of their losses, so that each is trained
+as if it were alone. The standard deviation over the members is taken as the epistemic uncertainty.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from torch import Tensor, nn
 
 
 class Ensemble(nn.Module):
-    """K networks side by side: the batch becomes K times as long, one member's after the other's.
+    """K networks side by side; their outputs are joined to a batch K times as long.
 
     Parameters
     ----------
     members : iterable of nn.Module
-        Of the same inputs and outputs.
+        Networks with the same inputs and outputs.
     """
 
     def __init__(self, members: Iterable[nn.Module]) -> None:
@@ -26,5 +26,5 @@ class Ensemble(nn.Module):
         self.members = nn.ModuleList(members)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Let every member do it: (N, …) → (K·N, …)."""
+        """Evaluate one member after the other: (N, …) → (K·N, …)."""
         return torch.cat([member(x) for member in self.members])

@@ -24,24 +24,24 @@ CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functiona
 
 
 class VariationalConfig(Frozen):
-    """Choice of the random weights, their priors, and the factor on the KL divergence.
+    """Selection of the probabilistic weights, their priors, and the factor on the KL divergence.
 
     Attributes
     ----------
     convolutions : tuple of {1, 2}
-        Which of the two convolutions of a level.
+        Numbers of the probabilistic convolutions among the two of a level.
     levels : tuple of int, optional
-        At which levels, 0 being the finest; all of them if left out.
+        Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
     biases : bool
-        Whether the biases of these convolutions are probabilistic too.
+        True if the biases of these convolutions are probabilistic too.
     prior_std : float
-        σ_p.
+        Prior standard deviation σ_p.
     prior_mean : {"trainable", "zero"}
-        μ_p: trained (empirical Bayes), or fixed at zero.
+        Prior mean μ_p: trained (empirical Bayes) or fixed at zero.
     initial_std : float
-        σ at the start.
+        Initial standard deviation σ.
     posterior_std : {"gradient", "gauss_newton"}
-        Method that finds σ: gradients of the bound, as in the paper, or the Fisher information
+        Method for σ: gradients of the bound, as in the paper, or the Fisher information
         (`gauss_newton`), which reaches the bound's maximum where gradients are lost in noise.
     kl_divergence : {"closed", "sampled"}
         Closed form of the Kullback–Leibler divergence, or the paper's Monte Carlo form.
@@ -74,14 +74,14 @@ class VariationalConfig(Frozen):
 class FlipoutConvolution(nn.Module):
     """3×3(×3) convolution that keeps the grid's size, with a probabilistic kernel.
 
-    In training every sample of a batch sees another kernel. In evaluation the mean kernel is used,
-    or, after `draw`, the drawn ones: the batch is then as many equal parts as there were draws, and
-    each part sees one of them.
+    In training every sample of a batch has another kernel. In evaluation the mean kernel is used;
+    after `draw`, a batch consists of as many equal chunks as there were draws, each with one drawn
+    kernel.
 
     Parameters
     ----------
     convolution : nn.Conv2d or nn.Conv3d
-        Gives the initial means.
+        Convolution with the initial means.
     config : VariationalConfig
     """
 
@@ -109,7 +109,7 @@ class FlipoutConvolution(nn.Module):
         return y + self._perturbation(x) if self.training else y
 
     def _perturbation(self, x: Tensor) -> Tensor:
-        """What the spread of the posterior adds to the output."""
+        """Contribution to the output of the weights' random deviations from their means."""
         kernel, extra = self.kernel, (1,) * (x.ndim - 2)
         noise = torch.randn_like(kernel.mean)
         self._noise = [noise]
@@ -123,7 +123,7 @@ class FlipoutConvolution(nn.Module):
         return y
 
     def kl_divergence(self) -> Tensor:
-        """KL divergence of kernel and biases in nats; the sampled form at the latest noise."""
+        """KL divergence of kernel and biases in nats; the sampled form uses the latest noise."""
         parameters = [p for p in (self.kernel, self.bias) if isinstance(p, GaussianParameter)]
         if not self.sampled:
             return torch.stack([p.kl_divergence() for p in parameters]).sum()
@@ -131,7 +131,7 @@ class FlipoutConvolution(nn.Module):
         return torch.stack([p.sampled_kl_divergence(noise) for p, noise in pairs]).sum()
 
     def draw(self, generators: Sequence[torch.Generator]) -> None:
-        """Draw independent kernels and biases, one of each a generator, to evaluate with."""
+        """Draw independent kernels and biases for evaluation, one of each for every generator."""
         if isinstance(self.bias, GaussianParameter):
             bias = self.bias.draw(generators)
         else:
@@ -139,11 +139,11 @@ class FlipoutConvolution(nn.Module):
         self._drawn = (self.kernel.draw(generators), bias)
 
     def forget(self) -> None:
-        """Evaluate with the means again."""
+        """Discard the drawn weights: evaluation uses the means."""
         self._drawn = None
 
     def _with_drawn(self, x: Tensor, kernel: Tensor, bias: Tensor) -> Tensor:
-        """Each of the batch's parts by its own kernel: a convolution in as many groups."""
+        """Convolve each chunk of the batch with its own kernel, in one grouped convolution."""
         passes, (samples, inputs), grid = len(kernel), x.shape[:2], x.shape[2:]
         samples //= passes
         grouped = x.reshape(passes, samples, inputs, *grid).transpose(0, 1)

@@ -22,20 +22,20 @@ class GaussianParameter(nn.Module):
     Parameters
     ----------
     mean : Tensor
-        Initial μ, of any shape; a trainable μ_p starts there as well.
+        Initial μ of any shape; also the initial value of a trainable μ_p.
     std : float
         Initial σ of every weight.
     prior_std : float
-        σ_p of every weight.
+        Prior standard deviation σ_p of every weight.
     trainable_prior : bool
-        Whether μ_p is trained; otherwise it is zero.
+        True if μ_p is trained; otherwise it is zero.
 
     Attributes
     ----------
     mean, rho : nn.Parameter
-        μ and ρ.
+        Posterior mean μ, and ρ, which gives σ.
     prior_mean : nn.Parameter or Tensor
-        μ_p.
+        Prior mean μ_p.
     """
 
     prior_mean: Tensor
@@ -52,7 +52,7 @@ class GaussianParameter(nn.Module):
 
     @property
     def std(self) -> Tensor:
-        """σ = ln(1 + e^ρ)."""
+        """Posterior standard deviation σ = ln(1 + e^ρ)."""
         return functional.softplus(self.rho)
 
     @torch.no_grad()
@@ -61,7 +61,7 @@ class GaussianParameter(nn.Module):
         self.rho.copy_(std + torch.log(-torch.expm1(-std)))
 
     def kl_divergence(self) -> Tensor:
-        r"""Kullback–Leibler divergence from prior to posterior, summed over the weights, in nats.
+        r"""Kullback–Leibler divergence of posterior from prior, summed over the weights, in nats.
 
         .. math:: KL[q|p] = \sum \ln\frac{σ_p}{σ} + \frac{σ^2 + (μ - μ_p)^2}{2 σ_p^2} - \frac{1}{2}
         """
@@ -80,7 +80,7 @@ class GaussianParameter(nn.Module):
         return (0.5 * (offset.square() - noise.square()) - ratio.log()).sum()
 
     def draw(self, generators: Sequence[torch.Generator]) -> Tensor:
-        """Independent samples of the weights, one a generator of the CPU: (passes, *shape)."""
+        """Draw independent weights, one sample for each generator of the CPU: (passes, *shape)."""
         noise = torch.empty(len(generators), *self.mean.shape)
         for sample, generator in zip(noise, generators, strict=True):
             sample.normal_(generator=generator)
@@ -88,5 +88,5 @@ class GaussianParameter(nn.Module):
 
 
 def inverse_softplus(value: float) -> float:
-    """ρ of a standard deviation: ln(e^σ − 1)."""
+    """Inverse of the softplus: ρ = ln(e^σ − 1) of a standard deviation σ."""
     return value + math.log(-math.expm1(-value))

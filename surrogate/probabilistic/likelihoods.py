@@ -1,4 +1,4 @@
-r"""What a network's output means, and the loss that follows from it.
+r"""Meaning of a network's output for each likelihood, and the loss that follows from it.
 
 ==================  ===============================================================================
 deterministic       :math:`\frac{1}{N} \sum_i \| U(f_i) - u_i \|_2^2` (Deshpande et al. 2022, Eq.
@@ -9,8 +9,8 @@ variational_bayes   the same with probabilistic weights: negative evidence lower
 ==================  ===============================================================================
 
 Every loss is divided by the number of data (samples times components), and displacements are
-measured in their root mean square, so that losses of different cases compare; the minimiser is
-the same.
+divided by their root mean square, so that losses of different cases are comparable; the minimiser
+is the same.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Loss = Literal["mse", "mae"]
 
 
 class Prediction(NamedTuple):
-    """Displacements as a network predicts them.
+    """Predicted displacements.
 
     Attributes
     ----------
     mean : Tensor, (N, d, nx, ny[, nz])
-        In m.
+        Mean μ in m.
     std : Tensor of the same shape, or None
-        Standard deviation σ of every component in m; none of a deterministic network.
+        Standard deviation σ of every component in m; None for a deterministic network.
     """
 
     mean: Tensor
@@ -53,7 +53,7 @@ def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: T
     predicted, reference : Tensor, (N, d, nx, ny[, nz])
         Displacements U and u in m.
     unit : Tensor, ()
-        In m.
+        Unit of displacements in m.
     """
     error = (predicted - reference) / unit
     return error.square().mean() if loss == "mse" else error.abs().mean()
@@ -69,13 +69,13 @@ def negative_log_likelihood(
     Parameters
     ----------
     prediction : Prediction
-        Of a network that is not deterministic.
+        Prediction with a standard deviation.
     reference : Tensor, (N, d, nx, ny[, nz])
-        u in m.
+        Displacement u in m.
     free : Tensor of int, (n_free,)
-        Grid points that can move, numbered as the flattened grid is.
+        Numbers of the free grid points in the flattened grid.
     unit : Tensor, ()
-        In m.
+        Unit of displacements in m.
     beta : float
         Every term is weighted by σ^{2β}, held constant and divided by its mean: 0 is the
         likelihood; towards 1 the means are fitted as by least squares (Seitzer et al. 2022).

@@ -1,6 +1,6 @@
-r"""Mean and spread of displacements over stochastic passes.
+r"""Mean and standard deviations of displacements over stochastic passes.
 
-Of T passes with means :math:`μ_t` and standard deviations :math:`σ_t`,
+For T passes with means :math:`μ_t` and standard deviations :math:`σ_t`,
 
 .. math:: \bar μ = \frac{1}{T} \sum_t μ_t, \qquad
    σ^2 = \underbrace{\frac{1}{T-1} \sum_t (μ_t - \bar μ)^2}_{\text{epistemic}}
@@ -25,9 +25,9 @@ class Moments(NamedTuple):
     Attributes
     ----------
     passes : int
-        Their number T.
+        Number of passes T.
     mean : Tensor, (N, n_nodes, d)
-        In m.
+        Mean of μ_t in m.
     squares, variances : Tensor of the same shape
         Sums of (μ_t − mean)² and of σ_t², in m².
     """
@@ -46,11 +46,11 @@ class Moments(NamedTuple):
         return cls(len(prediction.mean), mean, squares, std.square().sum(dim=0))
 
     def scaled(self, epistemic_factor: Tensor) -> Moments:
-        """Those with factors on the epistemic standard deviation, (N, 1, 1)."""
+        """Return the sums with factors (N, 1, 1) on the epistemic standard deviation."""
         return self._replace(squares=self.squares * epistemic_factor.square())
 
     def joined(self, other: Moments) -> Moments:
-        """Those of both sets of passes (Chan, Golub and LeVeque 1983)."""
+        """Return the sums over both sets of passes (Chan, Golub and LeVeque 1983)."""
         passes, offset = self.passes + other.passes, other.mean - self.mean
         between = offset.square() * (self.passes * other.passes / passes)
         return Moments(
@@ -67,7 +67,7 @@ class Moments(NamedTuple):
 
     @property
     def std_epistemic(self) -> Tensor:
-        """Standard deviation of the passes' means in m; zero of one pass."""
+        """Standard deviation of the passes' means in m; zero for one pass."""
         return (self.squares / max(self.passes - 1, 1)).sqrt()
 
     @property

@@ -1,6 +1,7 @@
-"""Stochastic passes: every one through a network with weights of its own, drawn independently.
+"""Stochastic passes through a network, each with independently drawn weights.
 
-Pass t of a seed is a pure function of both, whatever the device and however many are done at once.
+The weights of pass t are a pure function of the seed and t, whatever the device and the number of
+passes done at once.
 """
 
 from __future__ import annotations
@@ -14,27 +15,27 @@ from torch import nn
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.seeds import PASS, stream
 
-DRAWN = 2**28  # a gigabyte
+DRAWN = 2**28  # weights drawn at once: a gigabyte
 
 
 @runtime_checkable
 class Drawable(Protocol):
-    """A module whose output is random, until it is drawn."""
+    """A module with random weights or masks, which `draw` fixes."""
 
     def draw(self, generators: Sequence[torch.Generator]) -> None:
-        """Take one fixed sample of the module a generator; a batch then has as many equal parts."""
+        """Fix one sample for each generator; a batch then consists of as many equal chunks."""
 
     def forget(self) -> None:
         """Undo `draw`."""
 
 
 def drawables(network: nn.Module) -> list[Drawable]:
-    """Modules of a network that passes differ by; none in a network that is not stochastic."""
+    """Stochastic modules of a network; an empty list for a network that is not stochastic."""
     return [module for module in network.modules() if isinstance(module, Drawable)]
 
 
 class Passes:
-    """The passes of a network; those last drawn stay, so that drawing them again costs nothing.
+    """Passes of a network; the last drawn ones are kept, so that drawing them again costs nothing.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ class Passes:
     Attributes
     ----------
     at_once : int
-        As many passes as there is memory for, `DRAWN` weights.
+        Number of passes that fit into memory, with `DRAWN` weights at most.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -55,12 +56,12 @@ class Passes:
 
     @property
     def differ(self) -> bool:
-        """Whether passes differ: not in a network that is not stochastic."""
+        """True if passes differ, that is, if the network is stochastic."""
         return bool(self._modules)
 
     @torch.no_grad()
     def draw(self, seed: int, passes: range) -> None:
-        """Make the network take its batch as equal parts, one for each of some passes of a seed."""
+        """Draw passes of a seed; the network then takes a batch as equal chunks, one a pass."""
         if self._drawn == (seed, passes):
             return
         self.forget()  # the old samples make room
@@ -70,7 +71,7 @@ class Passes:
         self._drawn = seed, passes
 
     def forget(self) -> None:
-        """Make the network take its batch as one part, by its mean weights."""
+        """Discard the drawn passes; the network then takes a batch as a whole, by its means."""
         for module in self._modules:
             module.forget()
         self._drawn = None

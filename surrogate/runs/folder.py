@@ -25,7 +25,6 @@ from torch import Tensor
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import read_yaml, validate
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import Manifest
 from surrogate.runs.description import RunDescription
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
@@ -118,17 +117,6 @@ class RunFolder:
         except ValueError as error:
             raise InputError(f"{self.evaluation}: damaged ({error})") from None
         return content
-
-    def require_case_of(self, manifest: Manifest, description: RunDescription) -> None:
-        """Raise InputError unless a dataset is of the case that the run was trained on."""
-        theirs, ours = manifest.case, description.data.case
-        for key in ("name", "mesh", "supports", "material"):
-            if theirs.get(key) != ours.get(key):
-                raise InputError(
-                    f"{self.folder}: trained on case '{ours.get('name')}', the dataset is of case "
-                    f"'{theirs.get('name')}': {key} = {theirs.get(key)!r}, "
-                    f"expected {ours.get(key)!r}"
-                )
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:

@@ -14,7 +14,7 @@ from surrogate.studies.accuracy import (
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
-from surrogate.uncertainty.calibration import INTERVALS, CalibrationMeasures, judge
+from surrogate.uncertainty.calibration import INTERVALS, CalibrationMeasures, measure_calibration
 
 CASES = ("beam2d", "lshape2d")
 BAYESIAN = tuple(f"{case}-vb" for case in CASES)
@@ -41,7 +41,7 @@ def calibration(workshop: Workshop, run: str) -> CalibrationMeasures:
     """Predicted uncertainty of a run beside the errors made on the test split."""
     dataset, predicted = workshop.dataset_of(run), workshop.predicted_test(run)
     free = ~dataset.geometry.clamped
-    return judge(predicted.mean, predicted.std, dataset.nodal_test.displacement, free)
+    return measure_calibration(predicted.mean, predicted.std, dataset.nodal_test.displacement, free)
 
 
 def coverage_table(workshop: Workshop) -> Table:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared_schema.drawing.figure_style import make_figure, styled
 from surrogate.evaluation.metrics import displacement_at_load, sample_errors
 from surrogate.evaluation.published import PUBLISHED
-from surrogate.presentation.uncertainty_figures import CURVES
+from surrogate.presentation.curve_colours import CURVES
 from surrogate.studies.accuracy import MM, name_of, test_errors
 from surrogate.studies.record import MARGIN, Claim, Table, compare
 from surrogate.studies.study import Outcome, Study

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
-from surrogate.presentation.uncertainty_figures import sweep as draw_sweep
+from surrogate.presentation.sweep_curves import sweep_curves
 from surrogate.studies.accuracy import MM
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome
@@ -37,7 +37,7 @@ def sweep_outcome(variational: Extrapolation, deterministic: Extrapolation) -> O
         ],
         figures={
             "sweep": (
-                draw_sweep(variational, deterministic, "U-Net (VB)"),
+                sweep_curves(variational, deterministic, "U-Net (VB)"),
                 "Displacement of the loaded node in the direction of the force (left), and its "
                 "error beside the 95 % band (right; linear near zero, logarithmic beyond); grey, "
                 f"the training range of ±{vb.limit:g} N.",

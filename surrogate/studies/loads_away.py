@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from shared_schema.drawing.figure_style import NETWORK, make_figure, styled
 from surrogate.evaluation.extrapolation import Extrapolation
-from surrogate.presentation import figures
-from surrogate.presentation.uncertainty_figures import CURVES
+from surrogate.presentation.curve_colours import CURVES
+from surrogate.presentation.mesh_figures import deformed_meshes
 from surrogate.studies.accuracy import MM
 from surrogate.studies.errors_by_distance import ErrorsByDistance
 from surrogate.studies.record import Claim, Table
@@ -105,7 +105,7 @@ def errors_table(d: ErrorsByDistance, vb: ErrorsByDistance, load: str) -> Table:
 def meshes(loads: Extrapolation, number: int) -> Figure:
     """Draw the deformed meshes of a sample."""
     predicted, samples = loads.predicted.mean[number], loads.samples
-    return figures.deformed_meshes(
+    return deformed_meshes(
         loads.surrogate.geometry, predicted, samples.displacement[number], samples.force[number]
     )
 

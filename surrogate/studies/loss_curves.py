@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.presentation import figures
+from surrogate.presentation.loss_curves import loss_curves
 from surrogate.studies.accuracy import name_of
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study
@@ -36,7 +36,7 @@ def conduct(workshop: Workshop) -> Outcome:
     head = ("example", "epochs", "training loss, last", "validation loss, last", "smallest")
     outcome.tables.append(Table(caption="Scaled losses.", head=head, rows=tuple(rows)))
     outcome.figures["loss-curves"] = (
-        figures.loss_curves(curves),
+        loss_curves(curves),
         "Training and validation loss over the epochs, displacements in units of their root mean "
         f"square: {'; '.join(said)}. The paper's loss is the {PAPER_LOSS}.",
     )

@@ -9,7 +9,7 @@ from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.metrics import measure
 from surrogate.inference.prediction import Surrogate
-from surrogate.presentation import figures
+from surrogate.presentation.mesh_figures import meshes_and_errors
 from surrogate.studies.accuracy import MM, test_errors
 from surrogate.studies.error_pattern import all_follow, error_follows_displacement
 from surrogate.studies.record import Claim, Table, compare
@@ -54,7 +54,7 @@ def conduct(workshop: Workshop) -> Outcome:
         ],
         figures={
             "example": (
-                figures.meshes_and_errors(geometry, predicted[number], reference, force),
+                meshes_and_errors(geometry, predicted[number], reference, force),
                 f"2D beam under forces of {newtons} N (from the clamped end), its network trained "
                 f"on single ones; tip displacement {moved:.2f} m. Left: meshes. Right: nodal error "
                 "on the predicted mesh.",

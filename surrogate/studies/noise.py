@@ -14,7 +14,7 @@ from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, 
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
-from surrogate.presentation.uncertainty_figures import OTHER
+from surrogate.presentation.curve_colours import OTHER
 from surrogate.studies.accuracy import MM
 from surrogate.studies.workshop import SEED, Workshop
 

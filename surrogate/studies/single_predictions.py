@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.example import find_example, tip_measures
-from surrogate.presentation import figures
+from surrogate.presentation.mesh_figures import close_up, meshes_and_errors
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.error_pattern import all_follow, error_follows_displacement
 from surrogate.studies.record import Claim, Table, compare
@@ -95,12 +95,12 @@ def conduct(workshop: Workshop) -> Outcome:
         outcome.comparisons.append(compare(f"{what}: relative tip error", "%", *percent))
         caption = f"{example.body}, {newtons:.2f} N at ({place}) m, tip displacement {moved:.2f} m"
         outcome.figures[name] = (
-            figures.meshes_and_errors(geometry, predicted, reference, force),
+            meshes_and_errors(geometry, predicted, reference, force),
             f"{caption}. Left: meshes. Right: nodal error on the predicted mesh.",
         )
         if geometry.dimension == 3:
             outcome.figures[f"{name}-close"] = (
-                figures.close_up(geometry, predicted, reference, loaded, CLOSE),
+                close_up(geometry, predicted, reference, loaded, CLOSE),
                 f"{caption}. Meshes close to the loaded node (dot).",
             )
     head = (

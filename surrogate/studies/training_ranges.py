@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from shared_schema.drawing.figure_style import NETWORK, legend_below, make_figure, styled
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
-from surrogate.presentation.uncertainty_figures import OTHER
+from surrogate.presentation.curve_colours import OTHER
 from surrogate.studies.accuracy import MM
 from surrogate.studies.record import Claim, Table
 from surrogate.studies.study import Outcome, Study

@@ -13,7 +13,7 @@ from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.example import find_example
 from surrogate.evaluation.published import PUBLISHED
 from surrogate.inference.prediction import Distribution
-from surrogate.presentation.uncertainty_figures import error_beside_uncertainty
+from surrogate.presentation.field_figures import error_beside_uncertainty
 from surrogate.studies.field_agreement import (
     FieldMeasures,
     close,

@@ -1,7 +1,7 @@
-r"""How well predicted uncertainty fits the errors made.
+r"""Measures of predicted uncertainty against the errors of the predictions.
 
-Every component is predicted as a Gaussian of its own, with mean μ and standard deviation σ in m; u
-is the reference, :math:`z = (u - μ) / σ`, φ and Φ are the standard normal's density and
+Every component is predicted as a Gaussian with mean μ and standard deviation σ in m; u is the
+reference, :math:`z = (u - μ) / σ`, φ and Φ are the standard normal's density and
 distribution function. Clamped nodes are known (σ = 0, no error) and are left out everywhere.
 """
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.special import ndtr, ndtri
 from scipy.stats import rankdata
 
@@ -23,14 +24,14 @@ LEVELS = 101  # points of the calibration curve
 
 @dataclass(frozen=True)
 class IntervalMeasures:
-    """Central intervals of one level.
+    """Coverage and width of the central intervals of one level.
 
     Attributes
     ----------
     level : float
-        Probability p that they are meant to cover.
+        Nominal coverage p.
     coverage : float
-        Share of the components that they do cover.
+        Share of the components inside their intervals.
     width : float
         Mean width in m.
     """
@@ -42,26 +43,27 @@ class IntervalMeasures:
 
 @dataclass(frozen=True)
 class CalibrationMeasures:
-    """Predicted uncertainty of M samples beside the errors made, over the free components.
+    """Scores and calibration of predictions of M samples, over the free components.
 
     Attributes
     ----------
     samples : int
-        M.
+        Number of samples M.
     negative_log_likelihood : float
-        Mean over the components, in nats (of densities in 1/m: it is negative where σ is small).
+        Mean over the components in nats, of densities in 1/m: negative where σ is small.
     crps : float
         Mean continuous ranked probability score in m.
     intervals : tuple of IntervalMeasures
-        Of the levels ``INTERVALS``.
+        Measures of the central intervals of the levels ``INTERVALS``.
     levels, observed : tuple of float
-        The calibration curve: observed coverage over expected level.
+        Calibration curve: observed coverage over expected level.
     miscalibration_area : float
-        Between that curve and the diagonal.
+        Area between that curve and the diagonal.
     node_rank_correlation : float
-        Spearman's, between ‖σ‖₂ and ‖U − u‖₂ over a sample's nodes; mean over the samples.
+        Spearman's rank correlation of ‖σ‖₂ and ‖U − u‖₂ over a sample's nodes, averaged over the
+        samples.
     sample_rank_correlation : float
-        Spearman's, between a sample's mean σ and its e_m, over the samples.
+        Spearman's rank correlation of a sample's mean σ and its e_m, over the samples.
     mean_std : float
         Sharpness: mean σ in m.
     """
@@ -78,7 +80,7 @@ class CalibrationMeasures:
     mean_std: float
 
     def plain(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return the measures as plain data."""
         return asdict(self)
 
 
@@ -104,17 +106,17 @@ def crps(error: Array, std: Array) -> Array:
 
 
 def half_width(level: float) -> float:
-    """Of a standard normal's central interval of some level: Φ⁻¹((1 + level) / 2)."""
+    """Half width of the standard normal's central interval of a level: Φ⁻¹((1 + level) / 2)."""
     return float(ndtri(0.5 + 0.5 * level))
 
 
 def calibration_curve(error: Array, std: Array) -> tuple[Array, Array]:
-    r"""Expected levels p, and the share of errors that the central intervals of level p cover.
+    r"""Return expected levels p and the share of errors that the central intervals of p cover.
 
     .. math:: \hat p(p) = \frac{1}{N} \#\{ i : 2Φ(|z_i|) - 1 \le p \}
 
-    the calibration curve of Kuleshov, Fenner and Ermon 2018, of central intervals in place of
-    one-sided ones: where σ is too small it lies below the diagonal, where too large above.
+    This is the calibration curve of Kuleshov, Fenner and Ermon (2018) for central instead of
+    one-sided intervals. It lies below the diagonal if σ is too small, above it if σ is too large.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def calibration_curve(error: Array, std: Array) -> tuple[Array, Array]:
     Returns
     -------
     levels, observed : array, (LEVELS,)
-        Both from 0 to 1.
+        Values from 0 to 1.
     """
     levels = np.linspace(0.0, 1.0, LEVELS)
     reached = np.sort(2 * ndtr(np.abs(error / std)) - 1, axis=None)
@@ -133,8 +135,7 @@ def calibration_curve(error: Array, std: Array) -> tuple[Array, Array]:
 
 def miscalibration_area(levels: Array, observed: Array) -> float:
     r""":math:`\int_0^1 |\hat p(p) - p| \, dp` by the trapezoidal rule; 0 at best, 1/2 at worst."""
-    gap = np.abs(observed - levels)
-    return float(np.sum(0.5 * (gap[1:] + gap[:-1]) * np.diff(levels)))
+    return float(trapezoid(np.abs(observed - levels), levels))
 
 
 def rank_correlation(x: Array, y: Array) -> Array:
@@ -158,10 +159,10 @@ def require_positive(std: Array, free: NDArray[np.bool_]) -> None:
         )
 
 
-def judge(
+def measure_calibration(
     mean: Array, std: Array, reference: Array, free: NDArray[np.bool_]
 ) -> CalibrationMeasures:
-    """Judge predicted distributions against reference solutions.
+    """Measure predicted distributions against reference solutions.
 
     Parameters
     ----------

@@ -7,21 +7,22 @@ score q gives
 .. math:: P(μ - q σ \le u \le μ + q σ) \ge 1 - α
 
 for a new sample, whatever the errors' distribution and however wrong σ, as long as the samples are
-exchangeable (Vovk, Gammerman and Shafer 2005). Proof: the new score's rank among all n + 1, ties
-broken at random, is uniform on 1, …, n + 1. If it is at most k, the score is at most q; that has
-probability :math:`k / (n+1) \ge 1 - α`, the coverage itself if no two scores are equal.
+exchangeable (Vovk, Gammerman and Shafer 2005). Proof: the rank of the new score among all n + 1,
+ties broken at random, is uniform on 1, …, n + 1. If the rank is at most k, the score is at most q.
+The rank is at most k with probability :math:`k / (n+1) \ge 1 - α`, which is the coverage itself if
+no two scores are equal.
 
-The probability is that of calibration and new sample together. Over calibrations, the coverage
+The probability is over calibration samples and new sample together. Over calibrations, the coverage
 varies as Beta(k, n + 1 − k), with mean k / (n + 1), if the samples are independent and no two
 scores are equal (Vovk 2012).
 
 Samples are exchangeable, the components of one are not. So scores are ranked over samples only (a
-whole field is covered just where its largest score is at most q):
+whole field is covered if and only if its largest score is at most q):
 
 ============  =================================================  ========================
 kind          score of a sample                                  covered with 1 − α
 ============  =================================================  ========================
-marginal      that of the component; one factor q a component    each component by itself
+marginal      that of each component; a factor q for each        each component by itself
 simultaneous  the largest of its free components; one q for all  the whole field at once
 ============  =================================================  ========================
 """
@@ -40,7 +41,7 @@ from surrogate.uncertainty.calibration import require_positive
 Array = NDArray[np.float64]
 Kind = Literal["marginal", "simultaneous"]
 
-ROUNDING = 1e-9  # (n + 1)(1 − α) that is whole but for this is taken as whole
+ROUNDING = 1e-9  # (n + 1)(1 − α) above a whole number by less than this is taken as that number
 
 
 def samples_needed(level: float) -> int:
@@ -70,15 +71,15 @@ def conformal_quantile(scores: Array, level: float) -> Array:
 
 @dataclass(frozen=True)
 class ConformalCalibration:
-    """Factors by which σ is multiplied to cover new samples.
+    """Factors on σ that make intervals cover new samples.
 
     Attributes
     ----------
     level : float
-        1 − α.
+        Nominal coverage 1 − α.
     kind : {"marginal", "simultaneous"}
     factor : array, (n_nodes, d)
-        q of every component; 0 where clamped. In m if it was fitted with a σ of 1.
+        Factor q of every component; 0 where clamped; in m if fitted with σ = 1.
     """
 
     level: float
@@ -95,12 +96,12 @@ class ConformalCalibration:
         reference: Array,
         free: NDArray[np.bool_],
     ) -> ConformalCalibration:
-        """Find the factors from calibration samples, used neither to train nor to judge.
+        """Fit the factors to calibration samples, used neither for training nor for testing.
 
         Parameters
         ----------
         level : float
-            1 − α, between 0 and 1.
+            Nominal coverage 1 − α, between 0 and 1.
         kind : {"marginal", "simultaneous"}
         mean, reference : array, (n, n_nodes, d)
             μ and u in m.
@@ -125,6 +126,6 @@ class ConformalCalibration:
         return cls(level, kind, factor)
 
     def interval(self, mean: Array, std: ArrayLike) -> tuple[Array, Array]:
-        """Lower and upper end μ ∓ qσ in m: (..., n_nodes, d) each; `std` as in `fit`."""
+        """Return both ends μ ∓ qσ of the intervals in m, (..., n_nodes, d); `std` as in `fit`."""
         half = self.factor * np.asarray(std, dtype=np.float64)
         return mean - half, mean + half

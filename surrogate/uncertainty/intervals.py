@@ -1,4 +1,4 @@
-"""Conformal intervals of a run: fitted to its calibration part, and kept in its folder."""
+"""Conformal intervals of a run, fitted to its calibration split and saved in its folder."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Intervals:
-    """Intervals of one level, of every kind.
+    """Conformal intervals of one level, of both kinds.
 
     Attributes
     ----------
     level : float
-        1 − α.
+        Nominal coverage 1 − α.
     samples : int
         Number of calibration samples.
     calibrations : dict
-        By kind.
+        Fitted factors by kind.
     """
 
     level: float
@@ -43,15 +43,16 @@ class Intervals:
     def bounds(
         self, kind: Kind, surrogate: Surrogate, predicted: Distribution
     ) -> tuple[Array, Array]:
-        """Lower and upper end of the intervals about a prediction, in m, of its shape."""
-        return self.calibrations[kind].interval(predicted.mean, spread(surrogate, predicted))
+        """Return the lower and upper ends of the intervals of a prediction, in m, of its shape."""
+        return self.calibrations[kind].interval(predicted.mean, score_scale(surrogate, predicted))
 
     def measures(
         self, surrogate: Surrogate, predicted: Distribution, reference: Array
     ) -> dict[str, Any]:
-        """Coverage on other samples, (M, n_nodes, d), and mean width in m, as plain data.
+        """Measure the coverage on other samples, (M, n_nodes, d), and the mean width in m.
 
-        Marginal intervals cover components of free nodes, simultaneous ones whole samples.
+        Coverage is the share of the free components for marginal intervals, and the share of whole
+        samples for simultaneous ones. The result is plain data.
         """
         free = ~surrogate.geometry.clamped
         content: dict[str, Any] = {"level": self.level, "samples": self.samples}
@@ -66,7 +67,7 @@ class Intervals:
         return content
 
     def save(self, path: Path) -> None:
-        """Write atomically."""
+        """Write the intervals atomically."""
         tensors: dict[str, Tensor] = {
             kind: torch.from_numpy(calibration.factor)
             for kind, calibration in self.calibrations.items()
@@ -74,34 +75,34 @@ class Intervals:
         save_atomically(tensors, path, {"level": repr(self.level), "samples": str(self.samples)})
 
 
-def spread(surrogate: Surrogate, predicted: Distribution) -> ArrayLike:
-    """What errors are measured in: σ in m, or 1 m of a surrogate that predicts none."""
+def score_scale(surrogate: Surrogate, predicted: Distribution) -> ArrayLike:
+    """Divisor of the errors in the scores: σ in m, or 1 m for a surrogate that predicts no σ."""
     return predicted.std if surrogate.is_probabilistic else 1.0
 
 
 def fit_intervals(
     surrogate: Surrogate, dataset: Dataset, level: float, passes: int, seed: int
 ) -> Intervals:
-    """Fit intervals to the calibration part of a run's training split.
+    """Fit intervals to the calibration split of a run's training samples.
 
     Raises
     ------
     InputError
-        If the run kept no such part, it is too small for the level, the level is not between 0
-        and 1, or the dataset is not the one that the run was trained on.
+        If the run has no calibration split, the split is too small for the level, the level is not
+        between 0 and 1, or the run was trained on another dataset.
     """
     description = surrogate.description
     fraction = description.run.training.calibration_fraction
     if dataset.manifest.digest != description.data.digest:
         raise InputError(
-            f"--conformal {level}: not the dataset that the run was trained on, whose training "
-            "split has its calibration part"
+            f"--conformal {level}: not the dataset that the run was trained on, which holds its "
+            "calibration split"
         )
     rows = split_training(dataset.train, description.run).calibration_rows
     if len(rows) == 0:
         raise InputError(
-            f"--conformal {level}: the run kept no samples for it, 'training.calibration_fraction' "
-            f"= {fraction}, expected above 0"
+            f"--conformal {level}: the run has no calibration split, "
+            f"'training.calibration_fraction' = {fraction}, expected above 0"
         )
     samples = dataset.nodal_train(rows)
     predicted = surrogate.predict_distribution(samples.force, passes, seed)
@@ -112,7 +113,7 @@ def fit_intervals(
                 level,
                 kind,
                 predicted.mean,
-                spread(surrogate, predicted),
+                score_scale(surrogate, predicted),
                 samples.displacement,
                 free,
             )
@@ -124,12 +125,12 @@ def fit_intervals(
 
 
 def load_intervals(path: Path) -> Intervals:
-    """Read what `Intervals.save` wrote.
+    """Read a file of `Intervals.save`.
 
     Raises
     ------
     InputError
-        If there is nothing, or it is damaged.
+        If the file is missing or damaged.
     """
     if not path.is_file():
         raise InputError(

@@ -1,13 +1,13 @@
-r"""Factors on predicted standard deviations, fitted to samples that were kept out of training.
+r"""Factors on predicted standard deviations, fitted to samples held out of training.
 
 .. math:: σ^2 = a^2 σ_{\text{aleatoric}}^2 + b^2 σ_{\text{epistemic}}^2
 
-with a and b of greatest likelihood (Kuleshov et al. 2018; Laves et al. 2020).
-A heteroscedastic network explains the error of one draw of its weights, so that the mean over
-draws, which errs less, is given the weights' spread twice; and errors on training samples are not
-those on others.
+with a and b of greatest likelihood (Kuleshov et al. 2018; Laves et al. 2020). There are two reasons
+to correct σ. The aleatoric σ of a heteroscedastic network includes the error of single draws of the
+weights; the mean over draws has a smaller error, so that its σ counts weight uncertainty twice. And
+errors on training samples differ from errors on other samples.
 
-Beyond the forces of the training nothing is known of either, and the factors tend to 1 there
+Held-out samples tell nothing about forces beyond the training range; there the factors tend to 1
 (`NodalNetwork.factors`).
 """
 
@@ -21,7 +21,7 @@ from surrogate.data.dataset import Samples
 from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.uncertainty.calibration import negative_log_likelihood
 
-BOUNDS = (-6.0, 6.0)  # of ln a and ln b
+BOUNDS = (-6.0, 6.0)  # bounds of ln a and ln b
 PASSES = 100
 Array = NDArray[np.float64]
 
@@ -29,12 +29,12 @@ Array = NDArray[np.float64]
 def fit_factors(
     predicted: Distribution, reference: Array, free: NDArray[np.bool_]
 ) -> tuple[float, float]:
-    """Find a and b; b is 1 where there is no epistemic part.
+    """Fit a and b; b is 1 if there is no epistemic uncertainty.
 
     Parameters
     ----------
     predicted : Distribution
-        Of n samples, (n, n_nodes, d).
+        Predictions of n samples, (n, n_nodes, d).
     reference : array, (n, n_nodes, d)
         u in m.
     free : array of bool, (n_nodes,)
@@ -54,14 +54,14 @@ def fit_factors(
 
 
 def recalibrate(surrogate: Surrogate, held_out: Samples) -> None:
-    """Set the factors of a surrogate's network.
+    """Fit the factors of a surrogate's network to held-out samples and set them.
 
     Parameters
     ----------
     surrogate : Surrogate
-        Its factors are 1.
+        Surrogate whose factors are 1.
     held_out : Samples
-        Neither trained on nor tested on.
+        Samples used neither for training nor for testing.
     """
     geometry, network = surrogate.geometry, surrogate.network
     force, reference = (

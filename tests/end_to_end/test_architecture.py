@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
-LEARNER = {"torch", "safetensors"}
+LEARNER = {"jinja2", "safetensors", "torch"}
 DRAWING = {  # who may import matplotlib, besides the learner
     "shared_schema/drawing/figure_style.py",
     "shared_schema/drawing/mesh_drawing.py",

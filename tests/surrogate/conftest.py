@@ -264,17 +264,26 @@ def dataset_3d(data_3d: Path) -> Dataset:
 
 
 @pytest.fixture(scope="session")
-def trained(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
-    """A trained run; not to be changed."""
-    folder = tmp_path_factory.mktemp("runs") / "trained"
-    train(small_config(epochs=40), dataset, RunFolder(folder), torch.device("cpu"))
-    return folder
+def make_run(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Callable[..., Path]:
+    """Train on the two-dimensional dataset, with the arguments of `make_config`."""
+
+    def make(**changes: Any) -> Path:
+        folder = tmp_path_factory.mktemp("runs") / "run"
+        train(small_config(**changes), dataset, RunFolder(folder), torch.device("cpu"))
+        return folder
+
+    return make
 
 
 @pytest.fixture(scope="session")
-def evaluated(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset, data: Path) -> Path:
+def trained(make_run: Callable[..., Path]) -> Path:
+    """A trained run; not to be changed."""
+    return make_run(epochs=40)
+
+
+@pytest.fixture(scope="session")
+def evaluated(make_run: Callable[..., Path], data: Path) -> Path:
     """A trained and evaluated run; not to be changed."""
-    folder = tmp_path_factory.mktemp("runs") / "evaluated"
-    train(small_config(epochs=40), dataset, RunFolder(folder), torch.device("cpu"))
+    folder = make_run(epochs=40)
     write_figures(evaluate(folder, data), RunFolder(folder))
     return folder

@@ -8,15 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import yaml
 
 import surrogate
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
 
 
 @pytest.fixture
@@ -27,15 +23,8 @@ def config(tmp_path: Path, make_config: Callable[..., UNetModel]) -> Path:
 
 
 @pytest.fixture(scope="module")
-def trained_bayes(
-    tmp_path_factory: pytest.TempPathFactory,
-    dataset: Dataset,
-    make_config: Callable[..., UNetModel],
-) -> Path:
-    folder = tmp_path_factory.mktemp("runs") / "bayes"
-    config = make_config(epochs=1, likelihood="variational_bayes")
-    train(config, dataset, RunFolder(folder), torch.device("cpu"))
-    return folder
+def trained_bayes(make_run: Callable[..., Path]) -> Path:
+    return make_run(epochs=1, likelihood="variational_bayes")
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ def content(evaluated: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def again(evaluated: Path, dataset: Dataset) -> Evaluation:
-    """The evaluation made in this test, from the prediction alone."""
+    """The same evaluation, made here from predictions alone."""
     model = surrogate.load(evaluated)
     grid = model.geometry.grid
     force = grid.to_nodes(dataset.test.force.double().numpy())
@@ -47,7 +47,7 @@ def test_measures(content: dict[str, Any], again: Evaluation) -> None:
     assert 0 < content["test"]["mean_error"] < np.abs(again.reference).mean()
 
 
-def test_what_was_evaluated(
+def test_run_and_dataset_are_recorded(
     content: dict[str, Any], again: Evaluation, dataset: Dataset, evaluated: Path
 ) -> None:
     assert (content["run"], content["case"], content["seed"]) == ("small", "beam2d", 0)
@@ -60,7 +60,7 @@ def test_what_was_evaluated(
 
 
 def test_example_is_loaded_at_the_tip(content: dict[str, Any], again: Evaluation) -> None:
-    """Of the samples loaded at node 31, that whose tip moves nearest to the paper's 0.95 m."""
+    """The sample loaded at node 31 whose tip displacement is closest to the paper's 0.95 m."""
     moved = np.linalg.norm(again.reference[:, 31], axis=1)
     at_tip = [m for m in range(12) if again.force[m, 31].any()]
     assert at_tip, "the synthetic test split has no such sample"
@@ -106,7 +106,7 @@ def test_other_dimension_is_refused(trained: Path, data_3d: Path) -> None:
         evaluate(trained, data_3d)
 
 
-def test_other_loads_are_no_other_case(
+def test_other_loads_are_accepted(
     trained: Path, tmp_path: Path, make_dataset: Callable[..., Path]
 ) -> None:
     run = tmp_path / "run"

@@ -8,19 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.dataset import read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset, scatter
 from surrogate.evaluation.evaluate import Evaluation, evaluate
-from surrogate.models.unet_model import UNetModel
 from surrogate.presentation.run_figures import write_figures
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
-
-CPU = torch.device("cpu")
 
 
 def test_forces_are_scattered_and_padding_is_not() -> None:
@@ -37,16 +32,9 @@ def test_nodal_samples_are_those_of_the_grid(data: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def run(
-    tmp_path_factory: pytest.TempPathFactory,
-    dataset: Dataset,
-    make_config: Callable[..., UNetModel],
-) -> Path:
+def run(make_run: Callable[..., Path]) -> Path:
     """A network of variational Bayes, shortly trained."""
-    folder = tmp_path_factory.mktemp("bayes") / "run"
-    config = make_config(likelihood="variational_bayes", epochs=15)
-    train(config, dataset, RunFolder(folder), CPU)
-    return folder
+    return make_run(likelihood="variational_bayes", epochs=15)
 
 
 @pytest.fixture(scope="module")
@@ -95,12 +83,8 @@ def test_figures(run: Path, evaluation: Evaluation) -> None:
     assert "sweep" not in names  # the loads are not all at one node
 
 
-def test_maximum_likelihood_makes_no_passes(
-    tmp_path: Path, dataset: Dataset, data: Path, make_config: Callable[..., UNetModel]
-) -> None:
-    folder = tmp_path / "run"
-    config = make_config(likelihood="maximum_likelihood", epochs=2)
-    train(config, dataset, RunFolder(folder), CPU)
+def test_maximum_likelihood_makes_no_passes(data: Path, make_run: Callable[..., Path]) -> None:
+    folder = make_run(likelihood="maximum_likelihood", epochs=2)
     evaluate(folder, data)
     content = json.loads((folder / "evaluation.json").read_text())
     assert "passes" not in content["uncertainty"]

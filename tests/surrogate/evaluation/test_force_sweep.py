@@ -11,7 +11,7 @@ from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import force_sweep
 from surrogate.inference.prediction import Distribution, load
-from surrogate.presentation import uncertainty_figures
+from surrogate.presentation.sweep_curves import scale_from_zero, sweep_curves
 from tests.surrogate.force_sweeps import hand_made
 
 
@@ -74,7 +74,7 @@ def test_values_at_a_force_of_both_senses() -> None:
 
 def test_figure(extrapolation: Extrapolation) -> None:
     """Errors of 100 mm, 95 % bands of ±1.959964 · 0.5 m; the deterministic network as well."""
-    figure = uncertainty_figures.sweep(extrapolation, extrapolation, "U-Net (VB)")
+    figure = sweep_curves(extrapolation, extrapolation, "U-Net (VB)")
     left, right = figure.axes
     assert left.get_xlabel() == "force component y at the node [N]"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [
@@ -101,7 +101,7 @@ def test_figure_where_no_force_is_of_the_training(extrapolation: Extrapolation) 
             predicted.mean[:1], predicted.std_epistemic[:1], predicted.std_aleatoric[:1]
         ),
     )
-    right = uncertainty_figures.sweep(beyond).axes[1]
+    right = sweep_curves(beyond).axes[1]
     assert list(right.get_yticks()) == [-500, 0, 500]
 
 
@@ -109,7 +109,7 @@ def test_ticks_by_decades_beyond_the_linear_part() -> None:
     """Of 3.4 mm one digit is 3; 3000 mm is more than is drawn."""
     axes = make_figure(3.0, 3.0).subplots()
     axes.plot([0, 1], [-20, 1200])
-    uncertainty_figures.scale_from_zero(axes, 3.4)
+    scale_from_zero(axes, 3.4)
     assert list(axes.get_yticks()) == [-300, -30, -3, 0, 3, 30, 300]
     assert axes.get_yticklabels()[0].get_text() == "−300"
     transform = axes.yaxis.get_transform()

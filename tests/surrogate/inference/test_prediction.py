@@ -89,28 +89,15 @@ def test_no_samples(model: surrogate.Surrogate) -> None:
 
 
 @pytest.fixture(scope="module")
-def likely(
-    tmp_path_factory: pytest.TempPathFactory,
-    dataset: Dataset,
-    make_config: Callable[..., UNetModel],
-) -> surrogate.Surrogate:
-    run = RunFolder(tmp_path_factory.mktemp("runs") / "likely")
-    config = make_config(epochs=2, likelihood="maximum_likelihood")
-    train(config, dataset, run, torch.device("cpu"))
-    return surrogate.load(run.folder)
+def likely(make_run: Callable[..., Path]) -> surrogate.Surrogate:
+    return surrogate.load(make_run(epochs=2, likelihood="maximum_likelihood"))
 
 
 @pytest.fixture(scope="module")
-def bayes(
-    tmp_path_factory: pytest.TempPathFactory,
-    dataset: Dataset,
-    make_config: Callable[..., UNetModel],
-) -> surrogate.Surrogate:
-    run = RunFolder(tmp_path_factory.mktemp("runs") / "bayes")
+def bayes(make_run: Callable[..., Path]) -> surrogate.Surrogate:
     variational = {"biases": True, "initial_std": 0.1}
-    config = make_config(epochs=2, likelihood="variational_bayes", variational=variational)
-    train(config, dataset, run, torch.device("cpu"))
-    return surrogate.load(run.folder)
+    run = make_run(epochs=2, likelihood="variational_bayes", variational=variational)
+    return surrogate.load(run)
 
 
 FORCES = np.random.default_rng(0).normal(size=(3, 32, 2))

@@ -2,26 +2,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
 
-from shared_schema.grid_map import GridMap
 from shared_schema.manifest import ComponentStatistics, StructuredInfo
 from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
 from surrogate.networks.field_network import SMALLEST_STD, FieldNetwork
-
-NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])
-GEOMETRY = Geometry(
-    coordinates=np.argwhere(NODE_AT >= 0).astype(np.float64),
-    cells=np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4]]),
-    cell_type="quad",
-    clamped=np.arange(8) < 3,
-    loadable=np.arange(8) > 2,
-    grid=GridMap(NODE_AT),
-)
+from tests.surrogate.l_shape import L_SHAPE
 
 
 def info_with(force: ComponentStatistics, displacement: ComponentStatistics) -> StructuredInfo:
@@ -58,7 +46,7 @@ def test_scales_by_hand() -> None:
     Displacement: √((0.3² + 0.4² + 0.2² + 0.7²) / 2) = √(0.78 / 2) = √0.39.
     """
     inner = Constant()
-    network = FieldNetwork(inner, GEOMETRY, INFO)
+    network = FieldNetwork(inner, L_SHAPE, INFO)
     output = network(torch.full((1, 2, 3, 3), 5.0)).mean
     torch.testing.assert_close(inner.given, torch.full((1, 2, 3, 3), 2 * math.sqrt(3)))
     assert network.displacement_rms.item() == pytest.approx(math.sqrt(0.39))
@@ -67,13 +55,13 @@ def test_scales_by_hand() -> None:
 
 def test_scale_of_resting_data_is_one() -> None:
     zero = ComponentStatistics(mean=(0.0, 0.0), std=(0.0, 0.0), max_abs=(0.0, 0.0))
-    network = FieldNetwork(Constant(), GEOMETRY, info_with(INFO.force, zero))
+    network = FieldNetwork(Constant(), L_SHAPE, info_with(INFO.force, zero))
     assert network.displacement_rms.item() == 1.0
 
 
 def test_scale_by_node_by_hand() -> None:
     """Root mean square over the samples: 3 and 4 give √12.5; where all are zero, the unit."""
-    network = FieldNetwork(Constant(), GEOMETRY, INFO)
+    network = FieldNetwork(Constant(), L_SHAPE, INFO)
     displacement = torch.zeros(2, 2, 3, 3)
     displacement[:, 1, 2, 0] = torch.tensor([3.0, -4.0])
     network.scale_by_node(displacement)
@@ -86,7 +74,7 @@ def test_scale_by_node_by_hand() -> None:
 
 
 def test_zero_at_clamped_nodes_and_where_there_is_none() -> None:
-    output = FieldNetwork(Constant(), GEOMETRY, INFO)(torch.zeros(4, 2, 3, 3)).mean
+    output = FieldNetwork(Constant(), L_SHAPE, INFO)(torch.zeros(4, 2, 3, 3)).mean
     moving = [[False, False, False], [True, True, True], [True, True, False]]
     assert torch.equal(output != 0, torch.tensor(moving).expand(4, 2, 3, 3))
 
@@ -112,7 +100,7 @@ class MeansAndSpreads(nn.Module):
 @pytest.mark.parametrize("rho", [0.0, -3.0, 30.0, -200.0])
 def test_spread_by_hand(rho: float) -> None:
     """σ = ln(1 + e^ρ) of the displacement's scale, √0.39 m, and never less than a millionth."""
-    mean, std = FieldNetwork(MeansAndSpreads(rho), GEOMETRY, INFO)(torch.zeros(4, 2, 3, 3))
+    mean, std = FieldNetwork(MeansAndSpreads(rho), L_SHAPE, INFO)(torch.zeros(4, 2, 3, 3))
     softplus = math.log1p(math.exp(rho)) + SMALLEST_STD
     assert mean.shape == std.shape == (4, 2, 3, 3)
     assert mean[3, 1, 1, 2].item() == pytest.approx(2 * math.sqrt(0.39))
@@ -125,7 +113,7 @@ def test_spread_by_hand(rho: float) -> None:
 
 def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
     """Root mean squares of 3 and 5 m at two nodes: σ = ln 2 of each."""
-    network = FieldNetwork(MeansAndSpreads(0.0), GEOMETRY, INFO)
+    network = FieldNetwork(MeansAndSpreads(0.0), L_SHAPE, INFO)
     displacement = torch.zeros(1, 2, 3, 3)
     displacement[0, 0, 1, 0], displacement[0, 1, 2, 1] = 3.0, 5.0
     network.scale_by_node(displacement)
@@ -135,17 +123,17 @@ def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
 
 
 def test_deterministic_network_has_no_spread() -> None:
-    assert FieldNetwork(Constant(), GEOMETRY, INFO)(torch.zeros(1, 2, 3, 3)).std is None
+    assert FieldNetwork(Constant(), L_SHAPE, INFO)(torch.zeros(1, 2, 3, 3)).std is None
 
 
 def test_free_points_by_hand() -> None:
     """Nodes 3 to 7, which stand at the grid points of the same numbers; point 8 is no node."""
-    network = FieldNetwork(Constant(), GEOMETRY, INFO)
+    network = FieldNetwork(Constant(), L_SHAPE, INFO)
     assert network.free_points.tolist() == [3, 4, 5, 6, 7]
 
 
 def test_scales_are_saved_with_the_weights() -> None:
-    state = FieldNetwork(Constant(), GEOMETRY, INFO).state_dict()
+    state = FieldNetwork(Constant(), L_SHAPE, INFO).state_dict()
     assert set(state) == {
         "force_scale",
         "displacement_rms",

@@ -5,6 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def test_of_a_deterministic_network(evaluated: Path) -> None:
+def test_figures_of_a_deterministic_network(evaluated: Path) -> None:
     names = sorted(path.name for path in (evaluated / "figures").iterdir())
     assert names == ["deformed.png", "error_field.png", "errors.png", "loss.png"]

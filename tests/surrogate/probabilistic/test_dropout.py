@@ -28,7 +28,7 @@ def test_nothing_is_dropped_in_evaluation() -> None:
 
 @pytest.mark.parametrize("grid", [(5, 2), (3, 2, 2)])
 def test_whole_channels_of_every_sample_in_training(grid: tuple[int, ...]) -> None:
-    """Of 200 · 50 masks a share p are zero, to 4 √(p (1 − p) / 10⁴); the others 1 / (1 − p)."""
+    """A share p of 200 · 50 masks is zero, to 4 √(p (1 − p) / 10⁴); the others are 1 / (1 − p)."""
     torch.manual_seed(0)
     masks = ChannelDropout(50, 0.2)(torch.ones(200, 50, *grid)).flatten(2)
     assert torch.equal(masks, masks[:, :, :1].expand_as(masks))
@@ -52,7 +52,7 @@ def test_passes_have_masks_of_their_own_and_samples_share_them() -> None:
 
 
 def test_mean_and_variance_over_passes() -> None:
-    """Of m x with m ∈ {0, 1 / (1 − p)}: E = x and Var = x² p / (1 − p)."""
+    """m x with m ∈ {0, 1 / (1 − p)} has mean x and variance x² p / (1 − p)."""
     rate, count = 0.3, 20000
     layer = ChannelDropout(2, rate).eval()
     layer.draw(generators(count))
@@ -89,8 +89,8 @@ def run(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
     return folder
 
 
-def test_prediction_is_the_mean_over_networks_thinned_out(run: Path, dataset: Dataset) -> None:
-    """Against passes one by one; all of the spread is epistemic."""
+def test_prediction_is_the_mean_over_dropped_channels(run: Path, dataset: Dataset) -> None:
+    """Compared with passes one by one; the whole standard deviation is epistemic."""
     surrogate = load(run)
     assert surrogate.is_probabilistic
     force = dataset.nodal_test.force

@@ -56,7 +56,7 @@ def test_one_member_after_the_other() -> None:
 
 
 def member_of(run: Path, number: int, dataset: Dataset, folder: Path) -> Surrogate:
-    """A member as a run of its own."""
+    """Write a member as a separate run and load it."""
     run_folder = RunFolder(folder)
     description = RunFolder(run).description()
     alone = description.run.model_copy(update={"ensemble": 1})
@@ -73,7 +73,9 @@ def member_of(run: Path, number: int, dataset: Dataset, folder: Path) -> Surroga
 
 
 @pytest.mark.parametrize("likelihood", ["deterministic", "maximum_likelihood"])
-def test_mean_and_spread_of_two_by_hand(tmp_path: Path, dataset: Dataset, likelihood: str) -> None:
+def test_mean_and_standard_deviations_of_two_by_hand(
+    tmp_path: Path, dataset: Dataset, likelihood: str
+) -> None:
     """(a + b) / 2, |a − b| / √2, and √((σ_a² + σ_b²) / 2)."""
     whole = trained(tmp_path / "run", dataset, config_with(likelihood))
     force = dataset.nodal_test.force

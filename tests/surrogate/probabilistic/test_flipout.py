@@ -61,7 +61,7 @@ def outputs(layer: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Passes:
-    """Of a layer on a batch of three samples; the first two are the same."""
+    """Passes of a layer on a batch of three samples, of which the first two are equal."""
 
     layer: FlipoutConvolution
     dimension: int
@@ -112,7 +112,7 @@ def assert_same_mean_and_variance(found: Tensor, other: Tensor) -> None:
 
 
 def test_moments_of_every_sample(passes: Passes) -> None:
-    """As the closed form says, over all channels and points."""
+    """Compared with the closed form over all channels and points."""
     for sample in range(3):
         expected = exact(passes.layer, passes.x[sample : sample + 1])
         assert_moments(passes.outputs[:, sample], *expected)
@@ -148,7 +148,7 @@ def test_moments_are_those_of_kernels_sampled_one_by_one(passes: Passes) -> None
 
 
 def test_perturbations_of_different_samples_are_uncorrelated(passes: Passes) -> None:
-    """Of the two equal samples as well, which one shared kernel would perturb equally.
+    """This holds for the two equal samples, too, which one shared kernel would perturb equally.
 
     The standard error is √(3 / T) at most, as for products of a Gaussian with itself, which have
     wide tails: hence seven.
@@ -165,7 +165,7 @@ def test_perturbations_of_different_samples_are_uncorrelated(passes: Passes) -> 
 
 
 def test_every_output_channel_has_a_sign_of_its_own() -> None:
-    """Of two equal samples with one input channel, outputs differ by signs only.
+    """The outputs of two equal samples with one input channel differ by signs only.
 
     Whether the signs are the same is one half for each of two channels, and for each independently
     of the other: over T passes within five standard errors 1 / (2√T).

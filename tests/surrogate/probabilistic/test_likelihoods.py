@@ -72,7 +72,7 @@ def at_free(field: Tensor) -> Tensor:
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("unit", [1.0, 0.25])
 def test_gaussian_likelihood_against_torch(dimension: int, unit: float) -> None:
-    """Of the free components only. A density in 1/m is one over the unit times that in units."""
+    """Free components only. A density in 1/m is one over the unit times that in units."""
     prediction, reference = fields(dimension)
     assert prediction.std is not None
     normal: Any = Normal(at_free(prediction.mean), at_free(prediction.std))

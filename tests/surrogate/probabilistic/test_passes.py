@@ -153,7 +153,7 @@ def test_distribution_does_not_depend_on_chunks(
 
 
 def test_distribution_by_hand(samples: Dataset) -> None:
-    """Of five passes: mean, standard deviation with T - 1, and root mean square of their σ."""
+    """Five passes: mean, standard deviation with T - 1, and root mean square of their σ."""
     model, forces = untrained(samples), nodal(samples, 3)
     fields = outputs_of(model, samples.test.force[:3], range(5), seed=9)
     mean, std = (f.double().flatten(3).swapaxes(2, 3).numpy() for f in fields if f is not None)
@@ -211,11 +211,11 @@ def test_distribution_is_that_of_independent_weights(samples: Dataset) -> None:
     found = model.predict_distribution(nodal(samples, 1), passes=DRAWS)
     bound = 5 * math.sqrt(2 / DRAWS)
 
-    deviation, spread = mean - mean.mean(0), mean.var(0)
-    assert (np.abs(found.mean[0, free].T - mean.mean(0)) < bound * np.sqrt(spread)).all()
-    error = np.sqrt((deviation**4).mean(0) - spread**2)
-    assert (np.abs(found.std_epistemic[0, free].T ** 2 - spread) < bound * error).all()
-    assert np.median(bound * error / spread) < 0.6
+    deviation, variance_of_means = mean - mean.mean(0), mean.var(0)
+    assert (np.abs(found.mean[0, free].T - mean.mean(0)) < bound * np.sqrt(variance_of_means)).all()
+    error = np.sqrt((deviation**4).mean(0) - variance_of_means**2)
+    assert (np.abs(found.std_epistemic[0, free].T ** 2 - variance_of_means) < bound * error).all()
+    assert np.median(bound * error / variance_of_means) < 0.6
     average, error = variance.mean(0), variance.std(0)
     assert (np.abs(found.std_aleatoric[0, free].T ** 2 - average) < bound * error).all()
 

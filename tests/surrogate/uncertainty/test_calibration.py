@@ -1,4 +1,4 @@
-"""Errors are quantiles of a standard normal, so that shares and means are known without chance."""
+"""Errors are quantiles of a standard normal, so that shares and means are known exactly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from surrogate.uncertainty.calibration import (
     calibration_curve,
     crps,
     half_width,
-    judge,
+    measure_calibration,
     miscalibration_area,
     negative_log_likelihood,
     rank_correlation,
@@ -61,7 +61,7 @@ def test_crps_of_a_certain_prediction_is_the_absolute_error() -> None:
 
 
 def test_half_width() -> None:
-    """Of a table of the normal distribution."""
+    """Values from a table of the normal distribution."""
     found = [half_width(level) for level in (0.5, 0.9, 0.95)]
     np.testing.assert_allclose(found, [0.674490, 1.644854, 1.959964], atol=5e-7)
 
@@ -104,18 +104,18 @@ def test_rank_correlation_against_scipy() -> None:
     np.testing.assert_allclose(rank_correlation(x, y), expected, rtol=1e-12)
 
 
-def test_judge_a_right_std() -> None:
-    """σ = 0.2 m and errors of 0.2 times a standard normal: what a perfect forecaster gets."""
+def test_measures_of_a_right_std() -> None:
+    """σ = 0.2 m and errors of 0.2 times a standard normal: a perfect forecast."""
     error = 0.2 * normal_errors(samples=1000)
     mean = np.random.default_rng(1).normal(size=error.shape)
     std = np.where(FREE[:, None], 0.2, 0.0) * np.ones_like(error)
-    found = judge(mean, std, mean + error, FREE)
+    found = measure_calibration(mean, std, mean + error, FREE)
     assert found.samples == 1000
     assert found.mean_std == pytest.approx(0.2)
-    assert [part.level for part in found.intervals] == [0.5, 0.9, 0.95]
-    coverage = [part.coverage for part in found.intervals]
+    assert [interval.level for interval in found.intervals] == [0.5, 0.9, 0.95]
+    coverage = [interval.coverage for interval in found.intervals]
     np.testing.assert_allclose(coverage, [0.5, 0.9, 0.95], atol=1e-4 + 1e-9)  # 10⁴ components
-    width = [part.width for part in found.intervals]
+    width = [interval.width for interval in found.intervals]
     np.testing.assert_allclose(width, 0.4 * np.array([0.674490, 1.644854, 1.959964]), rtol=1e-6)
     entropy = 0.5 * log(2 * pi * 0.04) + 0.5
     assert found.negative_log_likelihood == pytest.approx(entropy, abs=5e-4)
@@ -124,17 +124,19 @@ def test_judge_a_right_std() -> None:
     assert (found.node_rank_correlation, found.sample_rank_correlation) == (0.0, 0.0)  # σ constant
 
 
-def test_judge_a_doubled_std() -> None:
+def test_measures_of_a_doubled_std() -> None:
     error = normal_errors(samples=1000)
     std = np.where(FREE[:, None], 2.0, 0.0) * np.ones_like(error)
-    found = judge(np.zeros_like(error), std, error, FREE)
+    found = measure_calibration(np.zeros_like(error), std, error, FREE)
     expected = [erf(2 * z / sqrt(2)) for z in (0.674490, 1.644854, 1.959964)]
-    np.testing.assert_allclose([part.coverage for part in found.intervals], expected, atol=1e-4)
+    np.testing.assert_allclose(
+        [interval.coverage for interval in found.intervals], expected, atol=1e-4
+    )
     # ½ ln(2π · 4) + ½ / 4, the mean of z² being 1/4
     assert found.negative_log_likelihood == pytest.approx(0.5 * log(8 * pi) + 0.125, abs=5e-4)
 
 
-def test_judge_rank_correlations() -> None:
+def test_rank_correlations_of_samples() -> None:
     """Node errors 1, 3, 2 and 2, 6, 4 over nodal σ of the same order and of the reverse one."""
     free = np.array([True, True, True, False])
     reference = np.zeros((2, 4, 2))
@@ -143,22 +145,24 @@ def test_judge_rank_correlations() -> None:
     std = np.zeros((2, 4, 2))
     std[0, :3] = np.array([0.1, 0.7, 0.2])[:, None]
     std[1, :3] = np.array([0.3, 0.1, 0.2])[:, None]
-    found = judge(np.zeros_like(std), std, reference, free)
+    found = measure_calibration(np.zeros_like(std), std, reference, free)
     assert found.node_rank_correlation == pytest.approx(0.0)  # mean of 1 and −1
     assert found.sample_rank_correlation == pytest.approx(-1.0)  # e_m rises, mean σ falls
     std[1, :3] *= 10
-    assert judge(np.zeros_like(std), std, reference, free).sample_rank_correlation == 1.0
+    assert (
+        measure_calibration(np.zeros_like(std), std, reference, free).sample_rank_correlation == 1.0
+    )
 
 
 def test_one_sample_has_no_rank() -> None:
     error = normal_errors(samples=1)
-    found = judge(np.zeros_like(error), np.ones_like(error), error, FREE)
+    found = measure_calibration(np.zeros_like(error), np.ones_like(error), error, FREE)
     assert found.sample_rank_correlation == 0.0
 
 
 def test_plain_is_json() -> None:
     error = normal_errors(samples=2)
-    found = judge(np.zeros_like(error), np.ones_like(error), error, FREE)
+    found = measure_calibration(np.zeros_like(error), np.ones_like(error), error, FREE)
     content = json.loads(json.dumps(found.plain()))
     assert content["intervals"][1]["level"] == 0.9
     assert content["crps"] == found.crps
@@ -172,4 +176,4 @@ def test_std_is_positive_where_free(wrong: float) -> None:
     require_positive(std, FREE)
     std[1, 4, 0] = wrong
     with pytest.raises(ValueError, match=r"component\) \(1, 4, 0\) is .*, expected a positive"):
-        judge(np.zeros_like(std), std, np.zeros_like(std), FREE)
+        measure_calibration(np.zeros_like(std), std, np.zeros_like(std), FREE)

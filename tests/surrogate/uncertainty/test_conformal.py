@@ -36,7 +36,7 @@ def cauchy_coverage(factor: Array) -> Array:
     ],
 )
 def test_quantile_by_hand(count: int, level: float, expected: float) -> None:
-    """Of the scores 1, 2, ..., in any order, and of twice that."""
+    """Scores 1, 2, ... in any order, and twice these."""
     scores = np.random.default_rng(0).permutation(np.arange(1.0, count + 1))
     found = conformal_quantile(np.stack([scores, 2 * scores], axis=1), level)
     assert found.tolist() == [expected, 2 * expected]
@@ -46,7 +46,7 @@ def test_quantile_by_hand(count: int, level: float, expected: float) -> None:
     ("level", "needed"), [(0.5, 1), (0.8, 4), (0.9, 9), (0.95, 19), (0.99, 99), (0.85, 6)]
 )
 def test_too_few_samples(level: float, needed: int) -> None:
-    """α = 0.15: ⌈6 · 0.85⌉ = 6 of 5 scores there are not, ⌈7 · 0.85⌉ = 6 of 6 there are."""
+    """α = 0.15: ⌈6 · 0.85⌉ = 6 is more than 5 scores, ⌈7 · 0.85⌉ = 6 is not more than 6."""
     assert samples_needed(level) == needed
     assert conformal_quantile(np.arange(float(needed)), level) == needed - 1
     with pytest.raises(ValueError, match=rf"^{needed - 1} calibration .* at least {needed} for"):
@@ -91,7 +91,7 @@ def test_interval() -> None:
 
 
 def test_deterministic_surrogate() -> None:
-    """With σ = 1 factors are errors in m: of 1, ..., 9 mm the ninth and the fifth."""
+    """With σ = 1 factors are errors in m: the ninth and the fifth of 1, ..., 9 mm."""
     reference = np.arange(1.0, 10.0)[:, None, None] * np.array([1e-3, -2e-3])
     for level, millimetres in [(0.9, 9), (0.5, 5)]:
         found = ConformalCalibration.fit(
@@ -157,7 +157,7 @@ def test_new_samples_covered(law: str, n: int, level: float, k: int) -> None:
 
 @pytest.mark.parametrize("law", ["normal", "cauchy"])
 def test_new_fields_covered(law: str) -> None:
-    """Of 2000 calibrations at level 0.9, n = 24, 23 / 25 cover a whole field; marginal ones do not.
+    """At level 0.9 and n = 24, 23/25 of 2000 calibrations cover a whole field; marginal ones fewer.
 
     A field's error is a random walk, heavy-tailed if its steps are.
     """

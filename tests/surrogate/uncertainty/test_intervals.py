@@ -15,28 +15,16 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
-from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
-from surrogate.training.train import train
 from surrogate.uncertainty.intervals import fit_intervals, load_intervals
 
-MakeConfig = Callable[..., UNetModel]
 LIKELIHOODS = ["deterministic", "maximum_likelihood", "variational_bayes"]
 
 
 @pytest.fixture(scope="module", params=LIKELIHOODS)
-def run(
-    request: pytest.FixtureRequest,
-    tmp_path_factory: pytest.TempPathFactory,
-    dataset: Dataset,
-    make_config: MakeConfig,
-) -> Path:
+def run(request: pytest.FixtureRequest, make_run: Callable[..., Path]) -> Path:
     """A run that keeps 12 of 48 samples for calibration."""
-    folder = tmp_path_factory.mktemp("intervals") / "run"
-    config = make_config(likelihood=request.param, epochs=8, calibration_fraction=0.25)
-    train(config, dataset, RunFolder(folder), torch.device("cpu"))
-    return folder
+    return make_run(likelihood=request.param, epochs=8, calibration_fraction=0.25)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +34,7 @@ def content(run: Path, data: Path) -> dict[str, Any]:
     return found
 
 
-def test_scores_of_the_calibration_part(run: Path, data: Path, content: dict[str, Any]) -> None:
+def test_scores_of_the_calibration_split(run: Path, data: Path, content: dict[str, Any]) -> None:
     """⌈13 · 0.9⌉ = 12: with 12 samples the factors are their largest scores."""
     assert (content["conformal"]["level"], content["conformal"]["samples"]) == (0.9, 12)
     surrogate, dataset = load(run), read_dataset(data)

@@ -14,13 +14,13 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.training.train import train
-from surrogate.uncertainty.calibration import judge
+from surrogate.uncertainty.calibration import measure_calibration
 from surrogate.uncertainty.recalibration import fit_factors
 
 FREE = np.array([False, True, True])
 
 
-def spreads(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def standard_deviations(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Two standard deviations that differ over 4000 samples, independently of each other."""
     aleatoric, epistemic = np.exp(rng.normal(size=(2, 4000, 3, 2)))
     return aleatoric, epistemic
@@ -30,14 +30,14 @@ def spreads(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 def test_factors_are_found(a: float, b: float) -> None:
     """Errors drawn with the variance a² σ_al² + b² σ_ep²; clamped nodes must not count."""
     rng = np.random.default_rng(0)
-    aleatoric, epistemic = spreads(rng)
+    aleatoric, epistemic = standard_deviations(rng)
     error = rng.normal(size=aleatoric.shape) * np.hypot(a * aleatoric, b * epistemic)
     error[:, 0] = 1e6
     predicted = Distribution(np.zeros_like(error), epistemic, aleatoric)
     assert fit_factors(predicted, error, FREE) == pytest.approx((a, b), rel=0.05)
 
 
-def test_weights_counted_twice_by_the_aleatoric_part() -> None:
+def test_weight_uncertainty_counted_twice() -> None:
     """σ_al² = e² + σ_ep², as a head that is trained on draws finds it: e² = σ_al² − σ_ep²."""
     rng = np.random.default_rng(1)
     scale = np.exp(rng.normal(size=(4000, 3, 2)))
@@ -47,10 +47,10 @@ def test_weights_counted_twice_by_the_aleatoric_part() -> None:
     assert a**2 + 0.25 * b**2 == pytest.approx(0.75, rel=0.03)
 
 
-def test_without_epistemic_part() -> None:
+def test_without_epistemic_uncertainty() -> None:
     """One factor, √(mean z²) in closed form."""
     rng = np.random.default_rng(2)
-    aleatoric, _ = spreads(rng)
+    aleatoric, _ = standard_deviations(rng)
     error = 0.3 * rng.normal(size=aleatoric.shape) * aleatoric
     predicted = Distribution(np.zeros_like(error), np.zeros_like(error), aleatoric)
     a, b = fit_factors(predicted, error, FREE)
@@ -60,7 +60,7 @@ def test_without_epistemic_part() -> None:
 
 
 @pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
-def test_of_a_run(
+def test_recalibration_of_a_run(
     tmp_path: Path, dataset: Dataset, make_config: Callable[..., UNetModel], likelihood: str
 ) -> None:
     """The same weights; the held-out samples become likelier, by the factors of `fit_factors`."""
@@ -84,7 +84,7 @@ def test_of_a_run(
     np.testing.assert_array_equal(scaled.mean, raw.mean)
     np.testing.assert_allclose(scaled.std_aleatoric, a * raw.std_aleatoric, rtol=1e-5)
     np.testing.assert_allclose(scaled.std_epistemic, b * raw.std_epistemic, rtol=1e-5)
-    before, after = (judge(p.mean, p.std, reference, free) for p in (raw, scaled))
+    before, after = (measure_calibration(p.mean, p.std, reference, free) for p in (raw, scaled))
     assert after.negative_log_likelihood < before.negative_log_likelihood
 
 
