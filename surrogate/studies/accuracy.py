@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from surrogate.evaluation.metrics import ErrorMeasures, measure
-from surrogate.evaluation.published import Published
+from surrogate.evaluation.paper import PaperErrors
 from surrogate.studies.record import Comparison, Table, compare
 from surrogate.studies.workshop import Workshop
 
@@ -38,10 +38,10 @@ def accuracy_table(workshop: Workshop, runs: Sequence[str], caption: str) -> Tab
     return Table(caption=caption, head=("example", "M", "ē [mm]", "σ(e) [mm]"), rows=tuple(rows))
 
 
-def error_comparisons(workshop: Workshop, run: str, paper: Published) -> list[Comparison]:
+def error_comparisons(workshop: Workshop, run: str, paper: PaperErrors) -> list[Comparison]:
     """ē and σ(e) of a run beside the paper's."""
     errors, name = test_errors(workshop, run), name_of(workshop, run)
     return [
-        compare(f"{name}: ē", "mm", MM * errors.mean_error, MM * paper.mean_error),
-        compare(f"{name}: σ(e)", "mm", MM * errors.std_error, MM * paper.std_error),
+        compare(f"{name}: ē", "mm", MM * errors.mean_error, paper.mean_error_mm),
+        compare(f"{name}: σ(e)", "mm", MM * errors.std_error, paper.std_error_mm),
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.studies.accuracy import (
     BODIES,
     MM,
@@ -30,7 +30,7 @@ def conduct(workshop: Workshop) -> Outcome:
             comparison
             for run in BAYESIAN
             for comparison in error_comparisons(
-                workshop, run, PUBLISHED[workshop.case_of(run), "variational_bayes"]
+                workshop, run, PAPER.networks[workshop.case_of(run)]["variational_bayes"]
             )
         ],
         claims=[larger_error(workshop, case) for case in CASES],
@@ -65,12 +65,12 @@ def larger_error(workshop: Workshop, case: str) -> Claim:
     bayesian, deterministic = (
         test_errors(workshop, f"{case}-{kind}").mean_error for kind in ("vb", "det")
     )
-    papers = [PUBLISHED[case, kind].mean_error for kind in ("variational_bayes", "deterministic")]
+    papers = [PAPER.networks[case][kind] for kind in ("variational_bayes", "deterministic")]
     return Claim(
         what=f"{BODIES[case]}: variational Bayes has a larger error than the deterministic U-Net.",
         holds=bayesian > deterministic,
         evidence=f"ē = {MM * bayesian:.3g} and {MM * deterministic:.3g} mm; the paper: "
-        f"{MM * papers[0]:.3g} and {MM * papers[1]:.3g} mm.",
+        f"{papers[0].mean_error_mm:.3g} and {papers[1].mean_error_mm:.3g} mm.",
         better=True,
     )
 

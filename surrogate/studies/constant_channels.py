@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import load
 from surrogate.studies.accuracy import MM, test_errors
@@ -17,8 +17,7 @@ from surrogate.studies.timing import prediction_seconds
 from surrogate.studies.workshop import Workshop
 
 RUNS, STANDARD = "beam3d-c*", "beam3d-det"
-BEST, TOO_MANY = 64, 128  # of the paper
-TIMES_SHORTER = 3  # training with the best than of the standard U-Net, in the paper
+BEST, TOO_MANY = PAPER.best_channels, PAPER.overfitting_channels
 
 
 @dataclass(frozen=True)
@@ -50,16 +49,14 @@ class Network:
         return self.mean, self.std, self.minutes, self.prediction, *losses
 
 
-PAPER = {  # on one V100
-    16: Network(1.6, 0.9, 272, 6),
-    32: Network(1.1, 0.7, 293, 6.5),
-    64: Network(0.8, 0.5, 348, 7.5),
-    128: Network(3.5, 3.3, 646, 9),
-}
-PUBLISHED_UNET = PUBLISHED["beam3d", "deterministic"]
-PAPER_STANDARD = Network(
-    MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error, PUBLISHED_UNET.training_minutes
-)
+def from_paper(paper: PaperChannels | PaperNetwork) -> Network:
+    """Row of a network of the paper; it gives no prediction time of the standard U-Net here."""
+    prediction = paper.prediction_ms if isinstance(paper, PaperChannels) else None
+    return Network(paper.mean_error_mm, paper.std_error_mm, paper.training_minutes, prediction)
+
+
+PAPER_NETWORKS = {c: from_paper(paper) for c, paper in PAPER.constant_channels.items()}
+PAPER_STANDARD = from_paper(PAPER.networks["beam3d"]["deterministic"])
 
 
 def network(workshop: Workshop, run: str) -> Network:
@@ -99,8 +96,8 @@ def conduct(workshop: Workshop) -> Outcome:
     comparisons = []
     for channels, here in found.items():
         rows.append((channels, "here", *here.cells()))
-        if channels in PAPER:
-            paper = PAPER[channels]
+        if channels in PAPER_NETWORKS:
+            paper = PAPER_NETWORKS[channels]
             rows.append((channels, "paper", *paper.cells()))
             comparisons += [
                 compare(f"c = {channels}: ē", "mm", here.mean, paper.mean),
@@ -120,9 +117,9 @@ def channels_table(rows: list[tuple[Cell, ...]], device: str) -> Table:
     """Rows with their heads; predictions were timed on a device, in words."""
     return Table(
         caption="3D beam, deterministic U-Nets with c channels at every level (standard: doubling "
-        f"from level to level); predictions here on {device}, in the paper on one V100. Losses, "
-        "scaled, of the last epoch: of a network that overfits, the validation loss is well above "
-        "the training loss.",
+        f"from level to level); predictions here on {device}, in the paper on {PAPER.hardware}. "
+        "Losses, scaled, of the last epoch: of a network that overfits, the validation loss is "
+        "well above the training loss.",
         head=(
             "channels c",
             "",
@@ -150,14 +147,15 @@ def claims_on(found: Mapping[int, Network], standard: Network | None) -> list[Cl
 def more_is_better(found: Mapping[int, Network], standard: Network | None) -> Claim:
     """Whether the error falls with the number of channels, up to the paper's best."""
     up_to_best = {c: here.mean for c, here in found.items() if c <= BEST}
-    missing = [f"c = {c}" for c in PAPER if c not in found]
+    missing = [f"c = {c}" for c in PAPER_NETWORKS if c not in found]
     if standard is None:
         missing.append("the standard U-Net for as many epochs")
     not_run = f" Of the paper's networks not run here: {', '.join(missing)}." if missing else ""
     return Claim(
         what=f"More channels make a smaller error, up to c = {max(up_to_best)}.",
         holds=all(fewer > more for fewer, more in pairwise(up_to_best.values())),
-        evidence=f"{errors_in_words(found)}; the paper: {errors_in_words(PAPER)}.{not_run}",
+        evidence=f"{errors_in_words(found)}; "
+        f"the paper: {errors_in_words(PAPER_NETWORKS)}.{not_run}",
     )
 
 
@@ -173,14 +171,14 @@ def overfits(many: Network, best: Network) -> Claim:
         what=f"c = {TOO_MANY} is worse than c = {BEST}: it overfits.",
         holds=many.mean > best.mean,
         evidence=f"ē = {many.mean:.3g} and {best.mean:.3g} mm; the paper: "
-        f"{PAPER[TOO_MANY].mean} and {PAPER[BEST].mean} mm.",
+        f"{PAPER_NETWORKS[TOO_MANY].mean} and {PAPER_NETWORKS[BEST].mean} mm.",
         better=True,
     )
 
 
 def as_good_sooner(best: Network, standard: Network) -> Claim:
     """Whether constant channels are as good as the standard U-Net after a third of its training."""
-    least = TIMES_SHORTER / MARGIN
+    least = PAPER.training_speed_up / MARGIN
 
     def said(one: Network, other: Network) -> tuple[str, str]:
         return (
@@ -189,7 +187,7 @@ def as_good_sooner(best: Network, standard: Network) -> Claim:
         )
 
     errors, times = said(best, standard)
-    papers = said(PAPER[BEST], PAPER_STANDARD)
+    papers = said(PAPER_NETWORKS[BEST], PAPER_STANDARD)
     return Claim(
         what=f"c = {BEST} at every level has an error comparable to the standard U-Net's, after a "
         "third of its training time.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from surrogate.evaluation.paper import PAPER
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.bodies import draw_bodies
 from surrogate.studies.padding import draw_padding
@@ -66,11 +67,15 @@ class Characteristics:
         )
 
 
-PAPER = {
-    "beam2d": Characteristics(128, 128, (-2.5, 2.5), 5700, 300),
-    "beam2d_f1": Characteristics(128, 128, (-1, 1), 3800, 200),
-    "lshape2d": Characteristics(160, 256, (-1, 1), 3800, 200),
-    "beam3d": Characteristics(12096, 12096, (-2, 2), 33688, 1782),
+PAPER_DATASETS = {
+    name: Characteristics(
+        paper.dofs,
+        paper.padded_dofs,
+        paper.force_range_newton,
+        paper.training_samples,
+        paper.test_samples,
+    )
+    for name, paper in PAPER.datasets.items()
 }
 
 
@@ -90,7 +95,7 @@ def conduct(workshop: Workshop) -> Outcome:
     """Put every dataset beside the paper's; draw the bodies."""
     rows: list[tuple[Cell, ...]] = []
     claims = []
-    for name, paper in PAPER.items():
+    for name, paper in PAPER_DATASETS.items():
         here, failed = characteristics(workshop, name), workshop.manifest(name).failed
         rows += [(NAMES[name], "here", *here.cells(), failed)]
         rows += [(NAMES[name], "paper", *paper.cells(), None)]
@@ -143,5 +148,5 @@ STUDY = Study(
     labels=("tab:datasets", "fig: three benchmark examples schematics", "L_padding"),
     question="On which meshes, under which forces and on how many samples are networks trained?",
     conduct=conduct,
-    datasets=(*PAPER, *OTHERS),
+    datasets=(*PAPER_DATASETS, *OTHERS),
 )

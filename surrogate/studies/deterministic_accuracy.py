@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.studies.accuracy import accuracy_table, error_comparisons
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -18,7 +18,7 @@ def conduct(workshop: Workshop) -> Outcome:
             comparison
             for run in RUNS
             for comparison in error_comparisons(
-                workshop, run, PUBLISHED[workshop.case_of(run), "deterministic"]
+                workshop, run, PAPER.networks[workshop.case_of(run)]["deterministic"]
             )
         ],
     )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.studies.accuracy import BODIES, MM, test_errors
-from surrogate.studies.datasets import PAPER
 from surrogate.studies.record import Cell, Claim, Comparison, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
@@ -37,12 +36,16 @@ class Network:
         return self.millions, self.mean, self.std
 
 
-PAPER_CASE = "beam3d"
-PAPER_DOFS = PAPER[PAPER_CASE].dofs  # weights of the paper's linear network are their square
-PAPER_LINEAR = Network(PAPER_DOFS**2 / 1e6, 7.0, 8.0)
-PUBLISHED_UNET = PUBLISHED[PAPER_CASE, "deterministic"]
+PAPER_CASE = PAPER.linear_network.case
+PAPER_DOFS = PAPER.datasets[
+    PAPER_CASE
+].dofs  # weights of the paper's linear network are their square
+PAPER_LINEAR = Network(
+    PAPER_DOFS**2 / 1e6, PAPER.linear_network.mean_error_mm, PAPER.linear_network.std_error_mm
+)
+PUBLISHED_UNET = PAPER.networks[PAPER_CASE]["deterministic"]
 PAPER_UNET = Network(
-    PUBLISHED_UNET.parameters / 1e6, MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error
+    PUBLISHED_UNET.parameters / 1e6, PUBLISHED_UNET.mean_error_mm, PUBLISHED_UNET.std_error_mm
 )
 
 

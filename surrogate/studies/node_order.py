@@ -10,17 +10,16 @@ from scipy.stats import rankdata
 from shared_schema.drawing.figure_style import make_figure, styled
 from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER, PaperErrors
 from surrogate.studies.accuracy import MM, test_errors
 from surrogate.studies.record import Claim, Table, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
-PUBLISHED_UNET = PUBLISHED["beam3d", "deterministic"]
-PAPER = {  # ē and σ(e) in mm
-    "preferred": (MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error),
-    "random": (5.4, 2.8),
+PAPER_ORDERS: dict[str, PaperErrors] = {
+    "preferred": PAPER.networks["beam3d"]["deterministic"],
+    **PAPER.node_orders,
 }
 SEVERAL = 3.0  # times worse, at least
 IntArray = NDArray[np.int64]
@@ -32,12 +31,13 @@ def conduct(workshop: Workshop) -> Outcome:
     means = {order: MM * e.mean_error for order, e in errors.items()}
     rows, comparisons = [], []
     for order, e in errors.items():
-        std, paper = MM * e.std_error, PAPER.get(order, (None, None))
-        rows.append((order, means[order], std, means[order] / means["preferred"], *paper))
-        if order in PAPER:
+        std, paper = MM * e.std_error, PAPER_ORDERS.get(order)
+        papers = (paper.mean_error_mm, paper.std_error_mm) if paper else (None, None)
+        rows.append((order, means[order], std, means[order] / means["preferred"], *papers))
+        if paper:
             comparisons += [
-                compare(f"{order} order: ē", "mm", means[order], PAPER[order][0]),
-                compare(f"{order} order: σ(e)", "mm", std, PAPER[order][1]),
+                compare(f"{order} order: ē", "mm", means[order], paper.mean_error_mm),
+                compare(f"{order} order: σ(e)", "mm", std, paper.std_error_mm),
             ]
     geometries = {order: workshop.dataset_of(run).geometry for order, run in RUNS.items()}
     return Outcome(
@@ -71,11 +71,12 @@ def conduct(workshop: Workshop) -> Outcome:
 def random_is_worse(means: dict[str, float]) -> Claim:
     """Whether the random order is worse by several times; `means` are ē in mm by order."""
     ratio = means["random"] / means["preferred"]
+    papers = [PAPER_ORDERS[order].mean_error_mm for order in ("random", "preferred")]
     return Claim(
         what="The error with a random order of nodes is several times that with the preferred one.",
         holds=ratio >= SEVERAL,
         evidence=f"ē is {ratio:.3g} times as large (several: ≥ {SEVERAL:g}); the paper: "
-        f"{PAPER['random'][0] / PAPER['preferred'][0]:.3g} times.",
+        f"{papers[0] / papers[1]:.3g} times.",
     )
 
 

@@ -14,13 +14,14 @@ from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, 
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
+from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.uncertainty_figures import OTHER
 from surrogate.studies.accuracy import MM
 from surrogate.studies.workshop import SEED, Workshop
 
 Array = NDArray[np.float64]
-NOISE, NOISY = 0.2, 0.7  # u → (1 + γ) u with γ ~ U(−0.2, 0.2), where the force is 0.7 N at most
-END, STEP = 4.0, 0.05  # of the forces, in N
+NOISY = PAPER.noise.largest_force_newton  # samples under larger forces have no noise in training
+END, STEP = PAPER.noise.sweep_end_newton, 0.05  # of the forces, in N
 FLOOR = 0.1  # mm, the least that is drawn
 
 
@@ -57,8 +58,8 @@ def free_of_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
 
 
 def true_std(sweep: ForceSweep) -> Array:
-    r"""σ of the noise in m, (N,): :math:`0.2 |u| / \sqrt 3`, that of a uniform distribution."""
-    return np.where(noisy(sweep), NOISE / np.sqrt(3) * np.abs(sweep.reference), 0.0)
+    r"""σ of the noise in m, (N,): :math:`a |u| / \sqrt 3` with :math:`\gamma \sim U(-a, a)`."""
+    return np.where(noisy(sweep), PAPER.noise.amplitude / np.sqrt(3) * np.abs(sweep.reference), 0.0)
 
 
 def noise_ratio(sweep: ForceSweep) -> float:

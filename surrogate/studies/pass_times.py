@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.prediction import PASSES
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.record import Cell, Comparison, Table, compare
 
-PAPER = 100.0  # ms, for 300 passes (Section "Prediction and training times")
 PAPER_DEVICE = "not said; its GPU is a V100"
 
 
@@ -44,7 +44,9 @@ def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
             (BODIES[case], f"weights {how}", found.passes, ms, ms / found.passes, device)
             for how, ms in found.by_weights().items()
         ]
-    rows.append(("both", "paper", PASSES, PAPER, PAPER / PASSES, PAPER_DEVICE))
+    paper = PAPER.bayesian_prediction
+    one_pass = paper.all_passes_ms / paper.passes
+    rows.append(("both", "paper", paper.passes, paper.all_passes_ms, one_pass, PAPER_DEVICE))
     return Table(
         caption=f"Time of one Bayesian prediction, {PASSES} passes of every U-Net of an ensemble: "
         "with the passes' weights kept from the prediction before, as they are when one predicts "
@@ -56,8 +58,9 @@ def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
 
 def pass_comparisons(times: Mapping[str, PassTimes]) -> list[Comparison]:
     """Both times of every case beside the paper's."""
+    paper = PAPER.bayesian_prediction.all_passes_ms
     return [
-        compare(f"{BODIES[case]}: Bayesian prediction, weights {how}", "ms", ms, PAPER)
+        compare(f"{BODIES[case]}: Bayesian prediction, weights {how}", "ms", ms, paper)
         for case, found in times.items()
         for how, ms in found.by_weights().items()
     ]

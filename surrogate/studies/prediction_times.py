@@ -13,7 +13,7 @@ from surrogate.inference.prediction import PASSES, load
 from surrogate.studies.accuracy import BODIES
 from surrogate.studies.pass_times import PassTimes, pass_comparisons, pass_table
 from surrogate.studies.record import Claim, Comparison, compare
-from surrogate.studies.speed_up import CPU, PAPER, Times, faster, real_time, times_table
+from surrogate.studies.speed_up import CPU, PAPER_TIMES, Times, faster, real_time, times_table
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.times_by_load import (
     Ends,
@@ -47,7 +47,7 @@ def conduct(workshop: Workshop) -> Outcome:
     by_load = {case: times_by_load(workshop, case, found) for case, found in solutions.items()}
     comparisons: list[Comparison] = []
     claims: list[Claim] = []
-    for case, paper in PAPER.items():
+    for case, paper in PAPER_TIMES.items():
         name, found = BODIES[case], here[case]
         for device, ms in found.network.items():
             comparisons.append(compare(f"{name}: t_{device}", "ms", ms, paper.network[device]))

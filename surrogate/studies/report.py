@@ -9,7 +9,7 @@ from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, read_yaml, validate
-from surrogate.studies.paper_numbers import number_of
+from surrogate.evaluation.paper import PAPER
 from surrogate.studies.record import Comparison, Record, Verdict, cell, tally
 from surrogate.studies.scale import Scale
 from surrogate.studies.study import Study
@@ -85,7 +85,7 @@ def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> 
 
 def numbers(study: Study) -> str:
     """Numbers of the paper's tables and figures."""
-    return ", ".join(number_of(label) for label in study.labels)
+    return ", ".join(PAPER.title_of(label) for label in study.labels)
 
 
 def anchor(title: str) -> str:

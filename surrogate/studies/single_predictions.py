@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.evaluation.paper import PAPER, PaperExample
 from surrogate.presentation import figures
 from surrogate.studies.accuracy import BODIES, MM
 from surrogate.studies.error_pattern import all_follow, error_follows_displacement
@@ -33,26 +34,28 @@ class Example:
         Where it is, in words, and
     along : (float, float)
         between which parts of the body's length.
-    tip_displacement : float
-        In m.
-    relative_tip_error : float
+    paper : PaperExample
+        Its numbers in the paper.
     """
 
     body: str
     run: str
     load: str
     along: tuple[float, float]
-    tip_displacement: float
-    relative_tip_error: float
+    paper: PaperExample
 
 
-EXAMPLES = {  # Section "Prediction accuracy"
-    "beam": Example("2D beam", "beam2d-det", "at the corner", (1, 1), 0.95, 0.006),
-    "lshape": Example("2D L-shape", "lshape2d-det", "at the top corner", (1, 1), 2.39, 0.004),
-    "beam3d-end": Example("3D beam", "beam3d-det", "near the free end", (0.75, 1), 1.1, 0.006),
-    "beam3d-middle": Example(
-        "3D beam", "beam3d-det", "in the middle region", (0.25, 0.75), 0.26, 0.016
-    ),
+def example_of(case: str, place: str, load: str, along: tuple[float, float]) -> Example:
+    """Example of the paper that is loaded at a place, there and in words."""
+    paper = PAPER.networks[case]["deterministic"].examples[place]
+    return Example(BODIES[case], f"{case}-det", load, along, paper)
+
+
+EXAMPLES = {
+    "beam": example_of("beam2d", "corner", "at the corner", (1, 1)),
+    "lshape": example_of("lshape2d", "corner", "at the top corner", (1, 1)),
+    "beam3d-end": example_of("beam3d", "end", "near the free end", (0.75, 1)),
+    "beam3d-middle": example_of("beam3d", "middle", "in the middle region", (0.25, 0.75)),
 }
 RUNS = tuple(dict.fromkeys(example.run for example in EXAMPLES.values()))
 
@@ -70,9 +73,8 @@ def sample_of(workshop: Workshop, example: Example) -> tuple[Array, Array, Array
     dataset = workshop.dataset_of(example.run)
     geometry, test = dataset.geometry, dataset.nodal_test
     nodes = nodes_along(geometry, example.along)
-    number = find_example(
-        test.force, test.displacement, geometry.tip, nodes, example.tip_displacement
-    )
+    aim = example.paper.tip_displacement_m
+    number = find_example(test.force, test.displacement, geometry.tip, nodes, aim)
     predicted = workshop.predicted_test(example.run).mean
     return test.force[number], predicted[number], test.displacement[number]
 
@@ -89,9 +91,9 @@ def conduct(workshop: Workshop) -> Outcome:
         place = ", ".join(f"{x:.2f}" for x in geometry.coordinates[loaded][0])
         what = f"{example.body}, load {example.load}"
         follows = float(error_follows_displacement(predicted, reference, ~geometry.clamped))
-        tips = moved, example.tip_displacement
+        tips = moved, example.paper.tip_displacement_m
         rows.append((what, place, newtons, *tips, mean_error, follows))
-        percent = 100 * error, 100 * example.relative_tip_error
+        percent = 100 * error, 100 * example.paper.relative_tip_error
         outcome.comparisons.append(compare(f"{what}: relative tip error", "%", *percent))
         caption = f"{example.body}, {newtons:.2f} N at ({place}) m, tip displacement {moved:.2f} m"
         outcome.figures[name] = (

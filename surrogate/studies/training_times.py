@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.studies.accuracy import BODIES, name_of
-from surrogate.studies.datasets import PAPER
 from surrogate.studies.record import Cell, Claim, Table, cell, compare
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.workshop import Workshop
 
 PLANE = ("beam2d", "lshape2d")
 RUNS = ("beam2d-det", "beam2d-vb", "lshape2d-det", "lshape2d-vb", "beam3d-det")
-PAPER_EPOCHS = {"beam2d": 600, "lshape2d": 600, "beam3d": 75}  # Section "sec:training_UNets"
-PAPER_HARDWARE = "one V100"
 
 
 class Duration(NamedTuple):
@@ -32,7 +29,8 @@ class Duration(NamedTuple):
 
 def papers(case: str, likelihood: Likelihood) -> Duration:
     """Duration of the paper's training."""
-    return Duration(PAPER_EPOCHS[case], PUBLISHED[case, likelihood].training_minutes)
+    paper = PAPER.networks[case][likelihood]
+    return Duration(paper.epochs, paper.training_minutes)
 
 
 def conduct(workshop: Workshop) -> Outcome:
@@ -46,10 +44,11 @@ def conduct(workshop: Workshop) -> Outcome:
         durations[run] = here = Duration(record.epochs, record.minutes)
         samples, training = workshop.dataset_of(run).info.train, config.training
         held_out = 100 * (training.validation_fraction + training.calibration_fraction)
-        parameters = [record.parameters / 1e6, PUBLISHED[case, config.likelihood].parameters / 1e6]
+        papers_samples = PAPER.datasets[case].training_samples
+        papers_parameters = PAPER.networks[case][config.likelihood].parameters
         rows += [
-            (name, "here", samples, held_out, *here, parameters[0], record.hardware),
-            (name, "paper", PAPER[case].train, None, *paper, parameters[1], PAPER_HARDWARE),
+            (name, "here", samples, held_out, *here, record.parameters / 1e6, record.hardware),
+            (name, "paper", papers_samples, None, *paper, papers_parameters / 1e6, PAPER.hardware),
         ]
         outcome.comparisons.append(compare(f"{name}: training", "min", here.minutes, paper.minutes))
     head = (

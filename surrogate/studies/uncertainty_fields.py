@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.example import find_example
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.prediction import Distribution
 from surrogate.presentation.uncertainty_figures import error_beside_uncertainty
 from surrogate.studies.field_agreement import (
@@ -21,14 +21,14 @@ from surrogate.studies.field_agreement import (
     fields_table,
     measure_fields,
 )
-from surrogate.studies.multiple_loads import LOADS, TIP_DISPLACEMENT
+from surrogate.studies.multiple_loads import LOADS, find_papers_example
 from surrogate.studies.study import Outcome, Study
 from surrogate.studies.vertical_force import in_words
 from surrogate.studies.workshop import Workshop
 
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"
-BEYOND = 5.0  # N, upwards: twice the largest force in training
+BEYOND = PAPER.force_beyond_training_newton  # upwards; twice the largest force in training
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def corner(workshop: Workshop) -> Example:
     """The test sample loaded at the corner, displaced there as far as the paper's."""
     tip = workshop.surrogate(RUN).geometry.tip
     test, predicted = workshop.dataset_of(RUN).nodal_test, workshop.predicted_test(RUN)
-    aim = PUBLISHED["beam2d", "deterministic"].tip_displacement
+    aim = PAPER.networks["beam2d"]["deterministic"].examples["corner"].tip_displacement_m
     number = find_example(test.force, test.displacement, tip, np.array([tip]), aim)
     return example_of("test sample loaded at the corner", test, predicted, number)
 
@@ -89,8 +89,7 @@ def corner(workshop: Workshop) -> Example:
 def multiple(workshop: Workshop) -> Example:
     """The sample with several forces whose corner is displaced as far as the paper's."""
     geometry, loads = workshop.surrogate(RUN).geometry, workshop.predicted_loads(RUN, LOADS)
-    force, displacement = loads.samples.force, loads.samples.displacement
-    number = find_example(force, displacement, geometry.tip, geometry.loadable, TIP_DISPLACEMENT)
+    number = find_papers_example(loads.samples, geometry)
     return example_of("several forces", loads.samples, loads.predicted, number)
 
 

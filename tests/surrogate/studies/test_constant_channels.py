@@ -8,7 +8,7 @@ import pytest
 
 from surrogate.studies import timing
 from surrogate.studies.constant_channels import (
-    PAPER,
+    PAPER_NETWORKS,
     PAPER_STANDARD,
     as_good_sooner,
     claims_on,
@@ -40,7 +40,7 @@ def test_rows(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_claims_hold_of_the_papers_numbers() -> None:
     """Table "const_channel": 1.6, 1.1, 0.8, then 3.5 mm; 348 of 1060 min."""
-    claims = claims_on(PAPER, PAPER_STANDARD)
+    claims = claims_on(PAPER_NETWORKS, PAPER_STANDARD)
     assert [claim.verdict for claim in claims] == 3 * ["reproduced"]
     assert "not run" not in claims[0].evidence
 
@@ -48,12 +48,14 @@ def test_claims_hold_of_the_papers_numbers() -> None:
 def test_claims_do_not_hold_of_others() -> None:
     """Not falling from 32 to 64; still falling from 64 to 128, which is for the better."""
     means = {16: 1.6, 32: 0.7, 64: 0.8, 128: 0.6}
-    claims = claims_on({c: replace(PAPER[c], mean=mean) for c, mean in means.items()}, None)
+    claims = claims_on(
+        {c: replace(PAPER_NETWORKS[c], mean=mean) for c, mean in means.items()}, None
+    )
     assert [claim.verdict for claim in claims] == ["differs", "better"]
 
 
 def test_up_to_the_largest_number_of_channels_that_was_run() -> None:
-    (claim,) = claims_on({c: PAPER[c] for c in (16, 32)}, None)
+    (claim,) = claims_on({c: PAPER_NETWORKS[c] for c in (16, 32)}, None)
     assert claim.what.endswith("up to c = 32.")
     assert "not run here: c = 64, c = 128, the standard U-Net" in claim.evidence
 
@@ -64,7 +66,7 @@ def test_up_to_the_largest_number_of_channels_that_was_run() -> None:
 )
 def test_as_good_after_a_third_of_the_time(mean: float, minutes: float, holds: bool) -> None:
     """Within a factor of 1.5: of 0.6 mm, and of a third of 1060 min."""
-    best = replace(PAPER[64], mean=mean, minutes=minutes)
+    best = replace(PAPER_NETWORKS[64], mean=mean, minutes=minutes)
     assert as_good_sooner(best, PAPER_STANDARD).holds is holds
 
 

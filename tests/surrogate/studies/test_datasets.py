@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from surrogate.studies.datasets import PAPER, conduct
+from surrogate.studies.datasets import PAPER_DATASETS, conduct
 from surrogate.studies.workshop import Workshop
 
 
@@ -42,4 +42,5 @@ def test_the_papers_rows(workshop: Workshop) -> None:
     ],
 )
 def test_what_agrees_with_the_paper(change: dict[str, Any], agrees: bool) -> None:
-    assert replace(PAPER["beam3d"], **change).agrees(PAPER["beam3d"]) is agrees
+    paper = PAPER_DATASETS["beam3d"]
+    assert replace(paper, **change).agrees(paper) is agrees

@@ -23,7 +23,7 @@ def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(workshop: Work
         loaded = x[test.force.any(axis=2).argmax(axis=1)]
         there = (loaded >= lower_upper[0]) & (loaded <= lower_upper[1])
         assert there.any()
-        aim = EXAMPLES[name].tip_displacement
+        aim = EXAMPLES[name].paper.tip_displacement_m
         number = min(np.flatnonzero(there), key=lambda m: abs(moved[m] - aim))
         error = workshop.predicted_test(EXAMPLES[name].run).mean[number] - test.displacement[number]
         newtons = np.linalg.norm(test.force[number])
