@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.accuracy import BODIES, MM, test_errors
-from surrogate.studies.record import Cell, Claim, Comparison, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.test_split_errors import BODIES, MM, split_errors
+from surrogate.studies.framework.record import Cell, Claim, Comparison, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 LINEAR = "*-linear"
-ORDER_OF_MAGNITUDE = math.sqrt(10)  # from here on a ratio is nearer to 10 than to 1, in decades
+ORDER_OF_MAGNITUDE = math.sqrt(10)  # larger ratios are nearer to 10 than to 1, in decades
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Network:
     Attributes
     ----------
     millions : float
-        Of trainable parameters.
+        Number of trainable parameters, in millions.
     mean, std : float
-        ē and σ(e) in mm.
+        Errors ē and σ(e) in mm.
     """
 
     millions: float
@@ -32,7 +32,7 @@ class Network:
     std: float
 
     def cells(self) -> tuple[Cell, ...]:
-        """As the table has them."""
+        """Cells of the row."""
         return self.millions, self.mean, self.std
 
 
@@ -49,22 +49,22 @@ PAPER_UNET = Network(
 )
 
 
-def network(workshop: Workshop, run: str) -> Network:
-    """The row of a run."""
-    errors = test_errors(workshop, run)
-    parameters = workshop.run_record(run).parameters
+def measure_network(resources: Resources, run: str) -> Network:
+    """Measure the row of a run."""
+    errors = split_errors(resources, run)
+    parameters = resources.run_record(run).parameters
     return Network(parameters / 1e6, MM * errors.mean_error, MM * errors.std_error)
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure every linear network of the scale, and the U-Net on the same samples."""
     rows: list[tuple[Cell, ...]] = []
     claims: list[Claim] = []
     comparisons: list[Comparison] = []
-    for run in workshop.scale.matching((LINEAR,)):
-        case = workshop.case_of(run)
-        linear = network(workshop, run)
-        unet = network(workshop, f"{workshop.scale.runs[run].data}-det")
+    for run in resources.scale.matching((LINEAR,)):
+        case = resources.case_of(run)
+        linear = measure_network(resources, run)
+        unet = measure_network(resources, f"{resources.scale.runs[run].data}-det")
         rows += [(BODIES[case], "U-Net", *unet.cells()), (BODIES[case], "linear", *linear.cells())]
         claims.append(worse(BODIES[case], linear, unet))
         if case == PAPER_CASE:
@@ -82,11 +82,11 @@ def conduct(workshop: Workshop) -> Outcome:
         f"well, {PAPER_DOFS}² weights."
     )
     head = ("example", "network", "parameters [M]", "ē [mm]", "σ(e) [mm]")
-    return Outcome([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
+    return StudyResult([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
 
 
 def worse(body: str, linear: Network, unet: Network) -> Claim:
-    """Whether the linear network errs more by an order of magnitude."""
+    """Test whether the error of the linear network is larger by an order of magnitude."""
     ratio, paper = linear.mean / unet.mean, PAPER_LINEAR.mean / PAPER_UNET.mean
     return Claim(
         what=f"{body}: the linear network's error is larger than the U-Net's by an order of "
@@ -103,6 +103,6 @@ STUDY = Study(
     title="U-Net and linear network",
     labels=("CNN_MLP",),
     question="How much of the response does the best linear map from forces to displacements miss?",
-    conduct=conduct,
+    measure=measure,
     runs=(LINEAR, *(f"{case}-det" for case in BODIES)),
 )

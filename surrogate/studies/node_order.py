@@ -11,23 +11,23 @@ from shared_schema.drawing.figure_style import make_figure, styled
 from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.paper import PAPER, PaperErrors
-from surrogate.studies.accuracy import MM, test_errors
-from surrogate.studies.record import Claim, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.test_split_errors import MM, split_errors
+from surrogate.studies.framework.record import Claim, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
 PAPER_ORDERS: dict[str, PaperErrors] = {
     "preferred": PAPER.networks["beam3d"]["deterministic"],
     **PAPER.node_orders,
 }
-SEVERAL = 3.0  # times worse, at least
+SEVERAL = 3.0  # smallest ratio that counts as several times
 IntArray = NDArray[np.int64]
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure ē and σ(e) of all three orders, and draw them."""
-    errors = {order: test_errors(workshop, run) for order, run in RUNS.items()}
+    errors = {order: split_errors(resources, run) for order, run in RUNS.items()}
     means = {order: MM * e.mean_error for order, e in errors.items()}
     rows, comparisons = [], []
     for order, e in errors.items():
@@ -39,8 +39,8 @@ def conduct(workshop: Workshop) -> Outcome:
                 compare(f"{order} order: ē", "mm", means[order], paper.mean_error_mm),
                 compare(f"{order} order: σ(e)", "mm", std, paper.std_error_mm),
             ]
-    geometries = {order: workshop.dataset_of(run).geometry for order, run in RUNS.items()}
-    return Outcome(
+    geometries = {order: resources.dataset_of(run).geometry for order, run in RUNS.items()}
+    return StudyResult(
         tables=[
             Table(
                 caption="Errors of the 3D beam by the order of the nodes on the grid.",
@@ -69,7 +69,7 @@ def conduct(workshop: Workshop) -> Outcome:
 
 
 def random_is_worse(means: dict[str, float]) -> Claim:
-    """Whether the random order is worse by several times; `means` are ē in mm by order."""
+    """Test whether the random order is worse by several times; `means` are ē in mm by order."""
     ratio = means["random"] / means["preferred"]
     papers = [PAPER_ORDERS[order].mean_error_mm for order in ("random", "preferred")]
     return Claim(
@@ -81,7 +81,7 @@ def random_is_worse(means: dict[str, float]) -> Claim:
 
 
 def gmsh_is_between(means: dict[str, float]) -> Claim:
-    """Whether gmsh's order lies between the others; `means` are ē in mm by order."""
+    """Test whether gmsh's order lies between the others; `means` are ē in mm by order."""
     return Claim(
         what="The error with gmsh's order lies between those with the preferred and a random one.",
         holds=means["preferred"] < means["gmsh"] < means["random"],
@@ -96,7 +96,7 @@ def numbers_at_end(geometry: Geometry) -> IntArray:
     Returns
     -------
     array of int, (ny, nz)
-        By the places of the nodes in space.
+        Numbers by the places of the nodes in space.
     """
     assert isinstance(geometry.grid, GridMap)
     numbers = np.empty(geometry.grid.nodes, dtype=np.int64)
@@ -107,7 +107,7 @@ def numbers_at_end(geometry: Geometry) -> IntArray:
 
 @styled
 def draw_numbers(geometries: dict[str, Geometry]) -> Figure:
-    """Numbers of the nodes on the end face, ascending from light to dark; a panel an order."""
+    """Draw the numbers of the nodes on the end face, light to dark; one panel for each order."""
     figure = make_figure(9.6, 3.2)
     for axes, (name, geometry) in zip(
         figure.subplots(1, len(geometries)), geometries.items(), strict=True
@@ -129,6 +129,6 @@ STUDY = Study(
     title="Order of the nodes",
     labels=("order_table", "node_order"),
     question="What if the neighbours on the network's grid are not neighbours in the body?",
-    conduct=conduct,
+    measure=measure,
     runs=tuple(RUNS.values()),
 )

@@ -41,7 +41,7 @@ from surrogate.runs.configuration import RunConfig, read_config
 from surrogate.runs.description import DataFingerprint, RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.network import make_network
-from surrogate.studies.timing import median_seconds
+from surrogate.studies.framework.timing import Timing, median_seconds
 from tests.benchmarks.publication import (
     Results,
     command,
@@ -146,7 +146,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
 
 def median_ms(work: Work, repeats: int) -> float:
     """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
-    return round(1e3 * median_seconds(work, repeats), 3)
+    return round(1e3 * median_seconds(work, Timing(repeats=repeats)), 3)
 
 
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:

@@ -1,39 +1,38 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from surrogate.studies import timing
 from surrogate.studies.constant_channels import (
     PAPER_NETWORKS,
     PAPER_STANDARD,
     as_good_sooner,
     claims_on,
-    conduct,
     standard_run,
 )
-from surrogate.studies.scale import Scale, merged, read_scale
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.scale import Scale, merged, read_scale
+from surrogate.studies.framework.study import StudyResult
 
 
-def test_rows(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """Runs of 1 and 2 channels, of which the paper has none; losses of their last epochs."""
-    monkeypatch.setattr(timing, "SECONDS", 0.05)
-    outcome = conduct(workshop)
-    rows = outcome.tables[0].rows
+    result = result_of("constant-channels")
+    rows = result.tables[0].rows
     assert [row[0] for row in rows] == [1, 2]
     for channels, _, mean, std, _, _, training, validation in rows:
         run = f"beam3d-c{channels}"
-        test = workshop.dataset_of(run).nodal_test
-        e = np.abs(workshop.predicted_test(run).mean - test.displacement).mean(axis=(1, 2))
+        test = resources.dataset_of(run).nodal_test
+        e = np.abs(resources.predicted_test(run).mean - test.displacement).mean(axis=(1, 2))
         assert (mean, std) == pytest.approx((1e3 * e.mean(), 1e3 * e.std(ddof=1)))
-        last = json.loads(workshop.run(run).metrics.read_text().splitlines()[-1])
+        last = json.loads(resources.run(run).metrics.read_text().splitlines()[-1])
         assert (training, validation) == (last["train_loss"], last["validation_loss"])
-    assert outcome.comparisons == []
-    (claim,) = outcome.claims
+    assert result.comparisons == []
+    (claim,) = result.claims
     assert claim.what.endswith("up to c = 2.")
     assert "not run here: c = 16, c = 32, c = 64, c = 128, the standard U-Net" in claim.evidence
 

@@ -1,4 +1,4 @@
-"""Time of a Bayesian prediction, all stochastic passes of one load."""
+"""Time of a Bayesian prediction: all stochastic passes of one load."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.inference.prediction import PASSES
-from surrogate.studies.accuracy import BODIES
-from surrogate.studies.record import Cell, Comparison, Table, compare
+from surrogate.studies.components.test_split_errors import BODIES
+from surrogate.studies.framework.record import Cell, Comparison, Table, compare
 
 PAPER_DEVICE = "not said; its GPU is a V100"
 
 
 @dataclass(frozen=True)
 class PassTimes:
-    """Of one network, all its passes, in ms.
+    """Times of all passes of one network, in ms.
 
     Attributes
     ----------
     passes : int
-        Of an ensemble those of all members.
+        Number of passes; for an ensemble, of all members.
     kept : float
-        With weights that stay drawn from one prediction to the next.
+        Time with weights kept from the prediction before.
     anew : float
-        With weights drawn for every prediction.
+        Time with weights drawn for every prediction.
     """
 
     passes: int
@@ -32,12 +31,22 @@ class PassTimes:
     anew: float
 
     def by_weights(self) -> dict[str, float]:
-        """Both times by what is done with the weights."""
+        """Both times by the treatment of the weights."""
         return {"kept": self.kept, "drawn anew": self.anew}
 
 
-def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
-    """Times by case, beside the paper's, on a device in words."""
+def pass_table(times: Mapping[str, PassTimes], passes: int, device: str) -> Table:
+    """Table of the times by case, beside the paper's.
+
+    Parameters
+    ----------
+    times : mapping of str to PassTimes
+        Times by case.
+    passes : int
+        Number of passes of one network.
+    device : str
+        Description of the device.
+    """
     rows: list[tuple[Cell, ...]] = []
     for case, found in times.items():
         rows += [
@@ -48,7 +57,7 @@ def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
     one_pass = paper.all_passes_ms / paper.passes
     rows.append(("both", "paper", paper.passes, paper.all_passes_ms, one_pass, PAPER_DEVICE))
     return Table(
-        caption=f"Time of one Bayesian prediction, {PASSES} passes of every U-Net of an ensemble: "
+        caption=f"Time of one Bayesian prediction, {passes} passes of every U-Net of an ensemble: "
         "with the passes' weights kept from the prediction before, as they are when one predicts "
         "load after load and they fit into memory; and with weights drawn for every prediction.",
         head=("example", "", "passes", "all passes [ms]", "one pass [ms]", "on"),
@@ -57,7 +66,7 @@ def pass_table(times: Mapping[str, PassTimes], device: str) -> Table:
 
 
 def pass_comparisons(times: Mapping[str, PassTimes]) -> list[Comparison]:
-    """Both times of every case beside the paper's."""
+    """Comparisons of both times of every case with the paper's."""
     paper = PAPER.bayesian_prediction.all_passes_ms
     return [
         compare(f"{BODIES[case]}: Bayesian prediction, weights {how}", "ms", ms, paper)
