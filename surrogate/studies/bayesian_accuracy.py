@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.components.test_split_errors import (
+from surrogate.studies.components.errors_on_test_split import (
     BODIES,
     MM,
     accuracy_table,

@@ -1,4 +1,4 @@
-"""Every study, in the order of the report: the paper's tables, then its figures."""
+"""All studies in the order of the report: the paper's tables, then its figures."""
 
 from surrogate.studies import (
     bayesian_accuracy,

@@ -9,7 +9,7 @@ from itertools import pairwise
 from surrogate.evaluation.paper import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import load
-from surrogate.studies.components.test_split_errors import MM, split_errors
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
 from surrogate.studies.framework.record import MARGIN, Cell, Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.scale import Scale

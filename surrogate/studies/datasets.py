@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.studies.components.dataset_figures import draw_bodies, draw_padding
-from surrogate.studies.components.test_split_errors import BODIES
+from surrogate.studies.components.errors_on_test_split import BODIES
 from surrogate.studies.framework.record import Cell, Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

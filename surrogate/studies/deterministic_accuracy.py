@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.components.test_split_errors import accuracy_table, error_comparisons
+from surrogate.studies.components.errors_on_test_split import accuracy_table, error_comparisons
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
 

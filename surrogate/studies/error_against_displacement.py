@@ -12,7 +12,7 @@ from shared_schema.drawing.figure_style import make_figure, styled
 from surrogate.evaluation.metrics import displacement_at_load, sample_errors
 from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.uncertainty_figures import CURVES
-from surrogate.studies.components.test_split_errors import MM, name_of, split_errors
+from surrogate.studies.components.errors_on_test_split import MM, name_of, split_errors
 from surrogate.studies.framework.record import MARGIN, Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
@@ -20,7 +20,7 @@ from surrogate.studies.framework.study import Study, StudyResult
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")
 BAYESIAN = ("beam2d-vb", "lshape2d-vb")
-LOW = max(  # slope; the paper calls all of its slopes low
+LOW = max(  # largest slope of the paper, which calls all of them low
     network.slope for case in PAPER.networks.values() for network in case.values()
 )
 
@@ -101,7 +101,7 @@ def moved_and_errors(resources: Resources, run: str) -> tuple[Array, Array]:
 
 
 def growth(moved: Array, errors: Array) -> float:
-    """Mean error of the half of the samples that moves more over that of the other half."""
+    """Ratio of the mean errors of the samples with large and with small displacements, in halves."""
     lower, upper = np.array_split(errors[np.argsort(moved)], 2)
     return float(upper.mean() / lower.mean())
 

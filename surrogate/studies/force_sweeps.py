@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.uncertainty_figures import sweep as draw_sweep
-from surrogate.studies.components.test_split_errors import MM
+from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
@@ -173,23 +173,36 @@ def captured_outside(sweep: ForceSweep) -> Claim:
     )
 
 
-BEAM = Study(
-    name="force-sweep-beam",
-    title="2D beam under growing forces",
-    labels=("fig: fa2half_deform",),
-    question="Vertical forces up to 3.2 times those of the training act at the corner: how far are "
-    "the predictions off, and does the uncertainty say so?",
-    measure=partial(measure, case="beam2d", with_capture=True),
-    datasets=(sweep_of("beam2d"),),
-    runs=runs_of("beam2d"),
+def make_study(
+    name: str, title: str, label: str, question: str, case: str, with_capture: bool
+) -> Study:
+    """Make the study of the sweep on the body of a case; for `with_capture` see `measure`."""
+    return Study(
+        name=name,
+        title=title,
+        labels=(label,),
+        question=question,
+        measure=partial(measure, case=case, with_capture=with_capture),
+        datasets=(sweep_of(case),),
+        runs=runs_of(case),
+    )
+
+
+BEAM = make_study(
+    "force-sweep-beam",
+    "2D beam under growing forces",
+    "fig: fa2half_deform",
+    "Vertical forces up to 3.2 times those of the training act at the corner: how far are the "
+    "predictions off, and does the uncertainty say so?",
+    case="beam2d",
+    with_capture=True,
 )
-LSHAPE = Study(
-    name="force-sweep-lshape",
-    title="2D L-shape under growing forces",
-    labels=("fig: L_deform",),
-    question="Horizontal forces up to six times those of the training act at the inner corner: how "
-    "far are the predictions off, and does the uncertainty say so?",
-    measure=partial(measure, case="lshape2d", with_capture=False),
-    datasets=(sweep_of("lshape2d"),),
-    runs=runs_of("lshape2d"),
+LSHAPE = make_study(
+    "force-sweep-lshape",
+    "2D L-shape under growing forces",
+    "fig: L_deform",
+    "Horizontal forces up to six times those of the training act at the inner corner: how far are "
+    "the predictions off, and does the uncertainty say so?",
+    case="lshape2d",
+    with_capture=False,
 )

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.components.test_split_errors import BODIES, MM, split_errors
+from surrogate.studies.components.errors_on_test_split import BODIES, MM, split_errors
 from surrogate.studies.framework.record import Cell, Claim, Comparison, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

@@ -11,7 +11,7 @@ from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.presentation import figures
 from surrogate.presentation.uncertainty_figures import CURVES
 from surrogate.studies.components.errors_by_load_distance import ErrorsByLoadDistance
-from surrogate.studies.components.test_split_errors import MM
+from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.components.vertical_force import describe_vertical_force
 from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
@@ -114,7 +114,7 @@ def meshes(loads: Extrapolation, number: int) -> Figure:
 
 
 def share_view(*drawn: Figure) -> None:
-    """Set the limits of all figures to the smallest that contain every one of them."""
+    """Set the same limits in all figures, wide enough for each of them."""
     views = np.array([(f.axes[0].get_xlim(), f.axes[0].get_ylim()) for f in drawn])
     lower, upper = views[..., 0].min(axis=0), views[..., 1].max(axis=0)
     for figure in drawn:

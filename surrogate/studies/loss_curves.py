@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.presentation import figures
-from surrogate.studies.components.test_split_errors import name_of
+from surrogate.studies.components.errors_on_test_split import name_of
 from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

@@ -17,7 +17,7 @@ from surrogate.studies.components.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from surrogate.studies.components.test_split_errors import MM, split_errors
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
 from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
@@ -69,7 +69,7 @@ def measure(resources: Resources) -> StudyResult:
 
 
 def find_papers_example(samples: NodalSamples, geometry: Geometry) -> int:
-    """Find the sample whose tip is displaced most nearly as far as in the paper's example."""
+    """Find the sample with the tip displacement nearest to that of the paper's example."""
     return find_example(
         samples.force,
         samples.displacement,

@@ -11,7 +11,7 @@ from shared_schema.drawing.figure_style import make_figure, styled
 from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.paper import PAPER, PaperErrors
-from surrogate.studies.components.test_split_errors import MM, split_errors
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
 from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surrogate.evaluation.force_sweep import ForceSweep
+from surrogate.studies.components.errors_on_test_split import BODIES, MM
 from surrogate.studies.components.noisy_data_sweeps import (
     END,
     draw_uncertainties,
@@ -12,7 +13,6 @@ from surrogate.studies.components.noisy_data_sweeps import (
     predict_sweep,
     without_noise,
 )
-from surrogate.studies.components.test_split_errors import BODIES, MM
 from surrogate.studies.force_sweeps import GROWTH
 from surrogate.studies.framework.record import Claim, Table, join_named
 from surrogate.studies.framework.resources import Resources
@@ -21,9 +21,9 @@ from surrogate.studies.framework.study import Study, StudyResult
 NOISE_FREE = {"beam2d": "beam2d_f1-vb", "lshape2d": "lshape2d-vb"}
 RUNS = tuple(f"{body}_noisy-{kind}" for body in NOISE_FREE for kind in ("mle", "vb"))
 SWEEPS = {body: f"{body}_sweep" for body in NOISE_FREE}
-FAR = (2.0, 4.0)  # N
-CAPTURED = 2.0  # a factor within which the noise is captured
-RELIABLE = 0.5  # share of errors inside the 95 % band below which it is not reliable
+FAR = (2.0, 4.0)  # forces outside the training range, in N
+CAPTURED = 2.0  # factor within which the noise is captured
+RELIABLE = 0.5  # share of errors inside the 95 % band below which σ is not reliable
 
 
 def measure(resources: Resources) -> StudyResult:

@@ -16,6 +16,7 @@ from surrogate.studies.components.bayesian_prediction_times import (
     pass_comparisons,
     pass_table,
 )
+from surrogate.studies.components.errors_on_test_split import BODIES
 from surrogate.studies.components.speed_up import (
     CPU,
     PAPER_TIMES,
@@ -24,7 +25,6 @@ from surrogate.studies.components.speed_up import (
     real_time,
     times_table,
 )
-from surrogate.studies.components.test_split_errors import BODIES
 from surrogate.studies.components.times_by_load import (
     Ends,
     TimesByLoad,

@@ -52,7 +52,7 @@ def reproduce(
     InputError
         If a dataset is missing; existing records are kept.
     """
-    for study in studies:  # before any work
+    for study in studies:  # names a missing dataset before any work
         study.fingerprint(resources)
     out.mkdir(parents=True, exist_ok=True)
     done = 0

@@ -15,7 +15,7 @@ from surrogate.studies.components.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from surrogate.studies.components.test_split_errors import BODIES, MM
+from surrogate.studies.components.errors_on_test_split import BODIES, MM
 from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

@@ -9,14 +9,14 @@ from shared_schema.drawing.figure_style import NETWORK, legend_below, make_figur
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.uncertainty_figures import OTHER
-from surrogate.studies.components.test_split_errors import MM
+from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
 from surrogate.uncertainty.calibration import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
-FORCES = tuple(range(1, 9))  # N
+FORCES = tuple(range(1, 9))  # rows of the table, in N
 MOST = 0.9  # smallest share of the forces that counts as nearly all
 
 

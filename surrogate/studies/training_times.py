@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.studies.components.test_split_errors import BODIES, name_of
+from surrogate.studies.components.errors_on_test_split import BODIES, name_of
 from surrogate.studies.framework.record import Cell, Claim, Table, compare, format_cell
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.components.test_split_errors import BODIES
+from surrogate.studies.components.errors_on_test_split import BODIES
 from surrogate.studies.framework.record import Cell, Comparison, Table, compare
 
 PAPER_DEVICE = "not said; its GPU is a V100"
@@ -31,7 +31,7 @@ class PassTimes:
     anew: float
 
     def by_weights(self) -> dict[str, float]:
-        """Both times by the treatment of the weights."""
+        """Both times; keys: "kept" and "drawn anew"."""
         return {"kept": self.kept, "drawn anew": self.anew}
 
 

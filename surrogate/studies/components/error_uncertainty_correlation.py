@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.metrics import node_errors
-from surrogate.studies.components.test_split_errors import MM
+from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.framework.record import Claim, Table
 from surrogate.uncertainty.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]
-STRONG = 0.7  # a rank correlation from which fields count as strongly correlated
-CLOSE = 2.0  # a factor within which error and standard deviation count as close
+STRONG = 0.7  # rank correlation from which fields count as strongly correlated
+CLOSE = 2.0  # factor within which error and standard deviation count as close
 
 
 @dataclass(frozen=True)

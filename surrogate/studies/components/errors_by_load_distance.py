@@ -9,7 +9,7 @@ from surrogate.evaluation.metrics import node_errors, sample_errors
 
 
 class ErrorsByLoadDistance:
-    """Errors of a network under one load a sample, in the order of their distance.
+    """Errors of a network under single loads, in the order of the distance of the load.
 
     Attributes
     ----------

@@ -16,12 +16,12 @@ from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.uncertainty_figures import OTHER
-from surrogate.studies.components.test_split_errors import MM
+from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.framework.resources import SEED, Resources
 
 Array = NDArray[np.float64]
 NOISY = PAPER.noise.largest_force_newton  # samples under larger forces have no noise in training
-END, STEP = PAPER.noise.sweep_end_newton, 0.05  # of the forces, in N
+END, STEP = PAPER.noise.sweep_end_newton, 0.05  # end and step of the forces in N
 FLOOR = 0.1  # mm, lower end of the axis
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.studies.components.test_split_errors import BODIES
+from surrogate.studies.components.errors_on_test_split import BODIES
 from surrogate.studies.framework.record import Cell, Claim, Table, join_named
 from surrogate.studies.framework.timing import Solutions
 

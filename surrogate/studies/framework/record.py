@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError
 
 Verdict = Literal["better", "reproduced", "differs"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's
-LARGE = 999.5  # from here on numbers are written as whole ones
+LARGE = 999.5  # smallest number that is written without decimals
 Cell = str | float | int | None
 
 

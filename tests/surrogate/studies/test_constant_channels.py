@@ -64,13 +64,13 @@ def test_up_to_the_largest_number_of_channels_that_was_run() -> None:
     [(0.89, 529.0, True), (0.91, 529.0, False), (0.89, 531.0, False)],
 )
 def test_as_good_after_a_third_of_the_time(mean: float, minutes: float, holds: bool) -> None:
-    """Within a factor of 1.5: of 0.6 mm, and of a third of 1060 min."""
+    """The limits are 0.6 mm times 1.5, and a third of 1060 min times 1.5."""
     best = replace(PAPER_NETWORKS[64], mean=mean, minutes=minutes)
     assert as_good_sooner(best, PAPER_STANDARD).holds is holds
 
 
 def test_standard_network() -> None:
-    """The one whose channels double, trained for as many epochs as c = 64; `laptop` has none."""
+    """The standard U-Net of scale `paper` is trained as long as c = 64; `laptop` has none."""
 
     def found(scale: Scale) -> str | None:
         runs = {int(run[8:]): run for run in scale.matching(("beam3d-c*",))}

@@ -43,7 +43,7 @@ def test_growth() -> None:
 
 
 def test_sensitivity_claim() -> None:
-    """Up to 9 mm in a metre, upwards or downwards: 1.5 times 6 mm, VB of the L-shape."""
+    """The limit is 9 mm in a metre, rising or falling: 1.5 times 6 mm of the L-shape by VB."""
     assert sensitivity_claim({"a": 0.001, "b": -0.0089}).holds
     claim = sensitivity_claim({"a": 0.001, "b": -0.0091})
     assert not claim.holds

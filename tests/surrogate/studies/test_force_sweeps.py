@@ -28,7 +28,7 @@ def test_ends() -> None:
 
 @pytest.mark.parametrize(("error", "matches"), [(0.09, True), (0.11, False)])
 def test_matches_up_to_5_percent(error: float, matches: bool) -> None:
-    """Of 2 m within ±2 N."""
+    """The displacements are 2 m within ±2 N."""
     claim = matches_inside(hand_made(mean=FORCE + error * (FORCE == 1)))
     assert claim.holds == matches
     assert f"{50 * error:g} %" in claim.evidence
@@ -36,7 +36,7 @@ def test_matches_up_to_5_percent(error: float, matches: bool) -> None:
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.19, "better"), (0.21, "reproduced")])
 def test_deviates_above_5_percent(error: float, verdict: str) -> None:
-    """Of 4 m up to ±4 N."""
+    """The displacements are 4 m up to ±4 N."""
     claim = deviates_outside("It", hand_made(mean=FORCE + error * (FORCE == 3)))
     assert claim.verdict == verdict
 

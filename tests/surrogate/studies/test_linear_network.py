@@ -14,7 +14,7 @@ from surrogate.studies.linear_network import PAPER_LINEAR, PAPER_UNET, Network, 
 
 @pytest.fixture
 def with_stiffness(resources: Resources, tmp_path: Path) -> Resources:
-    """The resources with a stiffness of 1 N/m at every degree of freedom of the 2D beam."""
+    """Resources with a stiffness of 1 N/m at every degree of freedom of the 2D beam."""
     folder = tmp_path / "beam2d-60"
     shutil.copytree(resources.data / folder.name, folder)
     stiffness = Stiffness(np.ones(64), np.arange(64), np.arange(65))
@@ -27,7 +27,7 @@ def with_stiffness(resources: Resources, tmp_path: Path) -> Resources:
 
 
 def test_every_linear_network_beside_the_unet_on_its_data(with_stiffness: Resources) -> None:
-    """56 free degrees of freedom: 56² parameters; of the 3D beam there is no run."""
+    """56 free degrees of freedom: 56² parameters; there is no run of the 3D beam."""
     result = measure(with_stiffness)
     (table,) = result.tables
     assert [row[:2] for row in table.rows] == [("2D beam", "U-Net"), ("2D beam", "linear")]
@@ -43,7 +43,7 @@ def test_every_linear_network_beside_the_unet_on_its_data(with_stiffness: Resour
 
 @pytest.mark.parametrize(("mean", "holds"), [(7.0, True), (1.9, True), (1.8, False)])
 def test_an_order_of_magnitude(mean: float, holds: bool) -> None:
-    """From √10 times on, 1.897 beside 0.6."""
+    """The smallest ratio is √10: 1.897 beside 0.6."""
     assert worse("3D beam", Network(1, mean, 0), Network(1, 0.6, 0)).holds is holds
 
 

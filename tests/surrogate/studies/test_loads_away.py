@@ -86,7 +86,7 @@ def test_force_describe_vertical_force() -> None:
 
 
 def test_growth_and_drop() -> None:
-    """By two orders of magnitude: 10^1.5 = 32 times or more, in either error."""
+    """Two orders of magnitude: a factor of 10^1.5 = 32 or more, in either error."""
     rising, other = np.array([1.0, 2.0, 20.0, 33.0]), np.array([1.0, 3.0, 2.0, 31.0])
     assert growth_claim(rising).holds
     assert not growth_claim(other).holds
@@ -108,5 +108,5 @@ def test_uncertainty_is_unreliable_where_most_errors_are_outside_the_band() -> N
 
 @pytest.mark.parametrize(("farthest", "low"), [(4.9, True), (5.1, False), (20.0, False)])
 def test_low_uncertainty_at_the_farthest_node(farthest: float, low: bool) -> None:
-    """Of 10 m at most at the others, half."""
+    """Half of the largest at the others, 10 m."""
     assert low_claim(np.array([1.0, 10.0, farthest])).holds == low

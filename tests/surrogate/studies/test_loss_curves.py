@@ -50,7 +50,7 @@ def test_without_validation_part() -> None:
 
 
 def test_fall_in_the_last_tenth() -> None:
-    """Of 20 epochs the last two, 0.4 and 0.5, after a smallest loss of 0.8; of two the last one."""
+    """The last two of 20 epochs, 0.4 and 0.5, after a smallest loss of 0.8; the last of two."""
     losses = [2.0] * 16 + [0.8, 1.0, 0.4, 0.5]
     assert last_fall(losses) == pytest.approx(0.5)
     assert last_fall([2.0, 3.0]) == pytest.approx(1.5)
@@ -58,7 +58,7 @@ def test_fall_in_the_last_tenth() -> None:
 
 
 def test_convergence_claim() -> None:
-    """A fall by less than a tenth, of every run; here 1 to 0.91 and to 0.89 in the last epoch."""
+    """The training loss of every run falls by less than a tenth; here 1 to 0.91 and to 0.89 in the last epoch."""
     assert convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.91]}).holds
     claim = convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.89]})
     assert claim.verdict == "differs"
@@ -66,7 +66,7 @@ def test_convergence_claim() -> None:
 
 
 def test_overfitting_claim() -> None:
-    """A tenth above the smallest at most, of every run; training losses of 4 at the end."""
+    """The last loss of every run is at most a tenth above the smallest; training losses end at 4."""
     training = {"a": [9.0, 4.0], "b": [9.0, 4.0]}
     claim = overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.09]})
     assert claim.holds

@@ -18,7 +18,7 @@ from surrogate.studies.multiple_loads import (
 def test_errors_under_one_and_under_several_loads(
     resources: Resources, result_of: Callable[[str], StudyResult]
 ) -> None:
-    """All from the definitions; the example is the one with a tip displacement next to 0.55 m.
+    """Errors by their definitions; the example has the tip displacement nearest to 0.55 m.
 
     Every made-up sample has one load, of which the superposition is the prediction itself.
     """

@@ -52,7 +52,7 @@ def test_numbers_on_the_end_face(resources: Resources) -> None:
     [(3.0, 5.4, True, True), (6.0, 5.4, False, True), (0.7, 1.7, True, False)],
 )
 def test_claims(gmsh: float, random: float, between: bool, worse: bool) -> None:
-    """Beside 0.6 mm of the preferred order, several times being 1.8 mm."""
+    """The preferred order has 0.6 mm; several times is 1.8 mm and more."""
     means = {"preferred": 0.6, "gmsh": gmsh, "random": random}
     assert gmsh_is_between(means).holds is between
     assert random_is_worse(means).holds is worse

@@ -1,4 +1,4 @@
-"""Studies are done once, and again only where something they depend on, or made, has changed."""
+"""Studies run once, and again only if their inputs or their files have changed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from surrogate.studies.reproduction import find_studies, reproduce
 
 
 def make_studies(calls: list[str]) -> list[Study]:
-    """Two studies that say when they are done, on one dataset and on one network."""
+    """Two studies that record their calls, one on a dataset and one on a network."""
 
     def measure(name: str) -> StudyResult:
         calls.append(name)
@@ -76,7 +76,7 @@ def test_another_network_makes_its_studies_again(resources: Resources, tmp_path:
     assert calls == ["one", "two", "two"]
 
 
-def test_again_does_what_is_done(resources: Resources, tmp_path: Path) -> None:
+def test_again_runs_current_studies(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
     reproduce(studies, resources, tmp_path)
@@ -109,7 +109,7 @@ def test_a_missing_dataset_is_named_before_any_work(resources: Resources, tmp_pa
 
 
 def test_a_grid_of_other_samples_is_named(resources: Resources, tmp_path: Path) -> None:
-    """The dataset on its grid is one of forces that the one by nodes has not."""
+    """The structured dataset has other forces than the nodal dataset beside it."""
     for kind, name in (("structured", "beam2d"), ("nodal", "beam2d_f1")):
         source = resources.data / resources.scale.folder_of(name) / kind
         shutil.copytree(source, tmp_path / resources.scale.folder_of("beam2d") / kind)
@@ -137,7 +137,7 @@ def test_unknown_study() -> None:
     [(0.1, "better"), (0.25, "reproduced"), (0.44, "reproduced"), (0.46, "differs")],
 )
 def test_verdicts(ours: float, verdict: str) -> None:
-    """Against 0.3: better below 0.2, and the same up to 0.45."""
+    """Numbers beside 0.3: better below 0.2, reproduced up to 0.45."""
     assert compare("ē", "mm", ours, 0.3).verdict == verdict
 
 

@@ -84,7 +84,7 @@ def test_pattern_of_the_whole_test_split(
 
 
 def test_pattern_claim() -> None:
-    """Nine of ten samples of each body, however strong: then eight of them."""
+    """Positive in nine of ten samples of each body, however weak; then in eight of nine."""
     nine = np.array([0.4] * 9 + [-0.4])
     claim = pattern_claim({"a": np.full(3, 0.1), "b": nine})
     assert claim.holds

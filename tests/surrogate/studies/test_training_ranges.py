@@ -24,7 +24,7 @@ def test_more_uncertain_at_nearly_every_force_outside() -> None:
 
 
 def test_ratios(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
-    """Of the two networks' σ at the forces nearest to ±8 N, the ends of the made-up sweep."""
+    """Ratio of both networks' σ at the forces nearest to ±8 N, the ends of the made-up sweep."""
     result = result_of("training-ranges")
     larger, smaller = (
         resources.predicted_loads(run, "beam2d_sweep") for run in ("beam2d-vb", "beam2d_f1-vb")

@@ -51,7 +51,7 @@ PAPER = {
 
 
 def test_claims_hold_of_the_papers_numbers_and_not_of_others() -> None:
-    """Longer for an epoch, not in all: half of 143 minutes for half of the epochs is as long."""
+    """Epochs are compared: half of 143 minutes for half of the epochs is the same."""
     claim = bayes_is_longer("lshape2d", PAPER)
     assert claim.holds
     assert claim.evidence.startswith("14.3 s an epoch (143 min) and 7.8 s an epoch (78 min); ")

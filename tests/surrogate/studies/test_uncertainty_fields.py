@@ -35,7 +35,7 @@ def test_measures() -> None:
 
 
 def test_correlated() -> None:
-    """Of ranks (1, 2, 3) and (2, 1, 3), Spearman's is 0.5."""
+    """Spearman's correlation of the ranks (1, 2, 3) and (2, 1, 3) is 0.5."""
     assert correlated("it", measure_fields(MEAN, STD, REFERENCE)).holds
     claim = correlated("it", measure_fields(MEAN, STD[[1, 0, 2]], REFERENCE))
     assert not claim.holds
