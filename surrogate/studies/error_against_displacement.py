@@ -101,7 +101,7 @@ def moved_and_errors(resources: Resources, run: str) -> tuple[Array, Array]:
 
 
 def growth(moved: Array, errors: Array) -> float:
-    """Ratio of the mean errors of the samples with large and with small displacements, in halves."""
+    """Ratio of the mean errors of the samples with large and with small displacements."""
     lower, upper = np.array_split(errors[np.argsort(moved)], 2)
     return float(upper.mean() / lower.mean())
 

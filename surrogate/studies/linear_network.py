@@ -37,9 +37,7 @@ class Network:
 
 
 PAPER_CASE = PAPER.linear_network.case
-PAPER_DOFS = PAPER.datasets[
-    PAPER_CASE
-].dofs  # weights of the paper's linear network are their square
+PAPER_DOFS = PAPER.datasets[PAPER_CASE].dofs  # the paper's linear network has dofs² weights
 PAPER_LINEAR = Network(
     PAPER_DOFS**2 / 1e6, PAPER.linear_network.mean_error_mm, PAPER.linear_network.std_error_mm
 )

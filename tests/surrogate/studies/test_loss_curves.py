@@ -58,7 +58,7 @@ def test_fall_in_the_last_tenth() -> None:
 
 
 def test_convergence_claim() -> None:
-    """The training loss of every run falls by less than a tenth; here 1 to 0.91 and to 0.89 in the last epoch."""
+    """The limit is a fall by a tenth in every run; here 1 to 0.91, and to 0.89."""
     assert convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.91]}).holds
     claim = convergence_claim({"a": [1.0] * 9 + [1.2], "b": [1.0] * 9 + [0.89]})
     assert claim.verdict == "differs"
@@ -66,7 +66,7 @@ def test_convergence_claim() -> None:
 
 
 def test_overfitting_claim() -> None:
-    """The last loss of every run is at most a tenth above the smallest; training losses end at 4."""
+    """The limit is a tenth above the smallest loss, in every run; training losses end at 4."""
     training = {"a": [9.0, 4.0], "b": [9.0, 4.0]}
     claim = overfitting_claim(training, {"a": [3.0, 2.0], "b": [1.0, 1.09]})
     assert claim.holds

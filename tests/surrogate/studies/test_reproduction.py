@@ -24,7 +24,9 @@ from surrogate.studies.framework.resources import Resources, minutes_of
 from surrogate.studies.framework.scale import merged, read_scale
 from surrogate.studies.framework.study import Study, StudyResult, current_record
 from surrogate.studies.in_words import network_in_words, training_in_words
-from surrogate.studies.reproduction import find_studies, reproduce
+from surrogate.studies.reproduction import find_studies, report, reproduce
+
+ROOT = Path(__file__).parents[3]
 
 
 def make_studies(calls: list[str]) -> list[Study]:
@@ -125,6 +127,16 @@ def test_the_report_has_verdicts_numbers_and_figures(resources: Resources, tmp_p
     assert "| 2D beam (D): ē [mm] |" in text
     assert "| Order of the nodes | Table 3, Figure 6 | not done |" in text
     assert "| U-Net, 3 levels, c = 2, doubling, SiLU | absolute error, Muon, 2 epochs," in text
+
+
+def test_the_committed_report_is_that_of_the_committed_records(tmp_path: Path) -> None:
+    """Without data at hand, all records count as current."""
+    committed, out = ROOT / "docs" / "reproduction" / "laptop", tmp_path / "laptop"
+    shutil.copytree(committed, out)
+    (out / PAGE).unlink()
+    none = tmp_path / "none"
+    report(Resources(read_scale("laptop"), none, none, torch.device("cpu")), out)
+    assert (out / PAGE).read_text() == (committed / PAGE).read_text()
 
 
 def test_unknown_study() -> None:
