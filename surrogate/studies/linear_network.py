@@ -41,10 +41,8 @@ PAPER_DOFS = PAPER.datasets[PAPER_CASE].dofs  # the paper's linear network has d
 PAPER_LINEAR = Network(
     PAPER_DOFS**2 / 1e6, PAPER.linear_network.mean_error_mm, PAPER.linear_network.std_error_mm
 )
-PUBLISHED_UNET = PAPER.networks[PAPER_CASE]["deterministic"]
-PAPER_UNET = Network(
-    PUBLISHED_UNET.parameters / 1e6, PUBLISHED_UNET.mean_error_mm, PUBLISHED_UNET.std_error_mm
-)
+UNET = PAPER.networks[PAPER_CASE]["deterministic"]
+PAPER_UNET = Network(UNET.parameters / 1e6, UNET.mean_error_mm, UNET.std_error_mm)
 
 
 def measure_network(resources: Resources, run: str) -> Network:
