@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.command_line import run_command
 
 if TYPE_CHECKING:
-    from surrogate.studies.study import Study
+    from surrogate.studies.framework.study import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -248,8 +248,8 @@ def _study(options: argparse.Namespace) -> None:
 
 def _reproduce(options: argparse.Namespace) -> None:
     from surrogate.studies.catalogue import STUDIES
-    from surrogate.studies.data_commands import missing_data
-    from surrogate.studies.scale import read_scale
+    from surrogate.studies.framework.data_commands import missing_data
+    from surrogate.studies.framework.scale import read_scale
 
     if options.list_data:
         for line in missing_data(read_scale(options.scale), options.data):
@@ -260,14 +260,14 @@ def _reproduce(options: argparse.Namespace) -> None:
 
 def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = False) -> None:
     from surrogate.device import choose_device
-    from surrogate.studies.report import PAGE
+    from surrogate.studies.framework.report import PAGE
+    from surrogate.studies.framework.resources import Resources
+    from surrogate.studies.framework.scale import read_scale
     from surrogate.studies.reproduction import reproduce
-    from surrogate.studies.scale import read_scale
-    from surrogate.studies.workshop import Workshop
 
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
-    done = reproduce(studies, Workshop(scale, options.data, options.runs, device), out, again)
+    done = reproduce(studies, Resources(scale, options.data, options.runs, device), out, again)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")
 

@@ -19,7 +19,7 @@ from surrogate.data.same_body import BODY_KEYS, Body, require_same_body
 from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.metrics import ErrorMeasures, measure, sample_errors
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
@@ -63,8 +63,9 @@ class Evaluation:
     def example(self) -> int:
         """Number of the test sample to show: loaded at the tip, moved closest to the paper's."""
         tip, run = self.surrogate.geometry.tip, self.surrogate.description.run
-        published = PUBLISHED.get((run.case, run.likelihood))
-        aim = published.tip_displacement if published else None
+        published = PAPER.network(run.case, run.likelihood)
+        shown = published.example if published else None
+        aim = shown.tip_displacement_m if shown else None
         return find_example(self.force, self.reference, tip, np.array([tip]), aim)
 
     def example_measures(self) -> dict[str, float]:

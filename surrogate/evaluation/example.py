@@ -1,4 +1,4 @@
-"""The one sample of a case that is shown as meshes and fields."""
+"""Sample that is shown as meshes and fields: search, and measures at the tip."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SHARE = 0.75  # of the largest tip displacement, where none is asked for
+SHARE = 0.75  # default aim, as a share of the largest tip displacement
 
 
 def find_example(
@@ -16,18 +16,18 @@ def find_example(
     nodes: NDArray[np.int64] | NDArray[np.bool_],
     aim: float | None = None,
 ) -> int:
-    """Find the sample whose tip is displaced most nearly as far as is asked for.
+    """Find the sample with the tip displacement nearest to an aim.
 
     Parameters
     ----------
     force, displacement : array, (M, n_nodes, d)
-        In N and m.
+        Nodal forces in N and displacements in m.
     tip : int
-        Node whose displacement counts.
+        Node of the tip.
     nodes : array of int or of bool, (n_nodes,)
-        One of them is loaded; if none of them ever is, any sample may be found.
+        Candidates are samples that load one of these nodes; all samples if there is none.
     aim : float, optional
-        Tip displacement in m; otherwise `SHARE` of the largest there is.
+        Tip displacement in m; by default `SHARE` of the largest among the candidates.
     """
     moved = np.linalg.norm(displacement[:, tip], axis=1)
     candidates = np.flatnonzero(force[:, nodes].any(axis=(1, 2)))
@@ -39,7 +39,7 @@ def find_example(
 
 
 def tip_measures(predicted: Array, reference: Array, tip: int) -> tuple[float, float]:
-    """Tip displacement ‖u‖ in m of one sample, (n_nodes, d) twice, and ‖U − u‖ / ‖u‖ there."""
+    """Tip displacement ‖u‖ in m of one sample (n_nodes, d), and ‖U − u‖ / ‖u‖ at the tip."""
     moved = float(np.linalg.norm(reference[tip]))
     error = float(np.linalg.norm(predicted[tip] - reference[tip]))
     return moved, error / moved if moved else 0.0

@@ -1,4 +1,4 @@
-"""Predictions under loads that a surrogate was not trained on, beside the equilibria."""
+"""Predictions under loads outside the training data, beside the equilibria."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ class Extrapolation:
     Attributes
     ----------
     case : str
-        Name of that dataset's case.
+        Name of the case of the other dataset.
     surrogate : Surrogate
     samples : NodalSamples
-        The equilibria.
+        Loads and equilibria.
     predicted : Distribution
+        Predictions for the same loads.
     """
 
     case: str
@@ -41,14 +42,14 @@ class Extrapolation:
 
     @cached_property
     def reach(self) -> Array:
-        """Largest force component over the largest one in training, (M,): beyond 1 is outside."""
+        """Ratio of the largest force component to that in training, (M,): outside above 1."""
         limit = max(self.surrogate.description.data.info.force.max_abs)
         result: Array = np.abs(self.samples.force).max(axis=(1, 2)) / limit
         return result
 
     @cached_property
     def inside(self) -> Array:
-        """Share of every sample's free components whose error is inside the 95 % band, (M,)."""
+        """Share of the free components of each sample with the error inside the 95 % band, (M,)."""
         free = ~self.surrogate.geometry.clamped
         error = np.abs(self.predicted.mean - self.samples.displacement)[:, free]
         band = half_width(BAND) * self.predicted.std[:, free]
@@ -57,12 +58,12 @@ class Extrapolation:
 
     @cached_property
     def node(self) -> int | None:
-        """The one node that every sample loads, if there is one."""
+        """Node that all samples load, or None if they load several."""
         loaded = np.flatnonzero(self.samples.force.any(axis=(0, 2)))
         return int(loaded[0]) if len(loaded) == 1 else None
 
     def plain(self) -> dict[str, Any]:
-        """Measures of every sample, as plain data; errors and standard deviations in m."""
+        """Measures of every sample as plain data; errors and standard deviations in m."""
         free = ~self.surrogate.geometry.clamped
         columns = {
             "reach": self.reach,
@@ -82,14 +83,14 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
     ----------
     surrogate : Surrogate
     nodal : Path
-        A nodal dataset of the same mesh, supports and material, whatever its loads.
+        A nodal dataset of the same mesh, supports and material, with any loads.
     passes, seed : int
-        Stochastic passes.
+        Number and seed of the stochastic passes.
 
     Raises
     ------
     InputError
-        If there is none, it is damaged, or of another body.
+        If the dataset is missing, damaged, or of another body.
     """
     dataset = read_nodal_dataset(nodal)
     require_same_body(

@@ -1,4 +1,4 @@
-"""Forces of growing size at one node: what is predicted there, beside the equilibria."""
+"""Forces of growing size at one node: predictions there beside the equilibria."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class ForceSweep:
     Attributes
     ----------
     axis : int
-        That direction.
+        Direction of the force.
     limit : float
         Largest force component in training, in N.
     force : array, (N,)
-        In N.
+        Force components in N.
     reference, mean, std_epistemic, std_aleatoric : array, (N,)
-        In m.
+        Displacement, its predicted mean and standard deviations, in m.
     node_error, moved : array, (N,)
-        ‖U − u‖₂ and ‖u‖₂ at that node, in m: of all components.
+        Norms ‖U − u‖₂ and ‖u‖₂ over all components at the loaded node, in m.
     covered_across : array of bool, (N,)
-        Forces for which its other components' errors are inside the 95 % band.
+        Forces for which the errors across the force are inside the 95 % band.
     covered_components : array, (N,)
         Share of all free components whose error is inside the 95 % band.
     """
@@ -54,27 +54,27 @@ class ForceSweep:
 
     @property
     def error(self) -> Array:
-        """Predicted mean less the reference in m, (N,)."""
+        """Difference of predicted mean and reference in m, (N,)."""
         return self.mean - self.reference
 
     @property
     def outside(self) -> NDArray[np.bool_]:
-        """Forces beyond those of the training, (N,)."""
+        """Mask of the forces beyond those of the training, (N,)."""
         return np.abs(self.force) > self.limit
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """Forces for which the error is inside the 95 % band, (N,)."""
+        """Mask of the forces for which the error is inside the 95 % band, (N,)."""
         return np.abs(self.error) <= half_width(BAND) * self.std
 
     @property
     def senses(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Negative and positive forces beyond those of the training, (N,) each."""
+        """Masks of the negative and the positive forces beyond those of the training, (N,) each."""
         return self.outside & (self.force < 0), self.outside & (self.force > 0)
 
     @property
     def growth(self) -> float:
-        """Rank correlation of σ and |force| beyond the training; of both senses the smaller."""
+        """Rank correlation of σ and |force| beyond the training, the smaller of both senses."""
         return min(
             float(rank_correlation(np.abs(self.force[sense]), self.std[sense]))
             for sense in self.senses
@@ -90,10 +90,10 @@ class ForceSweep:
 
 
 def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
-    """Take a sweep from predictions of samples that all load one node.
+    """Extract the sweep from predictions of samples that all load one node.
 
-    The training's largest force is rounded to three digits: of random ones, none is at the very end
-    of its range.
+    The largest force in training is rounded to three digits, because random forces do not reach the
+    very end of their range.
     """
     node, force = extrapolation.node, extrapolation.samples.force
     assert node is not None

@@ -18,7 +18,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 
@@ -154,7 +154,7 @@ def _figures(run: RunFolder) -> list[Figure]:
 
 def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
     test, example = evaluation["test"], evaluation["example"]
-    paper = PUBLISHED.get((description.run.case, description.run.likelihood))
+    paper = PAPER.network(description.run.case, description.run.likelihood)
     minutes = evaluation["training_seconds"] / 60
     rows = [
         ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
@@ -176,14 +176,14 @@ def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
     ]
     theirs = (
         [
-            f"{paper.mean_error * 1e3:.1f}",
-            f"{paper.std_error * 1e3:.1f}",
+            f"{paper.mean_error_mm:.1f}",
+            f"{paper.std_error_mm:.1f}",
             f"{paper.slope}",
             "–"
-            if paper.relative_tip_error is None
-            else f"{paper.relative_tip_error:.1%} at {paper.tip_displacement} m",
+            if paper.example is None
+            else f"{paper.example.relative_tip_error:.1%} at {paper.example.tip_displacement_m} m",
             f"{paper.parameters / 1e6:.1f} M",
-            f"{paper.training_minutes:.0f} min, one V100",
+            f"{paper.training_minutes:.0f} min, {PAPER.hardware}",
         ]
         if paper
         else []

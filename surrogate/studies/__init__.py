@@ -1,1 +1,1 @@
-"""The paper's tables and figures, one file a study, done on datasets that `datagen` makes."""
+"""Studies: one module for each table or figure family of the paper, and their catalogue."""

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from surrogate.evaluation.published import PUBLISHED
-from surrogate.studies.accuracy import (
+from surrogate.evaluation.paper import PAPER
+from surrogate.studies.components.errors_on_test_split import (
     BODIES,
     MM,
     accuracy_table,
     error_comparisons,
     name_of,
-    test_errors,
+    split_errors,
 )
-from surrogate.studies.record import Claim, Table
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.record import Claim, Table
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 from surrogate.uncertainty.calibration import INTERVALS, CalibrationMeasures, measure_calibration
 
 CASES = ("beam2d", "lshape2d")
@@ -21,36 +21,36 @@ BAYESIAN = tuple(f"{case}-vb" for case in CASES)
 RUNS = tuple(f"{case}-{kind}" for case in CASES for kind in ("vb", "det"))
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure ē, σ(e) and the coverage of intervals of both plane cases."""
     caption = "Errors of the mean of variational Bayes (VB) and of deterministic U-Nets (D)."
-    return Outcome(
-        tables=[accuracy_table(workshop, RUNS, caption), coverage_table(workshop)],
+    return StudyResult(
+        tables=[accuracy_table(resources, RUNS, caption), coverage_table(resources)],
         comparisons=[
             comparison
             for run in BAYESIAN
             for comparison in error_comparisons(
-                workshop, run, PUBLISHED[workshop.case_of(run), "variational_bayes"]
+                resources, run, PAPER.networks[resources.case_of(run)]["variational_bayes"]
             )
         ],
-        claims=[larger_error(workshop, case) for case in CASES],
+        claims=[larger_error(resources, case) for case in CASES],
     )
 
 
-def calibration(workshop: Workshop, run: str) -> CalibrationMeasures:
-    """Predicted uncertainty of a run beside the errors made on the test split."""
-    dataset, predicted = workshop.dataset_of(run), workshop.predicted_test(run)
+def calibration(resources: Resources, run: str) -> CalibrationMeasures:
+    """Measure the calibration of a run on its test split."""
+    dataset, predicted = resources.dataset_of(run), resources.predicted_test(run)
     free = ~dataset.geometry.clamped
     return measure_calibration(predicted.mean, predicted.std, dataset.nodal_test.displacement, free)
 
 
-def coverage_table(workshop: Workshop) -> Table:
-    """How many components the intervals of every Bayesian network contain, and its mean σ."""
+def coverage_table(resources: Resources) -> Table:
+    """Table of the coverage of the intervals and the mean σ of every Bayesian network."""
     rows = []
     for run in BAYESIAN:
-        measures = calibration(workshop, run)
+        measures = calibration(resources, run)
         covered = [100 * interval.coverage for interval in measures.intervals]
-        rows.append((name_of(workshop, run), *covered, MM * measures.mean_std))
+        rows.append((name_of(resources, run), *covered, MM * measures.mean_std))
     heads = [f"in {100 * level:g} % intervals [%]" for level in INTERVALS]
     return Table(
         caption="Components of the test split inside the predicted central intervals, and the mean "
@@ -60,17 +60,17 @@ def coverage_table(workshop: Workshop) -> Table:
     )
 
 
-def larger_error(workshop: Workshop, case: str) -> Claim:
-    """Whether the Bayesian network has a larger error than the deterministic one."""
+def larger_error(resources: Resources, case: str) -> Claim:
+    """Test whether the Bayesian network has a larger error than the deterministic one."""
     bayesian, deterministic = (
-        test_errors(workshop, f"{case}-{kind}").mean_error for kind in ("vb", "det")
+        split_errors(resources, f"{case}-{kind}").mean_error for kind in ("vb", "det")
     )
-    papers = [PUBLISHED[case, kind].mean_error for kind in ("variational_bayes", "deterministic")]
+    papers = [PAPER.networks[case][kind] for kind in ("variational_bayes", "deterministic")]
     return Claim(
         what=f"{BODIES[case]}: variational Bayes has a larger error than the deterministic U-Net.",
         holds=bayesian > deterministic,
         evidence=f"ē = {MM * bayesian:.3g} and {MM * deterministic:.3g} mm; the paper: "
-        f"{MM * papers[0]:.3g} and {MM * papers[1]:.3g} mm.",
+        f"{papers[0].mean_error_mm:.3g} and {papers[1].mean_error_mm:.3g} mm.",
         better=True,
     )
 
@@ -81,6 +81,6 @@ STUDY = Study(
     labels=("tab:bayesian_table",),
     question="How much accuracy does a network lose that also predicts its uncertainty, and how "
     "often do its intervals contain the error?",
-    conduct=conduct,
+    measure=measure,
     runs=RUNS,
 )

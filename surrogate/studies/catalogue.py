@@ -1,4 +1,4 @@
-"""Every study, in the order of the report: the paper's tables, then its figures."""
+"""All studies in the order of the report: the paper's tables, then its figures."""
 
 from surrogate.studies import (
     bayesian_accuracy,
@@ -6,8 +6,7 @@ from surrogate.studies import (
     datasets,
     deterministic_accuracy,
     error_against_displacement,
-    force_sweep_beam,
-    force_sweep_lshape,
+    force_sweeps,
     linear_network,
     loads_away,
     loss_curves,
@@ -20,7 +19,7 @@ from surrogate.studies import (
     training_times,
     uncertainty_fields,
 )
-from surrogate.studies.study import Study
+from surrogate.studies.framework.study import Study
 
 STUDIES: tuple[Study, ...] = (
     datasets.STUDY,
@@ -37,8 +36,8 @@ STUDIES: tuple[Study, ...] = (
     loss_curves.STUDY,
     loads_away.STUDY,
     uncertainty_fields.STUDY,
-    force_sweep_beam.STUDY,
+    force_sweeps.BEAM,
     training_ranges.STUDY,
-    force_sweep_lshape.STUDY,
+    force_sweeps.LSHAPE,
     noisy_data.STUDY,
 )

@@ -6,19 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import load
-from surrogate.studies.accuracy import MM, test_errors
-from surrogate.studies.record import MARGIN, Cell, Claim, Table, compare
-from surrogate.studies.scale import Scale
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.timing import prediction_seconds
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
+from surrogate.studies.framework.record import MARGIN, Cell, Claim, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.scale import Scale
+from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.timing import prediction_seconds
 
 RUNS, STANDARD = "beam3d-c*", "beam3d-det"
-BEST, TOO_MANY = 64, 128  # of the paper
-TIMES_SHORTER = 3  # training with the best than of the standard U-Net, in the paper
+BEST, TOO_MANY = PAPER.best_channels, PAPER.overfitting_channels
 
 
 @dataclass(frozen=True)
@@ -28,13 +27,13 @@ class Network:
     Attributes
     ----------
     mean, std : float
-        ē and σ(e) in mm.
+        Errors ē and σ(e) in mm.
     minutes : float
-        Of training.
+        Duration of the training.
     prediction : float or None
-        Time in ms.
+        Time of a prediction in ms.
     training_loss, validation_loss : float or None
-        Scaled, of the last epoch.
+        Scaled losses of the last epoch.
     """
 
     mean: float
@@ -45,33 +44,32 @@ class Network:
     validation_loss: float | None = None
 
     def cells(self) -> tuple[Cell, ...]:
-        """As the table has them."""
+        """Cells of the row."""
         losses = self.training_loss, self.validation_loss
         return self.mean, self.std, self.minutes, self.prediction, *losses
 
 
-PAPER = {  # on one V100
-    16: Network(1.6, 0.9, 272, 6),
-    32: Network(1.1, 0.7, 293, 6.5),
-    64: Network(0.8, 0.5, 348, 7.5),
-    128: Network(3.5, 3.3, 646, 9),
-}
-PUBLISHED_UNET = PUBLISHED["beam3d", "deterministic"]
-PAPER_STANDARD = Network(
-    MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error, PUBLISHED_UNET.training_minutes
-)
+def from_paper(paper: PaperChannels | PaperNetwork) -> Network:
+    """Row of a network of the paper; the standard U-Net has no prediction time in its table."""
+    prediction = paper.prediction_ms if isinstance(paper, PaperChannels) else None
+    return Network(paper.mean_error_mm, paper.std_error_mm, paper.training_minutes, prediction)
 
 
-def network(workshop: Workshop, run: str) -> Network:
-    """The row of a run."""
-    errors, trained = test_errors(workshop, run), workshop.trained(run)
-    surrogate = load(trained.folder, workshop.device.type)
-    seconds = prediction_seconds(surrogate, workshop.dataset_of(run).nodal_test.force[0])
+PAPER_NETWORKS = {c: from_paper(paper) for c, paper in PAPER.constant_channels.items()}
+PAPER_STANDARD = from_paper(PAPER.networks["beam3d"]["deterministic"])
+
+
+def measure_network(resources: Resources, run: str) -> Network:
+    """Measure the row of a run."""
+    errors, trained = split_errors(resources, run), resources.trained(run)
+    surrogate = load(trained.folder, resources.device.type)
+    force = resources.dataset_of(run).nodal_test.force[0]
+    seconds = prediction_seconds(surrogate, force, timing=resources.scale.timing)
     last = trained.metric_lines()[-1]
     return Network(
         MM * errors.mean_error,
         MM * errors.std_error,
-        workshop.run_record(run).minutes,
+        resources.run_record(run).minutes,
         1e3 * seconds,
         last["train_loss"],
         last.get("validation_loss"),
@@ -81,7 +79,7 @@ def network(workshop: Workshop, run: str) -> Network:
 def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
     """Name of the run of the standard U-Net, if it is trained for as many epochs as c = 64.
 
-    At a scale whose 3D network has the same number of channels at every level, there is none.
+    None at a scale whose 3D network has the same number of channels at every level.
     """
     if BEST not in runs or STANDARD not in scale.runs:
         return None
@@ -90,39 +88,39 @@ def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
     return STANDARD if standard.network.multiplier > 1 and as_long else None
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure errors, times and losses of all runs of the scale."""
-    scale = workshop.scale
+    scale = resources.scale
     runs = {scale.unet_of(run).network.channels: run for run in scale.matching((RUNS,))}
-    found = {channels: network(workshop, runs[channels]) for channels in sorted(runs)}
+    found = {channels: measure_network(resources, runs[channels]) for channels in sorted(runs)}
     rows: list[tuple[Cell, ...]] = []
     comparisons = []
     for channels, here in found.items():
         rows.append((channels, "here", *here.cells()))
-        if channels in PAPER:
-            paper = PAPER[channels]
+        if channels in PAPER_NETWORKS:
+            paper = PAPER_NETWORKS[channels]
             rows.append((channels, "paper", *paper.cells()))
             comparisons += [
                 compare(f"c = {channels}: ē", "mm", here.mean, paper.mean),
                 compare(f"c = {channels}: σ(e)", "mm", here.std, paper.std),
             ]
     run = standard_run(scale, runs)
-    standard = network(workshop, run) if run is not None else None
+    standard = measure_network(resources, run) if run is not None else None
     if standard is not None:
         rows += [("standard", "here", *standard.cells())]
         rows += [("standard", "paper", *PAPER_STANDARD.cells())]
-    return Outcome(
-        [channels_table(rows, hardware(workshop.device))], comparisons, claims_on(found, standard)
+    return StudyResult(
+        [channels_table(rows, hardware(resources.device))], comparisons, claims_on(found, standard)
     )
 
 
 def channels_table(rows: list[tuple[Cell, ...]], device: str) -> Table:
-    """Rows with their heads; predictions were timed on a device, in words."""
+    """Table of the rows; `device` describes the device of the predictions."""
     return Table(
         caption="3D beam, deterministic U-Nets with c channels at every level (standard: doubling "
-        f"from level to level); predictions here on {device}, in the paper on one V100. Losses, "
-        "scaled, of the last epoch: of a network that overfits, the validation loss is well above "
-        "the training loss.",
+        f"from level to level); predictions here on {device}, in the paper on {PAPER.hardware}. "
+        "Losses, scaled, of the last epoch: of a network that overfits, the validation loss is "
+        "well above the training loss.",
         head=(
             "channels c",
             "",
@@ -138,7 +136,7 @@ def channels_table(rows: list[tuple[Cell, ...]], device: str) -> Table:
 
 
 def claims_on(found: Mapping[int, Network], standard: Network | None) -> list[Claim]:
-    """The paper's claims on networks, by their number of channels, ascending."""
+    """Test the claims of the paper on networks by their number of channels, ascending."""
     claims = [more_is_better(found, standard)]
     if TOO_MANY in found and BEST in found:
         claims.append(overfits(found[TOO_MANY], found[BEST]))
@@ -148,48 +146,49 @@ def claims_on(found: Mapping[int, Network], standard: Network | None) -> list[Cl
 
 
 def more_is_better(found: Mapping[int, Network], standard: Network | None) -> Claim:
-    """Whether the error falls with the number of channels, up to the paper's best."""
+    """Test whether the error falls with the number of channels, up to the paper's best."""
     up_to_best = {c: here.mean for c, here in found.items() if c <= BEST}
-    missing = [f"c = {c}" for c in PAPER if c not in found]
+    missing = [f"c = {c}" for c in PAPER_NETWORKS if c not in found]
     if standard is None:
         missing.append("the standard U-Net for as many epochs")
     not_run = f" Of the paper's networks not run here: {', '.join(missing)}." if missing else ""
     return Claim(
         what=f"More channels make a smaller error, up to c = {max(up_to_best)}.",
         holds=all(fewer > more for fewer, more in pairwise(up_to_best.values())),
-        evidence=f"{errors_in_words(found)}; the paper: {errors_in_words(PAPER)}.{not_run}",
+        evidence=f"{describe_errors(found)}; "
+        f"the paper: {describe_errors(PAPER_NETWORKS)}.{not_run}",
     )
 
 
-def errors_in_words(networks: Mapping[int, Network]) -> str:
-    """Mean errors by the number of channels, for a sentence."""
+def describe_errors(networks: Mapping[int, Network]) -> str:
+    """Write mean errors with their numbers of channels."""
     errors = ", ".join(f"{n.mean:.3g} mm (c = {c})" for c, n in networks.items())
     return f"ē = {errors}"
 
 
 def overfits(many: Network, best: Network) -> Claim:
-    """Whether too many channels make the error larger again."""
+    """Test whether too many channels make the error larger again."""
     return Claim(
         what=f"c = {TOO_MANY} is worse than c = {BEST}: it overfits.",
         holds=many.mean > best.mean,
         evidence=f"ē = {many.mean:.3g} and {best.mean:.3g} mm; the paper: "
-        f"{PAPER[TOO_MANY].mean} and {PAPER[BEST].mean} mm.",
+        f"{PAPER_NETWORKS[TOO_MANY].mean} and {PAPER_NETWORKS[BEST].mean} mm.",
         better=True,
     )
 
 
 def as_good_sooner(best: Network, standard: Network) -> Claim:
-    """Whether constant channels are as good as the standard U-Net after a third of its training."""
-    least = TIMES_SHORTER / MARGIN
+    """Test whether constant channels match the standard U-Net after a third of its training."""
+    least = PAPER.training_speed_up / MARGIN
 
-    def said(one: Network, other: Network) -> tuple[str, str]:
+    def describe(one: Network, other: Network) -> tuple[str, str]:
         return (
             f"{one.mean:.3g} and {other.mean:.3g} mm",
             f"{other.minutes / one.minutes:.2g} times shorter",
         )
 
-    errors, times = said(best, standard)
-    papers = said(PAPER[BEST], PAPER_STANDARD)
+    errors, times = describe(best, standard)
+    papers = describe(PAPER_NETWORKS[BEST], PAPER_STANDARD)
     return Claim(
         what=f"c = {BEST} at every level has an error comparable to the standard U-Net's, after a "
         "third of its training time.",
@@ -204,7 +203,7 @@ STUDY = Study(
     title="Number of channels",
     labels=("const_channel",),
     question="How many channels are enough, if every level of the U-Net has the same?",
-    conduct=conduct,
+    measure=measure,
     runs=(RUNS, STANDARD),
     times=True,
 )

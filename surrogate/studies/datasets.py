@@ -1,15 +1,15 @@
-"""Meshes, forces and sizes of the datasets (Table "tab:datasets"), and the three bodies."""
+"""Meshes, forces and sizes of the datasets (Table "tab:datasets"); drawings of the bodies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from surrogate.studies.accuracy import BODIES
-from surrogate.studies.bodies import draw_bodies
-from surrogate.studies.padding import draw_padding
-from surrogate.studies.record import Cell, Claim, Table
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.evaluation.paper import PAPER
+from surrogate.studies.components.dataset_figures import draw_bodies, draw_padding
+from surrogate.studies.components.errors_on_test_split import BODIES
+from surrogate.studies.framework.record import Cell, Claim, Table
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 NAMES = {"beam2d": "2D beam", "beam2d_f1": "2D beam#"} | BODIES
 OTHERS = (
@@ -22,12 +22,12 @@ OTHERS = (
     "beam2d_multiple",
     "beam2d_away",
 )
-SHARE = 1e-3  # by which the test split's part of the samples may differ
+SHARE = 1e-3  # largest difference of the shares of the test split
 
 
 @dataclass(frozen=True)
 class Characteristics:
-    """What the paper's table says of a dataset.
+    """Characteristics of a dataset, as in the paper's table.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Characteristics:
     force : tuple of float
         Range of a force component in N.
     train, test : int
-        N and M.
+        Numbers of samples N and M.
     """
 
     dofs: int
@@ -47,36 +47,40 @@ class Characteristics:
 
     @property
     def samples(self) -> int:
-        """N + M."""
+        """Number of all samples N + M."""
         return self.train + self.test
 
     def cells(self) -> tuple[str, str, str]:
-        """Degrees of freedom, range and size, as the table has them."""
+        """Cells of the row: degrees of freedom, range and size."""
         padded = f" ({self.padded})" if self.padded != self.dofs else ""
         low, high = (f"{newtons:g}".replace("-", "−") for newtons in self.force)
         return f"{self.dofs}{padded}", f"{low} to {high}", f"{self.train} + {self.test}"
 
     def agrees(self, other: Characteristics) -> bool:
-        """Whether DOFs, force range, N + M and the test split's share of it are the same."""
-        parts = (self.test / self.samples, other.test / other.samples)
+        """Compare DOFs, force range, N + M and the share of the test split."""
+        shares = (self.test / self.samples, other.test / other.samples)
         return (
             (self.dofs, self.padded, self.force) == (other.dofs, other.padded, other.force)
             and self.samples == other.samples
-            and abs(parts[0] - parts[1]) < SHARE
+            and abs(shares[0] - shares[1]) < SHARE
         )
 
 
-PAPER = {
-    "beam2d": Characteristics(128, 128, (-2.5, 2.5), 5700, 300),
-    "beam2d_f1": Characteristics(128, 128, (-1, 1), 3800, 200),
-    "lshape2d": Characteristics(160, 256, (-1, 1), 3800, 200),
-    "beam3d": Characteristics(12096, 12096, (-2, 2), 33688, 1782),
+PAPER_DATASETS = {
+    name: Characteristics(
+        paper.dofs,
+        paper.padded_dofs,
+        paper.force_range_newton,
+        paper.training_samples,
+        paper.test_samples,
+    )
+    for name, paper in PAPER.datasets.items()
 }
 
 
-def characteristics(workshop: Workshop, name: str) -> Characteristics:
-    """The same of a dataset here."""
-    dataset = workshop.structured(name)
+def characteristics(resources: Resources, name: str) -> Characteristics:
+    """Characteristics of a dataset here."""
+    dataset = resources.structured(name)
     return Characteristics(
         dataset.geometry.coordinates.size,
         dataset.geometry.dimension * dataset.geometry.grid.mask.size,
@@ -86,12 +90,12 @@ def characteristics(workshop: Workshop, name: str) -> Characteristics:
     )
 
 
-def conduct(workshop: Workshop) -> Outcome:
-    """Put every dataset beside the paper's; draw the bodies."""
+def measure(resources: Resources) -> StudyResult:
+    """Compare every dataset with the paper's; draw the bodies and the padded grid."""
     rows: list[tuple[Cell, ...]] = []
     claims = []
-    for name, paper in PAPER.items():
-        here, failed = characteristics(workshop, name), workshop.manifest(name).failed
+    for name, paper in PAPER_DATASETS.items():
+        here, failed = characteristics(resources, name), resources.manifest(name).failed
         rows += [(NAMES[name], "here", *here.cells(), failed)]
         rows += [(NAMES[name], "paper", *paper.cells(), None)]
         claims.append(
@@ -104,17 +108,17 @@ def conduct(workshop: Workshop) -> Outcome:
         )
     head = ("dataset", "", "DOFs (padded)", "force component [N]", "N + M", "failed load cases")
     caption = "Datasets to train on. In brackets: components on the zero-padded grid."
-    return Outcome(
-        tables=[Table(caption=caption, head=head, rows=tuple(rows)), table_of_others(workshop)],
+    return StudyResult(
+        tables=[Table(caption=caption, head=head, rows=tuple(rows)), table_of_others(resources)],
         claims=claims,
         figures={
             "bodies": (
-                draw_bodies({BODIES[name]: workshop.structured(name).geometry for name in BODIES}),
+                draw_bodies({BODIES[name]: resources.structured(name).geometry for name in BODIES}),
                 "The three bodies: meshes, clamped nodes (black), and the nodes one of which a "
                 "training sample loads (red).",
             ),
             "padding": (
-                draw_padding(workshop.structured("lshape2d").geometry),
+                draw_padding(resources.structured("lshape2d").geometry),
                 "The L-shape's numbered nodes in its mesh (left) and on the network's grid "
                 "(right); at points without a node (circles) forces and displacements are zero.",
             ),
@@ -122,11 +126,11 @@ def conduct(workshop: Workshop) -> Outcome:
     )
 
 
-def table_of_others(workshop: Workshop) -> Table:
-    """The datasets that the paper's table does not have."""
+def table_of_others(resources: Resources) -> Table:
+    """Table of the datasets that are not in the paper's table."""
     rows = []
     for name in OTHERS:
-        spec, manifest = workshop.scale.datasets[name], workshop.manifest(name)
+        spec, manifest = resources.scale.datasets[name], resources.manifest(name)
         change = "displacements with noise" if spec.noise else f"{spec.order} order of nodes"
         origin = f"{spec.of}, {change}" if spec.of else spec.case
         rows.append((name, origin, manifest.samples, manifest.failed))
@@ -142,6 +146,6 @@ STUDY = Study(
     title="Datasets",
     labels=("tab:datasets", "fig: three benchmark examples schematics", "L_padding"),
     question="On which meshes, under which forces and on how many samples are networks trained?",
-    conduct=conduct,
-    datasets=(*PAPER, *OTHERS),
+    measure=measure,
+    datasets=(*PAPER_DATASETS, *OTHERS),
 )

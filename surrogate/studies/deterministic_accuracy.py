@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from surrogate.evaluation.published import PUBLISHED
-from surrogate.studies.accuracy import accuracy_table, error_comparisons
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.evaluation.paper import PAPER
+from surrogate.studies.components.errors_on_test_split import accuracy_table, error_comparisons
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 RUNS = ("beam2d-det", "lshape2d-det", "beam3d-det")
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure ē and σ(e) of all three cases."""
-    return Outcome(
-        tables=[accuracy_table(workshop, RUNS, "Errors of deterministic U-Nets on test splits.")],
+    return StudyResult(
+        tables=[accuracy_table(resources, RUNS, "Errors of deterministic U-Nets on test splits.")],
         comparisons=[
             comparison
             for run in RUNS
             for comparison in error_comparisons(
-                workshop, run, PUBLISHED[workshop.case_of(run), "deterministic"]
+                resources, run, PAPER.networks[resources.case_of(run)]["deterministic"]
             )
         ],
     )
@@ -29,6 +29,6 @@ STUDY = Study(
     title="Accuracy of deterministic U-Nets",
     labels=("tab: det_metrics",),
     question="How large is the error on test samples, on average and from sample to sample?",
-    conduct=conduct,
+    measure=measure,
     runs=RUNS,
 )

@@ -1,4 +1,4 @@
-"""Error of every test sample over displacement (Figures "det_sensitivity", "average_errors")."""
+"""Error of test samples over displacement (Figures "det_sensitivity", "average_errors")."""
 
 from __future__ import annotations
 
@@ -10,34 +10,36 @@ from numpy.typing import NDArray
 
 from shared_schema.drawing.figure_style import make_figure, styled
 from surrogate.evaluation.metrics import displacement_at_load, sample_errors
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.curve_colours import CURVES
-from surrogate.studies.accuracy import MM, name_of, test_errors
-from surrogate.studies.record import MARGIN, Claim, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.errors_on_test_split import MM, name_of, split_errors
+from surrogate.studies.framework.record import MARGIN, Claim, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")
 BAYESIAN = ("beam2d-vb", "lshape2d-vb")
-LOW = max(paper.slope for paper in PUBLISHED.values())  # all of which the paper calls low
+LOW = max(  # largest slope of the paper, which calls all of them low
+    network.slope for case in PAPER.networks.values() for network in case.values()
+)
 
 
 @styled
-def errors_over_displacement(workshop: Workshop, runs: Sequence[str]) -> Figure:
+def errors_over_displacement(resources: Resources, runs: Sequence[str]) -> Figure:
     """Draw e_m of every test sample over the displacement at its load, with regression lines.
 
-    A panel a run, since errors and displacements of one may be hidden at the scale of another.
+    One panel for each run, because errors of one may be invisible at the scale of another.
     """
     figure = make_figure(3.2 * len(runs), 2.8)
     panels = figure.subplots(1, len(runs), squeeze=False)[0]
     for axes, run, color in zip(panels, runs, CURVES, strict=False):
-        moved, errors = moved_and_errors(workshop, run)
+        moved, errors = moved_and_errors(resources, run)
         axes.plot(moved, MM * errors, "o", ms=2.4, mew=0, color=color, alpha=0.5)
-        line, ends = test_errors(workshop, run), (0.0, float(moved.max()))
+        line, ends = split_errors(resources, run), (0.0, float(moved.max()))
         axes.plot(ends, [MM * (line.intercept + line.slope * end) for end in ends], color=color)
         slope = rf"slope ${MM * line.slope:.3g}\times10^{{-3}}$"
-        axes.set_title(f"{name_of(workshop, run)}, {slope}", fontsize=10)
+        axes.set_title(f"{name_of(resources, run)}, {slope}", fontsize=10)
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)
     figure.supxlabel("displacement magnitude at the loaded node [m]", fontsize=10)
@@ -45,13 +47,18 @@ def errors_over_displacement(workshop: Workshop, runs: Sequence[str]) -> Figure:
     return figure
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure slopes, and draw the deterministic cases and the probabilistic ones."""
     runs = (*DETERMINISTIC, *BAYESIAN)
-    lines = {run: test_errors(workshop, run) for run in runs}
-    names = {run: name_of(workshop, run) for run in runs}
+    lines = {run: split_errors(resources, run) for run in runs}
+    names = {run: name_of(resources, run) for run in runs}
     rows = [
-        (names[run], MM * line.slope, MM * line.intercept, growth(*moved_and_errors(workshop, run)))
+        (
+            names[run],
+            MM * line.slope,
+            MM * line.intercept,
+            growth(*moved_and_errors(resources, run)),
+        )
         for run, line in lines.items()
     ]
     table = Table(
@@ -61,40 +68,40 @@ def conduct(workshop: Workshop) -> Outcome:
         head=("example", "slope [10⁻³]", "intercept [mm]", "upper half / lower half"),
         rows=tuple(rows),
     )
-    likelihoods = {run: workshop.scale.config_of(run).likelihood for run in runs}
+    likelihoods = {run: resources.scale.config_of(run).likelihood for run in runs}
     comparisons = [
         compare(
             f"{names[run]}: absolute slope",
             "10⁻³",
             MM * abs(line.slope),
-            MM * PUBLISHED[workshop.case_of(run), likelihoods[run]].slope,
+            MM * PAPER.networks[resources.case_of(run)][likelihoods[run]].slope,
         )
         for run, line in lines.items()
     ]
     caption = "Mean error of every test sample over the displacement at its load: {} U-Nets."
-    return Outcome(
+    return StudyResult(
         tables=[table],
         comparisons=comparisons,
         claims=[sensitivity_claim({names[run]: line.slope for run, line in lines.items()})],
         figures={
             "deterministic": (
-                errors_over_displacement(workshop, DETERMINISTIC),
+                errors_over_displacement(resources, DETERMINISTIC),
                 caption.format("deterministic"),
             ),
-            "bayesian": (errors_over_displacement(workshop, BAYESIAN), caption.format("Bayesian")),
+            "bayesian": (errors_over_displacement(resources, BAYESIAN), caption.format("Bayesian")),
         },
     )
 
 
-def moved_and_errors(workshop: Workshop, run: str) -> tuple[Array, Array]:
+def moved_and_errors(resources: Resources, run: str) -> tuple[Array, Array]:
     """Displacement at the load and e_m of every test sample: (M,) each, in m."""
-    test = workshop.dataset_of(run).nodal_test
-    errors = sample_errors(workshop.predicted_test(run).mean, test.displacement)
+    test = resources.dataset_of(run).nodal_test
+    errors = sample_errors(resources.predicted_test(run).mean, test.displacement)
     return displacement_at_load(test.force, test.displacement), errors
 
 
 def growth(moved: Array, errors: Array) -> float:
-    """Mean error of the half of the samples that moves more over that of the other half."""
+    """Ratio of the mean errors of the samples with large and with small displacements."""
     lower, upper = np.array_split(errors[np.argsort(moved)], 2)
     return float(upper.mean() / lower.mean())
 
@@ -118,6 +125,6 @@ STUDY = Study(
     title="Error against displacement",
     labels=("fig: det_sensitivity", "average_errors_bayesian"),
     question="Do errors grow with the displacement at the load?",
-    conduct=conduct,
+    measure=measure,
     runs=(*DETERMINISTIC, *BAYESIAN),
 )

@@ -1,40 +1,55 @@
-"""What studies of growing forces share: error and uncertainty inside and outside the training."""
+"""One node under growing forces: error and uncertainty inside and outside the training range.
+
+Corner of the 2D beam under vertical forces (Fig. "fa2half_deform"), inner corner of the 2D L-shape
+under horizontal forces (Fig. "L_deform").
+"""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.sweep_curves import sweep_curves
-from surrogate.studies.accuracy import MM
-from surrogate.studies.record import Claim, Table
-from surrogate.studies.study import Outcome
+from surrogate.studies.components.errors_on_test_split import MM
+from surrogate.studies.framework.record import Claim, Table
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
-MATCH = 0.05  # of the largest displacement: an error up to which a prediction matches
-GROWTH = 0.9  # a rank correlation from which uncertainty grows steadily
-CONFIDENT = 2.0  # a factor by which uncertainty is larger outside, at least
-CAPTURED = 0.95  # share of forces whose error the 95 % band should capture
+MATCH = 0.05  # error up to which a prediction matches, relative to the largest displacement
+GROWTH = 0.9  # rank correlation from which uncertainty grows steadily
+CONFIDENT = 2.0  # smallest factor between uncertainty outside and inside
+CAPTURED = 0.95  # smallest share of forces with the error inside the 95 % band
 
 
-def sweep_outcome(variational: Extrapolation, deterministic: Extrapolation) -> Outcome:
-    """Table, claims and figure that the sweeps on both bodies have in common.
+def measure(resources: Resources, case: str, with_capture: bool) -> StudyResult:
+    """Compare the Bayesian and the deterministic network of a case with the finite elements.
 
     Parameters
     ----------
-    variational, deterministic : Extrapolation
-        Of the same sweep, by the two networks.
+    resources : Resources
+    case : str
+        Case of the networks; the dataset of the sweep is named after it.
+    with_capture : bool
+        Add the claim that the 95 % band captures the error outside the training range.
     """
+    variational, deterministic = (
+        resources.predicted_loads(run, sweep_of(case)) for run in runs_of(case)
+    )
     vb, d = force_sweep(variational), force_sweep(deterministic)
-    return Outcome(
+    claims = [
+        matches_inside(vb),
+        confident_inside(vb),
+        deviates_outside("The Bayesian network", vb),
+        deviates_outside("The deterministic network", d),
+    ]
+    if with_capture:
+        claims.append(captured_outside(vb))
+    return StudyResult(
         tables=[sweep_table(vb, d)],
-        claims=[
-            matches_inside(vb),
-            confident_inside(vb),
-            deviates_outside("The Bayesian network", vb),
-            deviates_outside("The deterministic network", d),
-        ],
+        claims=claims,
         figures={
             "sweep": (
                 sweep_curves(variational, deterministic, "U-Net (VB)"),
@@ -46,17 +61,27 @@ def sweep_outcome(variational: Extrapolation, deterministic: Extrapolation) -> O
     )
 
 
-def ends(sweep: ForceSweep) -> list[int]:
-    """Numbers of the forces at the ends of the training range, of twice them, and of the largest.
+def runs_of(case: str) -> tuple[str, str]:
+    """Names of the Bayesian and the deterministic run of a case."""
+    return f"{case}-vb", f"{case}-det"
 
-    In both senses, ascending.
+
+def sweep_of(case: str) -> str:
+    """Name of the dataset with the force sweep of a case."""
+    return f"{case}_sweep"
+
+
+def ends(sweep: ForceSweep) -> list[int]:
+    """Numbers of the forces at the ends of the training range, at twice them, and at the largest.
+
+    Forces of both senses, ascending.
     """
     sizes = (sweep.limit, 2 * sweep.limit, float(np.abs(sweep.force).max()))
     return sorted({sweep.nearest(sense * size) for size in sizes for sense in (-1, 1)})
 
 
 def sweep_table(vb: ForceSweep, d: ForceSweep) -> Table:
-    """Errors and standard deviation at the ends of the training range and beyond."""
+    """Table of errors and standard deviation at the ends of the training range and beyond."""
     rows = tuple(
         (
             float(vb.force[i]),
@@ -87,12 +112,12 @@ def sweep_table(vb: ForceSweep, d: ForceSweep) -> Table:
 
 
 def relative_error(sweep: ForceSweep, where: NDArray[np.bool_]) -> float:
-    """Largest ‖U − u‖₂ over the largest ‖u‖₂ at the loaded node, of the forces `where`."""
+    """Largest ‖U − u‖₂ over the largest ‖u‖₂ at the loaded node, for the forces `where`."""
     return float(sweep.node_error[where].max() / sweep.moved[where].max())
 
 
 def matches_inside(sweep: ForceSweep) -> Claim:
-    """Whether the prediction matches within the training range."""
+    """Test whether the prediction matches within the training range."""
     error = relative_error(sweep, ~sweep.outside)
     return Claim(
         what="Within the training range the prediction matches the finite elements.",
@@ -103,7 +128,7 @@ def matches_inside(sweep: ForceSweep) -> Claim:
 
 
 def deviates_outside(network: str, sweep: ForceSweep) -> Claim:
-    """Whether the prediction deviates outside the training range; better if it does not."""
+    """Test whether the prediction deviates outside the training range; better if it does not."""
     error = relative_error(sweep, sweep.outside)
     return Claim(
         what=f"{network} deviates from the finite elements outside the training range.",
@@ -115,28 +140,28 @@ def deviates_outside(network: str, sweep: ForceSweep) -> Claim:
 
 
 def confident_inside(sweep: ForceSweep) -> Claim:
-    """Whether uncertainty is small within the training range and grows steadily outside."""
+    """Test whether uncertainty is small within the training range and grows steadily outside."""
     largest = float(sweep.std[~sweep.outside].max())
     ratios = {sweep.force[i]: sweep.std[i] / largest for i in ends(sweep) if sweep.outside[i]}
-    said = ", ".join(f"at {force:g} N {ratio:.1f}" for force, ratio in ratios.items())
+    growth = ", ".join(f"at {force:g} N {ratio:.1f}" for force, ratio in ratios.items())
     return Claim(
         what="The network is confident within the training range and gets less so outside.",
         holds=sweep.growth >= GROWTH and min(ratios.values()) >= CONFIDENT,
         evidence=f"Largest standard deviation along the force inside {MM * largest:.2f} mm; over "
-        f"that, outside: {said} (at least {CONFIDENT:g}); rank correlation with the force outside "
-        f"{sweep.growth:.2f} (at least {GROWTH}). The error along the force is inside the 95 % "
-        f"band at {by_sense(sweep, sweep.covered)}.",
+        f"that, outside: {growth} (at least {CONFIDENT:g}); rank correlation with the force "
+        f"outside {sweep.growth:.2f} (at least {GROWTH}). The error along the force is inside the "
+        f"95 % band at {by_sense(sweep, sweep.covered)}.",
     )
 
 
 def by_sense(sweep: ForceSweep, covered: NDArray[np.bool_]) -> str:
-    """Share of `covered` (N,) among the forces outside the training range, of each sense."""
+    """Write the shares of `covered` (N,) among the forces outside, for each sense."""
     negative, positive = (100 * covered[sense].mean() for sense in sweep.senses)
     return f"{negative:.3g} % of the negative forces outside, {positive:.3g} % of the positive"
 
 
 def captured_outside(sweep: ForceSweep) -> Claim:
-    """Whether the 95 % band captures the error outside the training range, in both senses."""
+    """Test whether the 95 % band captures the error outside the training range, in both senses."""
     everywhere = float(sweep.covered_components[sweep.outside].mean())
     return Claim(
         what="The 95 % band captures the error outside the training range.",
@@ -146,3 +171,38 @@ def captured_outside(sweep: ForceSweep) -> Claim:
         f"{by_sense(sweep, sweep.covered_across)}; of all free components, "
         f"{100 * everywhere:.3g} %.",
     )
+
+
+def make_study(
+    name: str, title: str, label: str, question: str, case: str, with_capture: bool
+) -> Study:
+    """Make the study of the sweep on the body of a case; for `with_capture` see `measure`."""
+    return Study(
+        name=name,
+        title=title,
+        labels=(label,),
+        question=question,
+        measure=partial(measure, case=case, with_capture=with_capture),
+        datasets=(sweep_of(case),),
+        runs=runs_of(case),
+    )
+
+
+BEAM = make_study(
+    "force-sweep-beam",
+    "2D beam under growing forces",
+    "fig: fa2half_deform",
+    "Vertical forces up to 3.2 times those of the training act at the corner: how far are the "
+    "predictions off, and does the uncertainty say so?",
+    case="beam2d",
+    with_capture=True,
+)
+LSHAPE = make_study(
+    "force-sweep-lshape",
+    "2D L-shape under growing forces",
+    "fig: L_deform",
+    "Horizontal forces up to six times those of the training act at the inner corner: how far are "
+    "the predictions off, and does the uncertainty say so?",
+    case="lshape2d",
+    with_capture=False,
+)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from surrogate.evaluation.published import PUBLISHED
-from surrogate.studies.accuracy import BODIES, MM, test_errors
-from surrogate.studies.datasets import PAPER
-from surrogate.studies.record import Cell, Claim, Comparison, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.evaluation.paper import PAPER
+from surrogate.studies.components.errors_on_test_split import BODIES, MM, split_errors
+from surrogate.studies.framework.record import Cell, Claim, Comparison, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 LINEAR = "*-linear"
-ORDER_OF_MAGNITUDE = math.sqrt(10)  # from here on a ratio is nearer to 10 than to 1, in decades
+ORDER_OF_MAGNITUDE = math.sqrt(10)  # larger ratios are nearer to 10 than to 1, in decades
 
 
 @dataclass(frozen=True)
@@ -23,9 +22,9 @@ class Network:
     Attributes
     ----------
     millions : float
-        Of trainable parameters.
+        Number of trainable parameters, in millions.
     mean, std : float
-        ē and σ(e) in mm.
+        Errors ē and σ(e) in mm.
     """
 
     millions: float
@@ -33,35 +32,35 @@ class Network:
     std: float
 
     def cells(self) -> tuple[Cell, ...]:
-        """As the table has them."""
+        """Cells of the row."""
         return self.millions, self.mean, self.std
 
 
-PAPER_CASE = "beam3d"
-PAPER_DOFS = PAPER[PAPER_CASE].dofs  # weights of the paper's linear network are their square
-PAPER_LINEAR = Network(PAPER_DOFS**2 / 1e6, 7.0, 8.0)
-PUBLISHED_UNET = PUBLISHED[PAPER_CASE, "deterministic"]
-PAPER_UNET = Network(
-    PUBLISHED_UNET.parameters / 1e6, MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error
+PAPER_CASE = PAPER.linear_network.case
+PAPER_DOFS = PAPER.datasets[PAPER_CASE].dofs  # the paper's linear network has dofs² weights
+PAPER_LINEAR = Network(
+    PAPER_DOFS**2 / 1e6, PAPER.linear_network.mean_error_mm, PAPER.linear_network.std_error_mm
 )
+UNET = PAPER.networks[PAPER_CASE]["deterministic"]
+PAPER_UNET = Network(UNET.parameters / 1e6, UNET.mean_error_mm, UNET.std_error_mm)
 
 
-def network(workshop: Workshop, run: str) -> Network:
-    """The row of a run."""
-    errors = test_errors(workshop, run)
-    parameters = workshop.run_record(run).parameters
+def measure_network(resources: Resources, run: str) -> Network:
+    """Measure the row of a run."""
+    errors = split_errors(resources, run)
+    parameters = resources.run_record(run).parameters
     return Network(parameters / 1e6, MM * errors.mean_error, MM * errors.std_error)
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure every linear network of the scale, and the U-Net on the same samples."""
     rows: list[tuple[Cell, ...]] = []
     claims: list[Claim] = []
     comparisons: list[Comparison] = []
-    for run in workshop.scale.matching((LINEAR,)):
-        case = workshop.case_of(run)
-        linear = network(workshop, run)
-        unet = network(workshop, f"{workshop.scale.runs[run].data}-det")
+    for run in resources.scale.matching((LINEAR,)):
+        case = resources.case_of(run)
+        linear = measure_network(resources, run)
+        unet = measure_network(resources, f"{resources.scale.runs[run].data}-det")
         rows += [(BODIES[case], "U-Net", *unet.cells()), (BODIES[case], "linear", *linear.cells())]
         claims.append(worse(BODIES[case], linear, unet))
         if case == PAPER_CASE:
@@ -79,11 +78,11 @@ def conduct(workshop: Workshop) -> Outcome:
         f"well, {PAPER_DOFS}² weights."
     )
     head = ("example", "network", "parameters [M]", "ē [mm]", "σ(e) [mm]")
-    return Outcome([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
+    return StudyResult([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
 
 
 def worse(body: str, linear: Network, unet: Network) -> Claim:
-    """Whether the linear network errs more by an order of magnitude."""
+    """Test whether the error of the linear network is larger by an order of magnitude."""
     ratio, paper = linear.mean / unet.mean, PAPER_LINEAR.mean / PAPER_UNET.mean
     return Claim(
         what=f"{body}: the linear network's error is larger than the U-Net's by an order of "
@@ -100,6 +99,6 @@ STUDY = Study(
     title="U-Net and linear network",
     labels=("CNN_MLP",),
     question="How much of the response does the best linear map from forces to displacements miss?",
-    conduct=conduct,
+    measure=measure,
     runs=(LINEAR, *(f"{case}-det" for case in BODIES)),
 )

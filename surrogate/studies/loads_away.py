@@ -1,4 +1,4 @@
-"""Loads on nodes that were never loaded in the training (Figure "training_away")."""
+"""Loads on nodes that are not loaded in training (Figure "training_away")."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from shared_schema.drawing.figure_style import NETWORK, make_figure, styled
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.presentation.curve_colours import CURVES
 from surrogate.presentation.mesh_figures import deformed_meshes
-from surrogate.studies.accuracy import MM
-from surrogate.studies.errors_by_distance import ErrorsByDistance
-from surrogate.studies.record import Claim, Table
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.vertical_force import in_words
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.errors_by_load_distance import ErrorsByLoadDistance
+from surrogate.studies.components.errors_on_test_split import MM
+from surrogate.studies.components.vertical_force import describe_vertical_force
+from surrogate.studies.framework.record import Claim, Table
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
-TWO_ORDERS = 10**1.5  # from here on: two orders of magnitude, rounded
-LOW = 0.5  # of the largest σ: up to here it counts as low
+TWO_ORDERS = 10**1.5  # smallest factor that counts as two orders of magnitude, rounded
+LOW = 0.5  # share of the largest σ up to which σ counts as low
 RELIABLE = 0.5  # share of components in their 95 % intervals below which σ is not reliable
 SIGMA, BAYESIAN = CURVES[2:4]  # colours
 Array = NDArray[np.float64]
 
 
 @styled
-def errors_over_nodes(deterministic: ErrorsByDistance, bayesian: ErrorsByDistance) -> Figure:
+def errors_over_nodes(
+    deterministic: ErrorsByLoadDistance, bayesian: ErrorsByLoadDistance
+) -> Figure:
     """Draw errors of both networks, and the predicted σ, over the number of the loaded node."""
     figure = make_figure(6.4, 3.4)
     axes = figure.subplots()
@@ -48,15 +50,16 @@ def errors_over_nodes(deterministic: ErrorsByDistance, bayesian: ErrorsByDistanc
     return figure
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure errors of both networks under each load, and show those at the 2nd and last node."""
-    loads = workshop.predicted_loads(RUNS[0], LOADS)
-    d, vb = ErrorsByDistance(loads), ErrorsByDistance(workshop.predicted_loads(RUNS[1], LOADS))
-    said = in_words(loads.samples.force[d.order[0]])
+    loads = resources.predicted_loads(RUNS[0], LOADS)
+    d = ErrorsByLoadDistance(loads)
+    vb = ErrorsByLoadDistance(resources.predicted_loads(RUNS[1], LOADS))
+    load = describe_vertical_force(loads.samples.force[d.order[0]])
     second, farthest = (meshes(loads, d.order[number]) for number in (1, -1))
     share_view(second, farthest)
-    return Outcome(
-        tables=[errors_table(d, vb, said)],
+    return StudyResult(
+        tables=[errors_table(d, vb, load)],
         claims=[
             growth_claim(d.mean_error),
             drop_claim(d.mean_error, d.max_error),
@@ -66,20 +69,20 @@ def conduct(workshop: Workshop) -> Outcome:
         figures={
             "errors": (
                 errors_over_nodes(d, vb),
-                f"Errors under {said} on each node of the free edge; of variational Bayes also the "
+                f"Errors under {load} on each node of the free edge; of variational Bayes also the "
                 "error and the standard deviation at the loaded node.",
             ),
-            "second": (second, f"{said} on the second node, deterministic U-Net."),
+            "second": (second, f"{load} on the second node, deterministic U-Net."),
             "farthest": (
                 farthest,
-                f"{said} on the node farthest from the training line, deterministic U-Net.",
+                f"{load} on the node farthest from the training line, deterministic U-Net.",
             ),
         },
     )
 
 
-def errors_table(d: ErrorsByDistance, vb: ErrorsByDistance, load: str) -> Table:
-    """Errors of both networks under each load, which is said in words."""
+def errors_table(d: ErrorsByLoadDistance, vb: ErrorsByLoadDistance, load: str) -> Table:
+    """Table of the errors of both networks under each load, which `load` describes."""
     errors = (d.mean_error, d.max_error, vb.mean_error, vb.max_error, vb.error, vb.std)
     columns = (d.distance, d.moved, *(MM * values for values in errors))
     rows = [
@@ -111,7 +114,7 @@ def meshes(loads: Extrapolation, number: int) -> Figure:
 
 
 def share_view(*drawn: Figure) -> None:
-    """Show the same part of the plane in all figures: what is seen in any."""
+    """Set the same limits in all figures, wide enough for each of them."""
     views = np.array([(f.axes[0].get_xlim(), f.axes[0].get_ylim()) for f in drawn])
     lower, upper = views[..., 0].min(axis=0), views[..., 1].max(axis=0)
     for figure in drawn:
@@ -123,12 +126,12 @@ def growth_claim(mean_error: Array) -> Claim:
     return Claim(
         what="Errors increase from node to node when moving away from the training line.",
         holds=bool((np.diff(mean_error) > 0).all()),
-        evidence=f"Mean errors of the deterministic U-Net in mm: {listed(MM * mean_error)}.",
+        evidence=f"Mean errors of the deterministic U-Net in mm: {join_numbers(MM * mean_error)}.",
     )
 
 
 def drop_claim(mean_error: Array, max_error: Array) -> Claim:
-    """Claim on how many times the errors grow."""
+    """Claim on the growth factors of the errors."""
     factors = [float(errors.max() / errors[0]) for errors in (mean_error, max_error)]
     return Claim(
         what="Accuracy drops by two orders of magnitude away from the training line.",
@@ -142,14 +145,14 @@ def drop_claim(mean_error: Array, max_error: Array) -> Claim:
 
 
 def uncertainty_claim(covered: Array, error: Array, std: Array) -> Claim:
-    """Claim on the share of components inside the 95 % band; ‖U − u‖₂ and ‖σ‖₂ for evidence."""
+    """Claim on the share of components inside the 95 % band; ‖U − u‖₂ and ‖σ‖₂ as evidence."""
     return Claim(
         what="The uncertainty of variational Bayes is not reliable away from the training line.",
         holds=bool(covered[1:].max() < RELIABLE),
         evidence=(
             "Under the load on the first node, "
             f"{100 * covered[0]:.3g} % of the components of all free nodes are inside their 95 % "
-            f"intervals, on the others {listed(100 * covered[1:])} % (not reliable below "
+            f"intervals, on the others {join_numbers(100 * covered[1:])} % (not reliable below "
             f"{100 * RELIABLE:g} %); from the first to the farthest node ‖σ‖₂ grows "
             f"{std[-1] / std[0]:.0f} times, ‖U − u‖₂ {error[-1] / error[0]:.0f} times."
         ),
@@ -163,15 +166,15 @@ def low_claim(std: Array) -> Claim:
         what="The uncertainty should be largest under the load on the farthest node, but is low.",
         holds=bool(std[-1] <= LOW * std.max()),
         evidence=(
-            f"‖σ‖₂ at the loaded node in mm: {listed(MM * std)}; at the farthest "
+            f"‖σ‖₂ at the loaded node in mm: {join_numbers(MM * std)}; at the farthest "
             f"{100 * std[-1] / std.max():.3g} % of the largest (low up to {100 * LOW:g} %)."
         ),
         better=True,
     )
 
 
-def listed(numbers: Array) -> str:
-    """Numbers (N,) for a sentence."""
+def join_numbers(numbers: Array) -> str:
+    """Write numbers (N,) separated by commas."""
     return ", ".join(f"{number:.3g}" for number in numbers)
 
 
@@ -180,7 +183,7 @@ STUDY = Study(
     title="Loads away from the training line",
     labels=("fig: training_away",),
     question="What do networks predict under loads on nodes that were never loaded in training?",
-    conduct=conduct,
+    measure=measure,
     datasets=(LOADS,),
     runs=RUNS,
 )

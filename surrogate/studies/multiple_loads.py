@@ -1,56 +1,61 @@
-"""Several loads at once on a network trained on single ones (Figure "multiple_force")."""
+"""Several loads at once on a network trained on single loads (Figure "multiple_force")."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.data.geometry import Geometry
+from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.evaluation import metrics
 from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.extrapolation import Extrapolation
-from surrogate.evaluation.metrics import measure
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.prediction import Surrogate
 from surrogate.presentation.mesh_figures import meshes_and_errors
-from surrogate.studies.accuracy import MM, test_errors
-from surrogate.studies.error_pattern import all_follow, error_follows_displacement
-from surrogate.studies.record import Claim, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.error_displacement_correlation import (
+    error_correlation,
+    split_correlations,
+)
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
+from surrogate.studies.framework.record import Claim, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"
-TIP_DISPLACEMENT, RELATIVE_TIP_ERROR = 0.55, 0.006  # m; Figure "multiple_force" and its text
-CLOSELY = 0.05  # median relative tip error at most
-LESS = 0.1  # in rank correlation, at least: another trend
+CLOSELY = 0.05  # largest median relative tip error
+LESS = 0.1  # smallest drop of the rank correlation that counts as another trend
 
 
-def conduct(workshop: Workshop) -> Outcome:
-    """Show the example, and measure errors under single and under several loads."""
-    loads = workshop.predicted_loads(RUN, LOADS)
+def measure(resources: Resources) -> StudyResult:
+    """Draw the example, and measure errors under single and under several loads."""
+    loads = resources.predicted_loads(RUN, LOADS)
     geometry, samples, predicted = loads.surrogate.geometry, loads.samples, loads.predicted.mean
-    number = find_example(
-        samples.force, samples.displacement, geometry.tip, geometry.loadable, TIP_DISPLACEMENT
-    )
+    number = find_papers_example(samples, geometry)
+    paper = PAPER.multiple_loads
     force, reference = samples.force[number], samples.displacement[number]
-    under_several = error_follows_displacement(predicted, samples.displacement, ~geometry.clamped)
+    under_one = split_correlations(resources, RUN)
+    under_several = error_correlation(predicted, samples.displacement, ~geometry.clamped)
     tips = [
         tip_measures(*fields, geometry.tip)
         for fields in zip(predicted, samples.displacement, strict=True)
     ]
     moved, error = tips[number]
-    newtons = ", ".join(f"{size:.2f}" for size in sizes(force, geometry.coordinates))
-    return Outcome(
-        tables=[error_table(workshop, loads)],
+    newtons = ", ".join(f"{size:.2f}" for size in load_norms(force, geometry.coordinates))
+    return StudyResult(
+        tables=[error_table(resources, loads)],
         comparisons=[
             compare(
-                f"relative tip error at {moved:.2f} m (paper: {TIP_DISPLACEMENT} m)",
+                f"relative tip error at {moved:.2f} m (paper: {paper.tip_displacement_m} m)",
                 "%",
                 100 * error,
-                100 * RELATIVE_TIP_ERROR,
+                100 * paper.relative_tip_error,
             )
         ],
         claims=[
             accuracy_claim(np.array([error for _, error in tips])),
-            pattern_claim(float(all_follow(workshop, RUN).mean()), float(under_several.mean())),
+            pattern_claim(float(under_one.mean()), float(under_several.mean())),
         ],
         figures={
             "example": (
@@ -63,15 +68,26 @@ def conduct(workshop: Workshop) -> Outcome:
     )
 
 
-def error_table(workshop: Workshop, loads: Extrapolation) -> Table:
-    """Errors under one load, under several, and of the superposition of single predictions."""
+def find_papers_example(samples: NodalSamples, geometry: Geometry) -> int:
+    """Find the sample with the tip displacement nearest to that of the paper's example."""
+    return find_example(
+        samples.force,
+        samples.displacement,
+        geometry.tip,
+        geometry.loadable,
+        PAPER.multiple_loads.tip_displacement_m,
+    )
+
+
+def error_table(resources: Resources, loads: Extrapolation) -> Table:
+    """Table of errors under one load, several loads, and of the superposition of predictions."""
     geometry, samples = loads.surrogate.geometry, loads.samples
     several, superposed = (
-        measure(samples.force, mean, samples.displacement, geometry.tip)
+        metrics.measure(samples.force, mean, samples.displacement, geometry.tip)
         for mean in (loads.predicted.mean, superposition(loads.surrogate, samples.force))
     )
     measured = {
-        "one": test_errors(workshop, RUN),
+        "one": split_errors(resources, RUN),
         "several": several,
         "several, superposition of single predictions": superposed,
     }
@@ -82,7 +98,7 @@ def error_table(workshop: Workshop, loads: Extrapolation) -> Table:
     counts = samples.force.any(axis=2).sum(axis=1)
     one, more = (
         max(map(abs, manifest.case["load"]["range"]))
-        for manifest in (workshop.dataset_of(RUN).manifest, workshop.manifest(LOADS))
+        for manifest in (resources.dataset_of(RUN).manifest, resources.manifest(LOADS))
     )
     return Table(
         caption="Errors of the deterministic U-Net. One: test split, force components within "
@@ -94,7 +110,7 @@ def error_table(workshop: Workshop, loads: Extrapolation) -> Table:
 
 
 def superposition(surrogate: Surrogate, force: Array) -> Array:
-    """Sum of the predictions for every load by itself: (M, n_nodes, d) in N → the same in m."""
+    """Sum of the predictions for each load alone: forces in N to displacements in m."""
     sample, node = np.nonzero(force.any(axis=2))
     single = np.zeros((len(node), *force.shape[1:]))
     single[np.arange(len(node)), node] = force[sample, node]
@@ -103,20 +119,21 @@ def superposition(surrogate: Surrogate, force: Array) -> Array:
     return total
 
 
-def sizes(force: Array, coordinates: Array) -> Array:
-    """‖F‖ of the loads of a sample (n_nodes, d) in N, by their nodes' x: (n_loads,)."""
+def load_norms(force: Array, coordinates: Array) -> Array:
+    """Norms ‖F‖ of the loads of a sample (n_nodes, d) in N, in the order of x: (n_loads,)."""
     newtons: Array = np.linalg.norm(force, axis=1)[np.argsort(coordinates[:, 0], kind="stable")]
     return newtons[newtons > 0]
 
 
 def accuracy_claim(tip_errors: Array) -> Claim:
     """Claim on the relative tip errors (M,) under several loads."""
-    median, below = float(np.median(tip_errors)), int((tip_errors < RELATIVE_TIP_ERROR).sum())
+    papers = PAPER.multiple_loads.relative_tip_error
+    median, below = float(np.median(tip_errors)), int((tip_errors < papers).sum())
     return Claim(
         what="Trained on single loads, the network closely follows the solution under several.",
         holds=median <= CLOSELY,
         evidence=f"Median relative tip error {100 * median:.3g} % (≤ {100 * CLOSELY:g} %); "
-        f"{below} of {len(tip_errors)} samples are below the {100 * RELATIVE_TIP_ERROR:g} % of "
+        f"{below} of {len(tip_errors)} samples are below the {100 * papers:g} % of "
         "the paper's example.",
     )
 
@@ -141,7 +158,7 @@ STUDY = Study(
     title="Several loads at once",
     labels=("fig: multiple_force",),
     question="How does a network that is trained on single loads predict several at once?",
-    conduct=conduct,
+    measure=measure,
     datasets=(LOADS,),
     runs=(RUN,),
 )

@@ -10,37 +10,37 @@ from scipy.stats import rankdata
 from shared_schema.drawing.figure_style import make_figure, styled
 from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.published import PUBLISHED
-from surrogate.studies.accuracy import MM, test_errors
-from surrogate.studies.record import Claim, Table, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.evaluation.paper import PAPER, PaperErrors
+from surrogate.studies.components.errors_on_test_split import MM, split_errors
+from surrogate.studies.framework.record import Claim, Table, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
-PUBLISHED_UNET = PUBLISHED["beam3d", "deterministic"]
-PAPER = {  # ē and σ(e) in mm
-    "preferred": (MM * PUBLISHED_UNET.mean_error, MM * PUBLISHED_UNET.std_error),
-    "random": (5.4, 2.8),
+PAPER_ORDERS: dict[str, PaperErrors] = {
+    "preferred": PAPER.networks["beam3d"]["deterministic"],
+    **PAPER.node_orders,
 }
-SEVERAL = 3.0  # times worse, at least
+SEVERAL = 3.0  # smallest ratio that counts as several times
 IntArray = NDArray[np.int64]
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Measure ē and σ(e) of all three orders, and draw them."""
-    errors = {order: test_errors(workshop, run) for order, run in RUNS.items()}
+    errors = {order: split_errors(resources, run) for order, run in RUNS.items()}
     means = {order: MM * e.mean_error for order, e in errors.items()}
     rows, comparisons = [], []
     for order, e in errors.items():
-        std, paper = MM * e.std_error, PAPER.get(order, (None, None))
-        rows.append((order, means[order], std, means[order] / means["preferred"], *paper))
-        if order in PAPER:
+        std, paper = MM * e.std_error, PAPER_ORDERS.get(order)
+        papers = (paper.mean_error_mm, paper.std_error_mm) if paper else (None, None)
+        rows.append((order, means[order], std, means[order] / means["preferred"], *papers))
+        if paper:
             comparisons += [
-                compare(f"{order} order: ē", "mm", means[order], PAPER[order][0]),
-                compare(f"{order} order: σ(e)", "mm", std, PAPER[order][1]),
+                compare(f"{order} order: ē", "mm", means[order], paper.mean_error_mm),
+                compare(f"{order} order: σ(e)", "mm", std, paper.std_error_mm),
             ]
-    geometries = {order: workshop.dataset_of(run).geometry for order, run in RUNS.items()}
-    return Outcome(
+    geometries = {order: resources.dataset_of(run).geometry for order, run in RUNS.items()}
+    return StudyResult(
         tables=[
             Table(
                 caption="Errors of the 3D beam by the order of the nodes on the grid.",
@@ -69,18 +69,19 @@ def conduct(workshop: Workshop) -> Outcome:
 
 
 def random_is_worse(means: dict[str, float]) -> Claim:
-    """Whether the random order is worse by several times; `means` are ē in mm by order."""
+    """Test whether the random order is worse by several times; `means` are ē in mm by order."""
     ratio = means["random"] / means["preferred"]
+    papers = [PAPER_ORDERS[order].mean_error_mm for order in ("random", "preferred")]
     return Claim(
         what="The error with a random order of nodes is several times that with the preferred one.",
         holds=ratio >= SEVERAL,
         evidence=f"ē is {ratio:.3g} times as large (several: ≥ {SEVERAL:g}); the paper: "
-        f"{PAPER['random'][0] / PAPER['preferred'][0]:.3g} times.",
+        f"{papers[0] / papers[1]:.3g} times.",
     )
 
 
 def gmsh_is_between(means: dict[str, float]) -> Claim:
-    """Whether gmsh's order lies between the others; `means` are ē in mm by order."""
+    """Test whether gmsh's order lies between the others; `means` are ē in mm by order."""
     return Claim(
         what="The error with gmsh's order lies between those with the preferred and a random one.",
         holds=means["preferred"] < means["gmsh"] < means["random"],
@@ -95,7 +96,7 @@ def numbers_at_end(geometry: Geometry) -> IntArray:
     Returns
     -------
     array of int, (ny, nz)
-        By the places of the nodes in space.
+        Numbers by the places of the nodes in space.
     """
     assert isinstance(geometry.grid, GridMap)
     numbers = np.empty(geometry.grid.nodes, dtype=np.int64)
@@ -106,7 +107,7 @@ def numbers_at_end(geometry: Geometry) -> IntArray:
 
 @styled
 def draw_numbers(geometries: dict[str, Geometry]) -> Figure:
-    """Numbers of the nodes on the end face, ascending from light to dark; a panel an order."""
+    """Draw the numbers of the nodes on the end face, light to dark; one panel for each order."""
     figure = make_figure(9.6, 3.2)
     for axes, (name, geometry) in zip(
         figure.subplots(1, len(geometries)), geometries.items(), strict=True
@@ -128,6 +129,6 @@ STUDY = Study(
     title="Order of the nodes",
     labels=("order_table", "node_order"),
     question="What if the neighbours on the network's grid are not neighbours in the body?",
-    conduct=conduct,
+    measure=measure,
     runs=tuple(RUNS.values()),
 )

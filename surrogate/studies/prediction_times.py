@@ -8,14 +8,24 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from surrogate.evaluation.paper import PAPER
 from surrogate.hardware import hardware
-from surrogate.inference.prediction import PASSES, load
-from surrogate.studies.accuracy import BODIES
-from surrogate.studies.pass_times import PassTimes, pass_comparisons, pass_table
-from surrogate.studies.record import Claim, Comparison, compare
-from surrogate.studies.speed_up import CPU, PAPER, Times, faster, real_time, times_table
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.times_by_load import (
+from surrogate.inference.prediction import load
+from surrogate.studies.components.bayesian_prediction_times import (
+    PassTimes,
+    pass_comparisons,
+    pass_table,
+)
+from surrogate.studies.components.errors_on_test_split import BODIES
+from surrogate.studies.components.speed_up import (
+    CPU,
+    PAPER_TIMES,
+    Times,
+    faster,
+    real_time,
+    times_table,
+)
+from surrogate.studies.components.times_by_load import (
     Ends,
     TimesByLoad,
     load_table,
@@ -23,94 +33,102 @@ from surrogate.studies.times_by_load import (
     solving_ends,
     solving_grows,
 )
-from surrogate.studies.timing import (
+from surrogate.studies.framework.record import Claim, Comparison, compare
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.timing import (
     Solutions,
     alternating_seconds,
     prediction_seconds,
     read_solutions,
 )
-from surrogate.studies.workshop import Workshop
 
-MS = 1e3  # in a second
+MS = 1e3  # ms in a second
 DETERMINISTIC = {case: f"{case}-det" for case in BODIES}
 BAYESIAN = {case: f"{case}-vb" for case in ("beam2d", "lshape2d")}
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Time predictions, and take the solver's times from the datasets."""
     solutions = {
-        case: read_solutions(workshop.nodal_folder(workshop.scale.runs[run].data))
+        case: read_solutions(resources.nodal_folder(resources.scale.runs[run].data))
         for case, run in DETERMINISTIC.items()
     }
-    here = {case: times(workshop, case, found) for case, found in solutions.items()}
-    passes = {case: pass_times(workshop, run) for case, run in BAYESIAN.items()}
-    by_load = {case: times_by_load(workshop, case, found) for case, found in solutions.items()}
+    here = {case: measure_times(resources, case, found) for case, found in solutions.items()}
+    passes = {case: measure_pass_times(resources, run) for case, run in BAYESIAN.items()}
+    by_load = {
+        case: measure_times_by_load(resources, case, found) for case, found in solutions.items()
+    }
     comparisons: list[Comparison] = []
     claims: list[Claim] = []
-    for case, paper in PAPER.items():
+    for case, paper in PAPER_TIMES.items():
         name, found = BODIES[case], here[case]
         for device, ms in found.network.items():
             comparisons.append(compare(f"{name}: t_{device}", "ms", ms, paper.network[device]))
             claims.append(faster(name, device, found, paper))
         if "GPU" in found.network:
             claims.append(real_time(name, found.network["GPU"], paper.network["GPU"]))
-    return Outcome(
+    if resources.scale.passes == PAPER.bayesian_prediction.passes:
+        comparisons += pass_comparisons(passes)
+    return StudyResult(
         tables=[
             times_table(here),
             load_table(by_load),
-            pass_table(passes, hardware(workshop.device)),
+            pass_table(passes, resources.scale.passes, hardware(resources.device)),
         ],
-        comparisons=[*comparisons, *pass_comparisons(passes)],
+        comparisons=comparisons,
         claims=[*claims, solving_grows(by_load), predicting_does_not(by_load)],
     )
 
 
-def times(workshop: Workshop, case: str, solutions: Solutions) -> Times:
-    """The row of a deterministic network, for the first test sample."""
+def measure_times(resources: Resources, case: str, solutions: Solutions) -> Times:
+    """Measure the row of a deterministic network, for the first test sample."""
     run = DETERMINISTIC[case]
-    force = workshop.dataset_of(run).nodal_test.force[0]
+    force = resources.dataset_of(run).nodal_test.force[0]
     devices = {"CPU": CPU}
-    if workshop.device.type == "cuda":
-        devices["GPU"] = workshop.device
-    network = {name: network_ms(workshop, run, force, device) for name, device in devices.items()}
+    if resources.device.type == "cuda":
+        devices["GPU"] = resources.device
+    network = {name: network_ms(resources, run, force, device) for name, device in devices.items()}
     solving = MS * solutions.seconds
     return Times(float(np.median(solving)), float(solving.max()), network)
 
 
-def times_by_load(workshop: Workshop, case: str, solutions: Solutions) -> TimesByLoad:
-    """Times of one body for small and for large loads: deterministic on a CPU, passes kept."""
-    force = workshop.dataset_of(DETERMINISTIC[case]).nodal_test.force
+def measure_times_by_load(resources: Resources, case: str, solutions: Solutions) -> TimesByLoad:
+    """Measure times of one body for small and large loads; D on a CPU, VB with kept weights."""
+    force = resources.dataset_of(DETERMINISTIC[case]).nodal_test.force
     order = np.argsort(np.linalg.norm(force, axis=(1, 2)))
     runs = {"D": (DETERMINISTIC[case], CPU)}
     if case in BAYESIAN:
-        runs["VB"] = BAYESIAN[case], workshop.device
+        runs["VB"] = BAYESIAN[case], resources.device
+    passes, timing = resources.scale.passes, resources.scale.timing
     networks = {}
     for kind, (run, device) in runs.items():
-        surrogate = load(workshop.trained(run).folder, device.type)
+        surrogate = load(resources.trained(run).folder, device.type)
         predictions = [
-            partial(surrogate.predict_distribution, force[order[end]], PASSES) for end in (0, -1)
+            partial(surrogate.predict_distribution, force[order[end]], passes) for end in (0, -1)
         ]
-        networks[kind] = Ends(*(MS * seconds for seconds in alternating_seconds(predictions)))
+        networks[kind] = Ends(*(MS * s for s in alternating_seconds(predictions, timing)))
     return TimesByLoad(*solving_ends(solutions), networks)
 
 
-def pass_times(workshop: Workshop, run: str) -> PassTimes:
-    """Both times of a Bayesian network, for the first test sample."""
-    force = workshop.dataset_of(run).nodal_test.force[0]
-    kept, anew = (network_ms(workshop, run, force, workshop.device, a) for a in (False, True))
-    return PassTimes(PASSES * workshop.scale.unet_of(run).ensemble, kept, anew)
+def measure_pass_times(resources: Resources, run: str) -> PassTimes:
+    """Measure both times of a Bayesian network, for the first test sample."""
+    force = resources.dataset_of(run).nodal_test.force[0]
+    kept, anew = (network_ms(resources, run, force, resources.device, a) for a in (False, True))
+    return PassTimes(resources.scale.passes * resources.scale.unet_of(run).ensemble, kept, anew)
 
 
 def network_ms(
-    workshop: Workshop,
+    resources: Resources,
     run: str,
     force: NDArray[np.float64],
     device: torch.device,
     drawn_anew: bool = False,
 ) -> float:
-    """Time of predicting one load in ms, of all passes if the network is Bayesian."""
-    surrogate = load(workshop.trained(run).folder, device.type)
-    return MS * prediction_seconds(surrogate, force, PASSES, drawn_anew)
+    """Measure the time of predicting one load in ms, all passes if the network is Bayesian."""
+    surrogate = load(resources.trained(run).folder, device.type)
+    scale = resources.scale
+    return MS * prediction_seconds(surrogate, force, scale.passes, scale.timing, drawn_anew)
 
 
 STUDY = Study(
@@ -119,7 +137,7 @@ STUDY = Study(
     labels=("Tab: prediction_times",),
     question="How much faster is a prediction than a solution by finite elements, and do their "
     "times depend on the load?",
-    conduct=conduct,
+    measure=measure,
     runs=(*DETERMINISTIC.values(), *BAYESIAN.values()),
     times=True,
 )

@@ -1,4 +1,4 @@
-"""All studies of a scale, one after the other, and the report on them."""
+"""Reproduction of the paper: all studies of a scale in order, and the report on them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 
 from shared_schema.common.errors import InputError
 from surrogate.studies.catalogue import STUDIES
-from surrogate.studies.report import write_report
-from surrogate.studies.study import Study, current_record, do
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.report import write_report
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, current_record, run_study
 
 
 def find_studies(names: Sequence[str]) -> list[Study]:
-    """Studies by their names, in the order of the report.
+    """Find studies by their names, in the order of the report.
 
     Raises
     ------
     InputError
-        If there is none of a name.
+        If a name is unknown.
     """
     known = {study.name: study for study in STUDIES}
     for name in names:
@@ -28,48 +28,50 @@ def find_studies(names: Sequence[str]) -> list[Study]:
     return [study for study in STUDIES if study.name in names]
 
 
-def reproduce(studies: Sequence[Study], workshop: Workshop, out: Path, again: bool = False) -> int:
-    """Do the studies that are not done yet, and write the report on all that are.
+def reproduce(
+    studies: Sequence[Study], resources: Resources, out: Path, again: bool = False
+) -> int:
+    """Run the studies without a current record, and write the report on all records.
 
     Parameters
     ----------
     studies : sequence of Study
-    workshop : Workshop
+    resources : Resources
     out : Path
-        Folder of the records, figures and report; made if it is not there.
+        Folder of the records, figures and report; created if missing.
     again : bool
-        Whether to do those as well that are done, as after a change of their code.
+        Run the studies with a current record as well, as after a change of their code.
 
     Returns
     -------
     int
-        How many were done now.
+        Number of studies run now.
 
     Raises
     ------
     InputError
-        If a dataset is missing; what was done before is kept.
+        If a dataset is missing; existing records are kept.
     """
-    for study in studies:  # before any work
-        study.fingerprint(workshop)
+    for study in studies:  # names a missing dataset before any work
+        study.fingerprint(resources)
     out.mkdir(parents=True, exist_ok=True)
     done = 0
     for number, study in enumerate(studies, 1):
         here = f"surrogate study {study.name} ({number} of {len(studies)})"
-        if not again and current_record(study, workshop, out):
+        if not again and current_record(study, resources, out):
             print(f"{here}: up to date", file=sys.stderr, flush=True)
             continue
         print(f"{here}: {study.title}", file=sys.stderr, flush=True)
-        record = do(study, workshop, out)
-        report(workshop, out)
+        record = run_study(study, resources, out)
+        report(resources, out)
         done += 1
         print(f"{here}: {record.minutes:.1f} min", file=sys.stderr, flush=True)
     if done == 0:
-        report(workshop, out)
+        report(resources, out)
     return done
 
 
-def report(workshop: Workshop, out: Path) -> None:
-    """Write the report on all studies that are done."""
-    records = {study.name: current_record(study, workshop, out) for study in STUDIES}
-    write_report(workshop.scale, STUDIES, records, out)
+def report(resources: Resources, out: Path) -> None:
+    """Write the report on all studies with a current record."""
+    records = {study.name: current_record(study, resources, out) for study in STUDIES}
+    write_report(resources.scale, STUDIES, records, out)

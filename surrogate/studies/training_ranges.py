@@ -9,23 +9,23 @@ from shared_schema.drawing.figure_style import NETWORK, legend_below, make_figur
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.curve_colours import OTHER
-from surrogate.studies.accuracy import MM
-from surrogate.studies.record import Claim, Table
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.errors_on_test_split import MM
+from surrogate.studies.framework.record import Claim, Table
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 from surrogate.uncertainty.calibration import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
-FORCES = tuple(range(1, 9))  # N
-MOST = 0.9  # share of the forces that counts as nearly all
+FORCES = tuple(range(1, 9))  # rows of the table, in N
+MOST = 0.9  # smallest share of the forces that counts as nearly all
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Compare the standard deviations of both networks along the sweep."""
     larger, smaller = (
-        force_sweep(workshop.predicted_loads(run, SWEEP)) for run in (LARGER, SMALLER)
+        force_sweep(resources.predicted_loads(run, SWEEP)) for run in (LARGER, SMALLER)
     )
-    return Outcome(
+    return StudyResult(
         tables=[ratio_table(larger, smaller)],
         claims=[more_uncertain(larger, smaller)],
         figures={
@@ -40,7 +40,7 @@ def conduct(workshop: Workshop) -> Outcome:
 
 
 def ratio_table(larger: ForceSweep, smaller: ForceSweep) -> Table:
-    """Standard deviations at some forces, and their ratio."""
+    """Table of standard deviations at several forces, and their ratio."""
     rows = []
     for force in FORCES:
         wide, narrow = (s.at(force, s.std) for s in (larger, smaller))
@@ -60,7 +60,7 @@ def ratio_table(larger: ForceSweep, smaller: ForceSweep) -> Table:
 
 
 def more_uncertain(larger: ForceSweep, smaller: ForceSweep) -> Claim:
-    """Whether the network of the smaller range is more uncertain beyond it."""
+    """Test whether the network of the smaller range is more uncertain beyond it."""
     ratio = (smaller.std / larger.std)[smaller.outside]
     share = float((ratio > 1).mean())
     return Claim(
@@ -73,7 +73,7 @@ def more_uncertain(larger: ForceSweep, smaller: ForceSweep) -> Claim:
 
 @styled
 def draw_bands(larger: ForceSweep, smaller: ForceSweep) -> Figure:
-    """95 % bands of both networks about their means, over the force."""
+    """Draw the 95 % bands of both networks about their means over the force."""
     figure = make_figure(5.6, 3.4)
     axes = figure.subplots()
     for sweep, color in ((smaller, OTHER), (larger, NETWORK)):
@@ -94,7 +94,7 @@ STUDY = Study(
     title="Uncertainty by the range of forces in training",
     labels=("overlap_intervals",),
     question="Is a network that was trained on smaller forces less certain about larger ones?",
-    conduct=conduct,
+    measure=measure,
     datasets=(SWEEP,),
     runs=(LARGER, SMALLER),
 )

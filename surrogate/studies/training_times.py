@@ -4,54 +4,53 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.studies.accuracy import BODIES, name_of
-from surrogate.studies.datasets import PAPER
-from surrogate.studies.record import Cell, Claim, Table, cell, compare
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.errors_on_test_split import BODIES, name_of
+from surrogate.studies.framework.record import Cell, Claim, Table, compare, format_cell
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
 
 PLANE = ("beam2d", "lshape2d")
 RUNS = ("beam2d-det", "beam2d-vb", "lshape2d-det", "lshape2d-vb", "beam3d-det")
-PAPER_EPOCHS = {"beam2d": 600, "lshape2d": 600, "beam3d": 75}  # Section "sec:training_UNets"
-PAPER_HARDWARE = "one V100"
 
 
 class Duration(NamedTuple):
-    """Epochs of a training, and the minutes that they took."""
+    """Number of epochs of a training, and its duration in minutes."""
 
     epochs: int
     minutes: float
 
     @property
     def per_epoch(self) -> float:
-        """In s."""
+        """Duration of an epoch in s."""
         return 60 * self.minutes / self.epochs
 
 
-def papers(case: str, likelihood: Likelihood) -> Duration:
-    """Duration of the paper's training."""
-    return Duration(PAPER_EPOCHS[case], PUBLISHED[case, likelihood].training_minutes)
+def papers_duration(case: str, likelihood: Likelihood) -> Duration:
+    """Duration of the training in the paper."""
+    paper = PAPER.networks[case][likelihood]
+    return Duration(paper.epochs, paper.training_minutes)
 
 
-def conduct(workshop: Workshop) -> Outcome:
-    """Put minutes beside the paper's; the networks' sizes are a choice, and stand in the table."""
+def measure(resources: Resources) -> StudyResult:
+    """Compare the minutes with the paper's; the sizes of the networks are in the table only."""
     rows: list[tuple[Cell, ...]] = []
-    outcome, durations = Outcome(), {}
+    result, durations = StudyResult(), {}
     for run in RUNS:
-        name, case = name_of(workshop, run), workshop.case_of(run)
-        record, config = workshop.run_record(run), workshop.scale.config_of(run)
-        paper = papers(case, config.likelihood)
+        name, case = name_of(resources, run), resources.case_of(run)
+        record, config = resources.run_record(run), resources.scale.config_of(run)
+        paper = papers_duration(case, config.likelihood)
         durations[run] = here = Duration(record.epochs, record.minutes)
-        samples, training = workshop.dataset_of(run).info.train, config.training
+        samples, training = resources.dataset_of(run).info.train, config.training
         held_out = 100 * (training.validation_fraction + training.calibration_fraction)
-        parameters = [record.parameters / 1e6, PUBLISHED[case, config.likelihood].parameters / 1e6]
+        papers_samples = PAPER.datasets[case].training_samples
+        papers_parameters = PAPER.networks[case][config.likelihood].parameters
         rows += [
-            (name, "here", samples, held_out, *here, parameters[0], record.hardware),
-            (name, "paper", PAPER[case].train, None, *paper, parameters[1], PAPER_HARDWARE),
+            (name, "here", samples, held_out, *here, record.parameters / 1e6, record.hardware),
+            (name, "paper", papers_samples, None, *paper, papers_parameters / 1e6, PAPER.hardware),
         ]
-        outcome.comparisons.append(compare(f"{name}: training", "min", here.minutes, paper.minutes))
+        result.comparisons.append(compare(f"{name}: training", "min", here.minutes, paper.minutes))
     head = (
         "example",
         "",
@@ -66,46 +65,48 @@ def conduct(workshop: Workshop) -> Outcome:
         "Training of deterministic (D) and Bayesian (VB) U-Nets. Of the N samples of the training "
         "split some are held out for validation and calibration."
     )
-    outcome.tables.append(Table(caption=caption, head=head, rows=tuple(rows)))
-    outcome.claims += [bayes_is_longer(case, durations) for case in PLANE]
-    outcome.claims.append(space_is_longer(durations))
-    return outcome
+    result.tables.append(Table(caption=caption, head=head, rows=tuple(rows)))
+    result.claims += [bayes_is_longer(case, durations) for case in PLANE]
+    result.claims.append(space_is_longer(durations))
+    return result
 
 
 def bayes_is_longer(case: str, durations: dict[str, Duration]) -> Claim:
-    """Whether an epoch of variational Bayes takes longer than one of the deterministic U-Net.
+    """Test whether an epoch of variational Bayes takes longer than one of the deterministic U-Net.
 
     Parameters
     ----------
     case : str
     durations : dict of str to Duration
-        By run.
+        Durations by run.
     """
     bayes, deterministic = durations[f"{case}-vb"], durations[f"{case}-det"]
-    paper = papers(case, "variational_bayes"), papers(case, "deterministic")
+    paper = [papers_duration(case, kind) for kind in ("variational_bayes", "deterministic")]
     return Claim(
         what=f"{BODIES[case]}: the Bayesian U-Net takes longer to train than the deterministic, "
         "epoch for epoch.",
         holds=bayes.per_epoch > deterministic.per_epoch,
-        evidence=f"{in_words(bayes)} and {in_words(deterministic)}; the paper: "
-        f"{in_words(paper[0])} and {in_words(paper[1])}.",
+        evidence=f"{describe(bayes)} and {describe(deterministic)}; the paper: "
+        f"{describe(paper[0])} and {describe(paper[1])}.",
     )
 
 
-def in_words(duration: Duration) -> str:
-    """Such as "12.5 s an epoch (16.6 min)"."""
-    return f"{cell(duration.per_epoch)} s an epoch ({cell(duration.minutes)} min)"
+def describe(duration: Duration) -> str:
+    """Write a duration, such as "12.5 s an epoch (16.6 min)"."""
+    return f"{format_cell(duration.per_epoch)} s an epoch ({format_cell(duration.minutes)} min)"
 
 
 def space_is_longer(durations: dict[str, Duration]) -> Claim:
-    """Whether the 3D beam trains longer than the plane cases; `durations` by run."""
+    """Test whether the 3D beam trains longer than the plane cases; `durations` by run."""
     here = {case: durations[f"{case}-det"].minutes for case in BODIES}
-    paper = [papers(case, "deterministic").minutes for case in BODIES]
+    ours = ", ".join(map(format_cell, here.values()))
+    papers = ", ".join(
+        format_cell(papers_duration(case, "deterministic").minutes) for case in BODIES
+    )
     return Claim(
         what="The 3D beam takes longer to train than the plane cases, all deterministic.",
         holds=here["beam3d"] > max(here[case] for case in PLANE),
-        evidence=f"{', '.join(map(cell, here.values()))} min of {', '.join(BODIES.values())}; "
-        f"the paper: {', '.join(map(cell, paper))} min.",
+        evidence=f"{ours} min of {', '.join(BODIES.values())}; the paper: {papers} min.",
     )
 
 
@@ -114,6 +115,6 @@ STUDY = Study(
     title="Time of training",
     labels=("Tab: training_times",),
     question="How long does training take, and how many parameters are trained?",
-    conduct=conduct,
+    measure=measure,
     runs=RUNS,
 )

@@ -11,29 +11,29 @@ from numpy.typing import NDArray
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.example import find_example
-from surrogate.evaluation.published import PUBLISHED
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.prediction import Distribution
 from surrogate.presentation.field_figures import error_beside_uncertainty
-from surrogate.studies.field_agreement import (
+from surrogate.studies.components.error_uncertainty_correlation import (
     FieldMeasures,
     close,
     correlated,
     fields_table,
     measure_fields,
 )
-from surrogate.studies.multiple_loads import LOADS, TIP_DISPLACEMENT
-from surrogate.studies.study import Outcome, Study
-from surrogate.studies.vertical_force import in_words
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.vertical_force import describe_vertical_force
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.multiple_loads import LOADS, find_papers_example
 
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"
-BEYOND = 5.0  # N, upwards: twice the largest force in training
+BEYOND = PAPER.force_beyond_training_newton  # upwards; twice the largest force in training
 
 
 @dataclass(frozen=True)
 class Example:
-    """One load case: what it is, its force in N, and u, μ and σ in m, (n_nodes, d) each."""
+    """One load case: name, force in N, and u, μ and σ in m, (n_nodes, d) each."""
 
     what: str
     force: Array
@@ -42,17 +42,17 @@ class Example:
     std: Array
 
 
-def conduct(workshop: Workshop) -> Outcome:
+def measure(resources: Resources) -> StudyResult:
     """Compare error and uncertainty of three examples."""
-    geometry = workshop.surrogate(RUN).geometry
+    geometry = resources.surrogate(RUN).geometry
     free = ~geometry.clamped
-    beyond, opposite = (at_corner(workshop, force) for force in (BEYOND, -BEYOND))
-    shown = {"corner": corner(workshop), "multiple": multiple(workshop), "beyond": beyond}
+    beyond, opposite = (at_corner(resources, force) for force in (BEYOND, -BEYOND))
+    shown = {"corner": corner(resources), "multiple": multiple(resources), "beyond": beyond}
     measured = {
         example.what: measure_fields(example.mean[free], example.std[free], example.reference[free])
         for example in (*shown.values(), opposite)
     }
-    return Outcome(
+    return StudyResult(
         tables=[fields_table(measured)],
         claims=[
             *(correlated(example.what, measured[example.what]) for example in shown.values()),
@@ -77,34 +77,33 @@ def conduct(workshop: Workshop) -> Outcome:
     )
 
 
-def corner(workshop: Workshop) -> Example:
-    """The test sample loaded at the corner, displaced there as far as the paper's."""
-    tip = workshop.surrogate(RUN).geometry.tip
-    test, predicted = workshop.dataset_of(RUN).nodal_test, workshop.predicted_test(RUN)
-    aim = PUBLISHED["beam2d", "deterministic"].tip_displacement
+def corner(resources: Resources) -> Example:
+    """Test sample with the load and the displacement at the corner nearest to the paper's."""
+    tip = resources.surrogate(RUN).geometry.tip
+    test, predicted = resources.dataset_of(RUN).nodal_test, resources.predicted_test(RUN)
+    aim = PAPER.networks["beam2d"]["deterministic"].examples["corner"].tip_displacement_m
     number = find_example(test.force, test.displacement, tip, np.array([tip]), aim)
     return example_of("test sample loaded at the corner", test, predicted, number)
 
 
-def multiple(workshop: Workshop) -> Example:
-    """The sample with several forces whose corner is displaced as far as the paper's."""
-    geometry, loads = workshop.surrogate(RUN).geometry, workshop.predicted_loads(RUN, LOADS)
-    force, displacement = loads.samples.force, loads.samples.displacement
-    number = find_example(force, displacement, geometry.tip, geometry.loadable, TIP_DISPLACEMENT)
+def multiple(resources: Resources) -> Example:
+    """Sample under several forces with the displacement of the corner nearest to the paper's."""
+    geometry, loads = resources.surrogate(RUN).geometry, resources.predicted_loads(RUN, LOADS)
+    number = find_papers_example(loads.samples, geometry)
     return example_of("several forces", loads.samples, loads.predicted, number)
 
 
-def at_corner(workshop: Workshop, newtons: float) -> Example:
-    """The sample whose vertical force at the corner is nearest to one in N."""
-    loads = workshop.predicted_loads(RUN, SWEEP)
+def at_corner(resources: Resources, newtons: float) -> Example:
+    """Sample of the sweep with the vertical force at the corner nearest to `newtons`."""
+    loads = resources.predicted_loads(RUN, SWEEP)
     vertical = loads.samples.force[..., 1].sum(axis=1)
     number = int(np.abs(vertical - newtons).argmin())
-    what = f"{in_words(loads.samples.force[number])} at the corner"
+    what = f"{describe_vertical_force(loads.samples.force[number])} at the corner"
     return example_of(what, loads.samples, loads.predicted, number)
 
 
 def example_of(what: str, samples: NodalSamples, predicted: Distribution, number: int) -> Example:
-    """One of several samples."""
+    """Sample `number` and its prediction as an example."""
     return Example(
         what,
         samples.force[number],
@@ -115,7 +114,7 @@ def example_of(what: str, samples: NodalSamples, predicted: Distribution, number
 
 
 def figure_of(geometry: Geometry, example: Example, measures: FieldMeasures) -> tuple[Figure, str]:
-    """Error and uncertainty fields of an example, and the caption."""
+    """Figure of the error and uncertainty fields of an example, and its caption."""
     drawn = error_beside_uncertainty(
         geometry, example.force, example.mean, example.std, example.reference
     )
@@ -138,7 +137,7 @@ STUDY = Study(
     question="Does the uncertainty say where the error is: for a load as in training, for several "
     "at once, and for one twice as large? (The paper does not say which way its 5 N act; here "
     "upwards, the other way in the table as well.)",
-    conduct=conduct,
+    measure=measure,
     datasets=(LOADS, SWEEP),
     runs=(RUN,),
 )

@@ -31,6 +31,7 @@ from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
 from shared_schema.shard import read_attributes, read_shard
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import scatter
+from surrogate.evaluation.paper import PAPER
 from surrogate.inference.export import NodalFunction, export
 from surrogate.inference.prediction import PASSES, Surrogate, load
 from surrogate.networks.unet import UNetConfig, parameter_count
@@ -38,8 +39,7 @@ from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.configuration import run_config
 from surrogate.runs.description import DataFingerprint, RunDescription
 from surrogate.runs.folder import RunFolder
-from surrogate.studies import pass_times, speed_up
-from surrogate.studies.timing import median_seconds
+from surrogate.studies.framework.timing import Timing, median_seconds
 from tests.benchmarks.publication import (
     Results,
     command,
@@ -147,7 +147,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
 
 def median_ms(work: Work, repeats: int) -> float:
     """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
-    return round(1e3 * median_seconds(work, repeats), 3)
+    return round(1e3 * median_seconds(work, Timing(repeats=repeats)), 3)
 
 
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
@@ -224,8 +224,8 @@ def runs(body: Body, recipes: tuple[str, ...], folder: Path) -> Iterator[RunFold
 
 def papers(case: str) -> tuple[str, ...]:
     """The paper's times in ms: finite elements, U-Net on a CPU and on a GPU; or nothing."""
-    paper = speed_up.PAPER.get(case)
-    times = (paper.solving, paper.network["CPU"], paper.network["GPU"]) if paper else ("",) * 3
+    paper = PAPER.prediction_times.get(case)
+    times = (paper.finite_elements_ms, paper.cpu_ms, paper.gpu_ms) if paper else ("",) * 3
     return tuple(map(str, times))
 
 
@@ -268,7 +268,7 @@ def table(results: Results) -> str:
         "## The same by finite elements\n\n"
         "Median time in ms of `datagen`'s solver over the samples of the dataset, on the machine "
         "that made it, and the\npaper's times; it has "
-        f"{pass_times.PAPER:g} ms for {PASSES} passes in the plane.\n\n"
+        f"{PAPER.bayesian_prediction.all_passes_ms:g} ms for {PASSES} passes in the plane.\n\n"
         f"{solving}\n{footer(results)}"
     )
 

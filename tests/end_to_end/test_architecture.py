@@ -122,7 +122,7 @@ def test_no_package_imports_upward(program: str) -> None:
 
 
 def test_no_package_is_a_corridor() -> None:
-    """At most 15 files in a package; the studies, one a table or figure family, are more."""
+    """At most 15 files in a package; the studies, one for each table or figure family, are more."""
     for program in LAYERS:
         for package in {path.parent for path in (ROOT / program).rglob("*.py")}:
             modules = [path for path in package.glob("*.py") if path.name != "__init__.py"]

@@ -1,4 +1,4 @@
-"""Force sweeps made by hand, for tests of what is said of them."""
+"""Force sweeps made by hand, for tests of their measures and claims."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from surrogate.evaluation.force_sweep import ForceSweep
 
 
 def hand_made(**changes: Any) -> ForceSweep:
-    """From −4 N to 4 N, trained up to 2 N; u = f m, no error, σ = 1 mm inside and f² mm outside.
+    """Sweep from −4 N to 4 N, trained up to 2 N; u = f m, no error, σ = 1 mm inside, f² mm outside.
 
-    Nothing happens across the force unless `changes` says so.
+    Displacements across the force are zero; `changes` replaces attributes.
     """
     force = np.arange(-4.0, 5.0)
     std = np.where(np.abs(force) > 2, force**2, 1.0) * 1e-3

@@ -31,7 +31,7 @@ def test_nearest_tip_displacement(nodes: list[int], aim: float | None, found: in
 
 
 def test_tip_measures() -> None:
-    """‖(0, 5) − (3, 4)‖ / ‖(3, 4)‖ = √10 / 5; of a tip that does not move 0."""
+    """‖(0, 5) − (3, 4)‖ / ‖(3, 4)‖ = √10 / 5; for a tip that does not move, 0."""
     reference, predicted = np.zeros((3, 2)), np.zeros((3, 2))
     reference[TIP], predicted[TIP] = (3, 4), (0, 5)
     assert tip_measures(predicted, reference, TIP) == pytest.approx((5, 10**0.5 / 5))

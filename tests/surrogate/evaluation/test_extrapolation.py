@@ -49,7 +49,7 @@ def content(run: Path, evaluation: Evaluation) -> dict[str, Any]:
 
 
 def test_uncertainty_of_the_test_split(evaluation: Evaluation, content: dict[str, Any]) -> None:
-    """Coverage, counted here: |u - μ| within 1.959964 σ, over components of free nodes."""
+    """Coverage by its definition: |u - μ| within 1.959964 σ, over components of free nodes."""
     assert evaluation.calibration is not None
     assert (content["uncertainty"]["passes"], content["uncertainty"]["passes_seed"]) == (7, 3)
     free = ~evaluation.surrogate.geometry.clamped

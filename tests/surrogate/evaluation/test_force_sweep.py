@@ -27,7 +27,7 @@ def extrapolation(trained: Path) -> Extrapolation:
 
 
 def test_the_loaded_component_in_order(extrapolation: Extrapolation) -> None:
-    """Made-up forces of the training are drawn from ±2.5 N."""
+    """The made-up forces in training are drawn from ±2.5 N."""
     sweep = force_sweep(extrapolation)
     assert sweep.axis == 1
     assert sweep.limit == pytest.approx(2.5, abs=0.11)
@@ -40,7 +40,7 @@ def test_the_loaded_component_in_order(extrapolation: Extrapolation) -> None:
 
 
 def test_all_components_of_the_loaded_node(extrapolation: Extrapolation) -> None:
-    """Errors of 0.1 m in both: √0.02 m; of 1 m across the largest force, twice σ = 0.5 m."""
+    """Errors of 0.1 m in both components: √0.02 m; then 1 m across the largest force, 2 σ."""
     across = extrapolation.predicted.mean
     across[0, 5, 0] = 1.0
     sweep = force_sweep(extrapolation)
@@ -51,7 +51,7 @@ def test_all_components_of_the_loaded_node(extrapolation: Extrapolation) -> None
 
 
 def test_inside_the_band() -> None:
-    """1.959964 σ is 0.980 m of σ = 0.5 m."""
+    """The limit is 1.959964 σ = 0.980 m with σ = 0.5 m."""
     std = np.full(9, 0.5)
     mean = np.arange(-4.0, 5.0) + 0.979
     sweep = hand_made(mean=mean, std_epistemic=std)
@@ -67,7 +67,7 @@ def test_growth_is_that_of_the_worse_side() -> None:
 
 
 def test_values_at_a_force_of_both_senses() -> None:
-    """(1 + 3) / 2 at ±3 N."""
+    """The mean at ±3 N is (1 + 3) / 2."""
     sweep = hand_made()
     assert sweep.at(2.9, np.array([0, 1, 0, 0, 0, 0, 0, 3.0, 0])) == 2.0
 
@@ -92,7 +92,7 @@ def test_figure(extrapolation: Extrapolation) -> None:
 
 
 def test_figure_where_no_force_is_of_the_training(extrapolation: Extrapolation) -> None:
-    """Linear up to the least σ, 500 mm."""
+    """The axis is linear up to the smallest σ, 500 mm."""
     samples, predicted = extrapolation.samples, extrapolation.predicted
     beyond = replace(
         extrapolation,
@@ -106,7 +106,7 @@ def test_figure_where_no_force_is_of_the_training(extrapolation: Extrapolation) 
 
 
 def test_ticks_by_decades_beyond_the_linear_part() -> None:
-    """Of 3.4 mm one digit is 3; 3000 mm is more than is drawn."""
+    """One digit of 3.4 mm is 3; 3000 mm is beyond the axis."""
     axes = make_figure(3.0, 3.0).subplots()
     axes.plot([0, 1], [-20, 1200])
     scale_from_zero(axes, 3.4)

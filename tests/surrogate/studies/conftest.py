@@ -1,26 +1,29 @@
-"""A workshop with small made-up datasets of all names that studies know, and tiny networks.
+"""Resources of studies: small made-up datasets under the names of the scales, and tiny networks.
 
-The body is that of the made-up datasets for every name but those of the 3D beam; sweeps load its
-corner with vertical forces, 3.2 times those of the training at the ends.
+All plane datasets have the same body. Sweeps load its corner with vertical forces up to 3.2 times
+those of the training.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from surrogate.studies.scale import Scale, merged, read_scale
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.scale import Scale, merged, read_scale
+from surrogate.studies.framework.study import StudyResult
+from surrogate.studies.reproduction import find_studies
 
 SAMPLES = 60
 
 
 def made_up_scale() -> Scale:
-    """The scale ``smoke`` without noise and node orders, whose datasets are cases of their own."""
+    """Scale ``smoke`` without noise and node orders; every dataset is a case."""
     smoke = read_scale("smoke")
     content = smoke.model_dump()
     for name, spec in content["datasets"].items():
@@ -29,11 +32,11 @@ def made_up_scale() -> Scale:
 
 
 @pytest.fixture(scope="session")
-def workshop(
+def resources(
     tmp_path_factory: pytest.TempPathFactory, make_dataset: Callable[..., Path]
-) -> Workshop:
-    """Datasets by `make_dataset`, networks trained when asked for; not to be changed."""
-    scale, folder = made_up_scale(), tmp_path_factory.mktemp("workshop")
+) -> Resources:
+    """Datasets by `make_dataset`; networks are trained when a test needs them. Read-only."""
+    scale, folder = made_up_scale(), tmp_path_factory.mktemp("resources")
     for name, spec in scale.datasets.items():
         dimension = 3 if name.startswith("beam3d") else 2
         forces = None
@@ -43,4 +46,16 @@ def workshop(
         make_dataset(
             folder / "data" / scale.folder_of(name), dimension, name=name, corner_forces=forces
         )
-    return Workshop(scale, folder / "data", folder / "runs", torch.device("cpu"))
+    return Resources(scale, folder / "data", folder / "runs", torch.device("cpu"))
+
+
+@pytest.fixture(scope="session")
+def result_of(resources: Resources) -> Callable[[str], StudyResult]:
+    """Results of the studies by name, each measured once."""
+
+    @cache
+    def measured(name: str) -> StudyResult:
+        (study,) = find_studies([name])
+        return study.measure(resources)
+
+    return measured

@@ -1,29 +1,32 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from surrogate.studies.bayesian_accuracy import BAYESIAN, RUNS, conduct
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.bayesian_accuracy import BAYESIAN, RUNS
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 
 
-def errors(workshop: Workshop, run: str) -> np.ndarray:
+def errors(resources: Resources, run: str) -> np.ndarray:
     """e_m of the test split in mm."""
-    test = workshop.dataset_of(run).nodal_test
-    mean = workshop.predicted_test(run).mean
+    test = resources.dataset_of(run).nodal_test
+    mean = resources.predicted_test(run).mean
     result: np.ndarray = 1e3 * np.abs(mean - test.displacement).mean(axis=(1, 2))
     return result
 
 
-def test_errors_and_coverage(workshop: Workshop) -> None:
+def test_errors_and_coverage(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """Shares of |u − μ| ≤ Φ⁻¹((1 + p) / 2) σ over the nodes that are not clamped."""
-    accuracy, coverage = conduct(workshop).tables
+    accuracy, coverage = result_of("bayesian-accuracy").tables
     for run, row in zip(RUNS, accuracy.rows, strict=True):
-        e = errors(workshop, run)
+        e = errors(resources, run)
         assert row[1:] == pytest.approx((12, e.mean(), e.std(ddof=1)))
     for run, row in zip(BAYESIAN, coverage.rows, strict=True):
-        predicted, dataset = workshop.predicted_test(run), workshop.dataset_of(run)
+        predicted, dataset = resources.predicted_test(run), resources.dataset_of(run)
         free = dataset.geometry.coordinates[:, 0] > 0
         std = np.hypot(predicted.std_epistemic, predicted.std_aleatoric)[:, free]
         z = np.abs(predicted.mean - dataset.nodal_test.displacement)[:, free] / std
@@ -31,10 +34,10 @@ def test_errors_and_coverage(workshop: Workshop) -> None:
         assert row[1:] == pytest.approx((*shares, 1e3 * std.mean()))
 
 
-def test_beside_the_paper(workshop: Workshop) -> None:
+def test_beside_the_paper(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """Table "bayesian_table" of the paper, in mm; a claim for each body, of a failure."""
-    outcome = conduct(workshop)
-    assert [c.paper for c in outcome.comparisons] == pytest.approx([1.3, 1.3, 5.3, 3.7])
-    for case, claim in zip(("beam2d", "lshape2d"), outcome.claims, strict=True):
-        worse = errors(workshop, f"{case}-vb").mean() > errors(workshop, f"{case}-det").mean()
+    result = result_of("bayesian-accuracy")
+    assert [c.paper for c in result.comparisons] == pytest.approx([1.3, 1.3, 5.3, 3.7])
+    for case, claim in zip(("beam2d", "lshape2d"), result.claims, strict=True):
+        worse = errors(resources, f"{case}-vb").mean() > errors(resources, f"{case}-det").mean()
         assert claim.verdict == ("reproduced" if worse else "better")

@@ -1,27 +1,28 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from surrogate.studies.datasets import PAPER, conduct
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.datasets import PAPER_DATASETS
+from surrogate.studies.framework.study import StudyResult
 
 
-def test_numbers_are_those_of_the_made_up_datasets(workshop: Workshop) -> None:
+def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], StudyResult]) -> None:
     """8 x 4 and 8 x 4 x 4 nodes, 60 samples of which 12 are tests, forces up to 2.5 N."""
-    outcome = conduct(workshop)
-    table, others = outcome.tables
+    result = result_of("datasets")
+    table, others = result.tables
     plane, space = ("64", "−2.5 to 2.5", "48 + 12", 0), ("384", "−2.5 to 2.5", "48 + 12", 0)
     assert [row[2:] for row in table.rows[::2]] == [plane, plane, plane, space]
     assert {row[2:] for row in others.rows} == {(60, 0)}
-    assert not any(claim.holds for claim in outcome.claims)
+    assert not any(claim.holds for claim in result.claims)
 
 
-def test_the_papers_rows(workshop: Workshop) -> None:
+def test_the_papers_rows(result_of: Callable[[str], StudyResult]) -> None:
     """Table "tab:datasets" of the paper; 256 are those of the padded L-shape."""
-    rows = [row[2:5] for row in conduct(workshop).tables[0].rows[1::2]]
+    rows = [row[2:5] for row in result_of("datasets").tables[0].rows[1::2]]
     assert rows == [
         ("128", "−2.5 to 2.5", "5700 + 300"),
         ("128", "−1 to 1", "3800 + 200"),
@@ -42,4 +43,5 @@ def test_the_papers_rows(workshop: Workshop) -> None:
     ],
 )
 def test_what_agrees_with_the_paper(change: dict[str, Any], agrees: bool) -> None:
-    assert replace(PAPER["beam3d"], **change).agrees(PAPER["beam3d"]) is agrees
+    paper = PAPER_DATASETS["beam3d"]
+    assert replace(paper, **change).agrees(paper) is agrees

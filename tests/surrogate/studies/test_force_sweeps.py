@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.studies import force_sweep_beam, force_sweep_lshape
 from surrogate.studies.force_sweeps import (
+    BEAM,
+    LSHAPE,
     captured_outside,
     confident_inside,
     deviates_outside,
@@ -12,8 +13,8 @@ from surrogate.studies.force_sweeps import (
     matches_inside,
     sweep_table,
 )
-from surrogate.studies.study import Study
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import Study
 from tests.surrogate.force_sweeps import hand_made
 
 FORCE = np.arange(-4.0, 5.0)
@@ -27,7 +28,7 @@ def test_ends() -> None:
 
 @pytest.mark.parametrize(("error", "matches"), [(0.09, True), (0.11, False)])
 def test_matches_up_to_5_percent(error: float, matches: bool) -> None:
-    """Of 2 m within ±2 N."""
+    """The displacements are 2 m within ±2 N."""
     claim = matches_inside(hand_made(mean=FORCE + error * (FORCE == 1)))
     assert claim.holds == matches
     assert f"{50 * error:g} %" in claim.evidence
@@ -35,7 +36,7 @@ def test_matches_up_to_5_percent(error: float, matches: bool) -> None:
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.19, "better"), (0.21, "reproduced")])
 def test_deviates_above_5_percent(error: float, verdict: str) -> None:
-    """Of 4 m up to ±4 N."""
+    """The displacements are 4 m up to ±4 N."""
     claim = deviates_outside("It", hand_made(mean=FORCE + error * (FORCE == 3)))
     assert claim.verdict == verdict
 
@@ -100,13 +101,13 @@ def test_rows_by_signed_force() -> None:
     )
 
 
-@pytest.mark.parametrize("study", [force_sweep_beam.STUDY, force_sweep_lshape.STUDY])
-def test_last_row(workshop: Workshop, study: Study) -> None:
+@pytest.mark.parametrize("study", [BEAM, LSHAPE])
+def test_last_row(resources: Resources, study: Study) -> None:
     """The made-up corner under vertical forces, the largest of them upwards."""
-    outcome = study.conduct(workshop)
+    result = study.measure(resources)
     body = study.name.removeprefix("force-sweep-")
     run = {"beam": "beam2d", "lshape": "lshape2d"}[body]
-    vb, d = (workshop.predicted_loads(f"{run}-{kind}", f"{run}_sweep") for kind in ("vb", "det"))
+    vb, d = (resources.predicted_loads(f"{run}-{kind}", f"{run}_sweep") for kind in ("vb", "det"))
     number = vb.samples.force[:, vb.node, 1].argmax()
     u = vb.samples.displacement[number, vb.node]
     errors = [loads.predicted.mean[number, vb.node] - u for loads in (d, vb)]
@@ -118,5 +119,5 @@ def test_last_row(workshop: Workshop, study: Study) -> None:
         1e3 * vb.predicted.std[number, vb.node, 1],
         100 * vb.inside[number],
     ]
-    assert outcome.tables[0].rows[-1] == pytest.approx(expected)
-    assert len(outcome.claims) == {"beam": 5, "lshape": 4}[body]
+    assert result.tables[0].rows[-1] == pytest.approx(expected)
+    assert len(result.claims) == {"beam": 5, "lshape": 4}[body]

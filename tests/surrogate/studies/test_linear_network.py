@@ -8,28 +8,28 @@ import pytest
 
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import Stiffness, write_stiffness
-from surrogate.studies.linear_network import PAPER_LINEAR, PAPER_UNET, Network, conduct, worse
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.linear_network import PAPER_LINEAR, PAPER_UNET, Network, measure, worse
 
 
 @pytest.fixture
-def with_stiffness(workshop: Workshop, tmp_path: Path) -> Workshop:
-    """The workshop with a stiffness of 1 N/m at every degree of freedom of the 2D beam."""
+def with_stiffness(resources: Resources, tmp_path: Path) -> Resources:
+    """Resources with a stiffness of 1 N/m at every degree of freedom of the 2D beam."""
     folder = tmp_path / "beam2d-60"
-    shutil.copytree(workshop.data / folder.name, folder)
+    shutil.copytree(resources.data / folder.name, folder)
     stiffness = Stiffness(np.ones(64), np.arange(64), np.arange(65))
     manifest = read_manifest(folder / "structured")
     assert manifest.structured is not None
     digest = write_stiffness(folder / "structured", stiffness, manifest.case_digest, "quad")
     info = manifest.structured.model_copy(update={"stiffness": digest})
     write_manifest(folder / "structured", manifest.model_copy(update={"structured": info}))
-    return Workshop(workshop.scale, tmp_path, tmp_path / "runs", workshop.device)
+    return Resources(resources.scale, tmp_path, tmp_path / "runs", resources.device)
 
 
-def test_every_linear_network_beside_the_unet_on_its_data(with_stiffness: Workshop) -> None:
-    """56 free degrees of freedom: 56² parameters; of the 3D beam there is no run."""
-    outcome = conduct(with_stiffness)
-    (table,) = outcome.tables
+def test_every_linear_network_beside_the_unet_on_its_data(with_stiffness: Resources) -> None:
+    """56 free degrees of freedom: 56² parameters; there is no run of the 3D beam."""
+    result = measure(with_stiffness)
+    (table,) = result.tables
     assert [row[:2] for row in table.rows] == [("2D beam", "U-Net"), ("2D beam", "linear")]
     for run, row in zip(("beam2d-det", "beam2d-linear"), table.rows, strict=True):
         test = with_stiffness.dataset_of(run).nodal_test
@@ -37,13 +37,13 @@ def test_every_linear_network_beside_the_unet_on_its_data(with_stiffness: Worksh
         e = 1e3 * np.abs(predicted - test.displacement).mean(axis=(1, 2))
         assert row[3:] == pytest.approx((e.mean(), e.std(ddof=1)))
     assert table.rows[1][2] == pytest.approx(56**2 / 1e6)
-    assert outcome.comparisons == []
-    assert len(outcome.claims) == 1
+    assert result.comparisons == []
+    assert len(result.claims) == 1
 
 
 @pytest.mark.parametrize(("mean", "holds"), [(7.0, True), (1.9, True), (1.8, False)])
 def test_an_order_of_magnitude(mean: float, holds: bool) -> None:
-    """From √10 times on, 1.897 beside 0.6."""
+    """The smallest ratio is √10: 1.897 beside 0.6."""
     assert worse("3D beam", Network(1, mean, 0), Network(1, 0.6, 0)).holds is holds
 
 

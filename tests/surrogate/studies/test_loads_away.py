@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -7,16 +8,16 @@ import numpy as np
 import pytest
 
 from surrogate.evaluation.extrapolation import Extrapolation
-from surrogate.studies.errors_by_distance import ErrorsByDistance
+from surrogate.studies.components.errors_by_load_distance import ErrorsByLoadDistance
+from surrogate.studies.components.vertical_force import describe_vertical_force
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 from surrogate.studies.loads_away import (
-    conduct,
     drop_claim,
     growth_claim,
     low_claim,
     uncertainty_claim,
 )
-from surrogate.studies.vertical_force import in_words
-from surrogate.studies.workshop import Workshop
 
 
 def three_nodes() -> Extrapolation:
@@ -47,7 +48,7 @@ def three_nodes() -> Extrapolation:
 
 def test_errors_by_distance() -> None:
     """Six components: e = (1 + 2 + 0.1) / 6; ‖(1, 2)‖ = √5; ‖(3, 4)‖ = 5 at the last node."""
-    found = ErrorsByDistance(three_nodes())
+    found = ErrorsByLoadDistance(three_nodes())
     assert found.order.tolist() == [1, 2, 0]
     assert found.distance == pytest.approx([0, 0.4, 1])
     assert found.mean_error == pytest.approx([3.1 / 6] * 3)
@@ -58,32 +59,34 @@ def test_errors_by_distance() -> None:
     assert found.std == pytest.approx([0.3 * 2**0.5, 0.3 * 2**0.5, 5])
 
 
-def test_rows_are_the_errors_of_both_networks(workshop: Workshop) -> None:
+def test_rows_are_the_errors_of_both_networks(
+    resources: Resources, result_of: Callable[[str], StudyResult]
+) -> None:
     """The made-up loads are all at one node of the training line: order and distance stay."""
-    outcome = conduct(workshop)
-    rows = np.array(outcome.tables[0].rows, dtype=float)
+    result = result_of("loads-away")
+    rows = np.array(result.tables[0].rows, dtype=float)
     assert rows[:, 0].tolist() == list(range(1, 61))
     assert (rows[:, 1] == 0).all()
     for run, column in (("beam2d-det", 3), ("beam2d-vb", 5)):
-        loads = workshop.predicted_loads(run, "beam2d_away")
+        loads = resources.predicted_loads(run, "beam2d_away")
         error = np.abs(loads.predicted.mean - loads.samples.displacement)
         assert rows[:, column] == pytest.approx(1e3 * error.mean(axis=(1, 2)))
         assert rows[:, column + 1] == pytest.approx(1e3 * error.max(axis=(1, 2)))
-    assert outcome.figures.keys() == {"errors", "second", "farthest"}
-    assert all("8 N downwards" in caption for _, caption in outcome.figures.values())
-    views = [outcome.figures[name][0].axes[0].axis() for name in ("second", "farthest")]
+    assert result.figures.keys() == {"errors", "second", "farthest"}
+    assert all("8 N downwards" in caption for _, caption in result.figures.values())
+    views = [result.figures[name][0].axes[0].axis() for name in ("second", "farthest")]
     assert views[0] == pytest.approx(views[1])
 
 
-def test_force_in_words() -> None:
+def test_force_describe_vertical_force() -> None:
     force = np.zeros((3, 2))
     force[1, 1] = 1.5
-    assert in_words(force) == "1.5 N upwards"
-    assert in_words(-5 * force) == "7.5 N downwards"
+    assert describe_vertical_force(force) == "1.5 N upwards"
+    assert describe_vertical_force(-5 * force) == "7.5 N downwards"
 
 
 def test_growth_and_drop() -> None:
-    """By two orders of magnitude: 10^1.5 = 32 times or more, in either error."""
+    """Two orders of magnitude: a factor of 10^1.5 = 32 or more, in either error."""
     rising, other = np.array([1.0, 2.0, 20.0, 33.0]), np.array([1.0, 3.0, 2.0, 31.0])
     assert growth_claim(rising).holds
     assert not growth_claim(other).holds
@@ -105,5 +108,5 @@ def test_uncertainty_is_unreliable_where_most_errors_are_outside_the_band() -> N
 
 @pytest.mark.parametrize(("farthest", "low"), [(4.9, True), (5.1, False), (20.0, False)])
 def test_low_uncertainty_at_the_farthest_node(farthest: float, low: bool) -> None:
-    """Of 10 m at most at the others, half."""
+    """Half of the largest at the others, 10 m."""
     assert low_claim(np.array([1.0, 10.0, farthest])).holds == low

@@ -1,44 +1,48 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 from surrogate.studies.multiple_loads import (
     accuracy_claim,
-    conduct,
+    load_norms,
     pattern_claim,
-    sizes,
     superposition,
 )
-from surrogate.studies.workshop import Workshop
 
 
-def test_errors_under_one_and_under_several_loads(workshop: Workshop) -> None:
-    """All from the definitions; the example is the one with a tip displacement next to 0.55 m.
+def test_errors_under_one_and_under_several_loads(
+    resources: Resources, result_of: Callable[[str], StudyResult]
+) -> None:
+    """Errors by their definitions; the example has the tip displacement nearest to 0.55 m.
 
     Every made-up sample has one load, of which the superposition is the prediction itself.
     """
-    outcome = conduct(workshop)
-    tip = workshop.dataset_of("beam2d-det").geometry.tip
-    loads = workshop.predicted_loads("beam2d-det", "beam2d_multiple")
-    test = workshop.dataset_of("beam2d-det").nodal_test
+    result = result_of("multiple-loads")
+    tip = resources.dataset_of("beam2d-det").geometry.tip
+    loads = resources.predicted_loads("beam2d-det", "beam2d_multiple")
+    test = resources.dataset_of("beam2d-det").nodal_test
     several = (loads.predicted.mean, loads.samples.displacement)
-    pairs = ((workshop.predicted_test("beam2d-det").mean, test.displacement), several, several)
-    for row, (predicted, reference) in zip(outcome.tables[0].rows, pairs, strict=True):
+    pairs = ((resources.predicted_test("beam2d-det").mean, test.displacement), several, several)
+    for row, (predicted, reference) in zip(result.tables[0].rows, pairs, strict=True):
         error, moved = predicted - reference, np.linalg.norm(reference[:, tip], axis=1)
         relative = np.linalg.norm(error[:, tip], axis=1) / moved
         assert row[1] == len(reference)
         assert row[2] == pytest.approx(1e3 * np.abs(error).mean())
         assert row[4] == pytest.approx(100 * np.median(relative))
-    assert "±2.5 N. Several: forces on 1 to 1 of the 7 loadable" in outcome.tables[0].caption
+    assert "±2.5 N. Several: forces on 1 to 1 of the 7 loadable" in result.tables[0].caption
     number = np.abs(moved - 0.55).argmin()
-    (comparison,) = outcome.comparisons
+    (comparison,) = result.comparisons
     assert (comparison.ours, comparison.paper) == pytest.approx((100 * relative[number], 0.6))
 
 
-def test_superposition_adds_up_single_predictions(workshop: Workshop) -> None:
+def test_superposition_adds_up_single_predictions(resources: Resources) -> None:
     """Two and three loads of two samples, each predicted by itself."""
-    surrogate = workshop.surrogate("beam2d-det")
+    surrogate = resources.surrogate("beam2d-det")
     nodes = np.flatnonzero(surrogate.geometry.loadable)
     force = np.zeros((2, len(surrogate.geometry.coordinates), 2))
     expected = np.zeros_like(force)
@@ -55,7 +59,7 @@ def test_superposition_adds_up_single_predictions(workshop: Workshop) -> None:
 def test_sizes_go_along_the_body() -> None:
     """3-4-5 at x = 2 m before 1 N at x = 4 m, whatever the nodes' numbers."""
     force = np.array([[0.0, -1.0], [0.0, 0.0], [3.0, 4.0]])
-    assert sizes(force, np.array([[4.0, 0.0], [3.0, 0.0], [2.0, 0.0]])).tolist() == [5, 1]
+    assert load_norms(force, np.array([[4.0, 0.0], [3.0, 0.0], [2.0, 0.0]])).tolist() == [5, 1]
 
 
 def test_claims() -> None:

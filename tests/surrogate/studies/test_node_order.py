@@ -1,41 +1,42 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from shared_schema.grid_map import GridMap
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 from surrogate.studies.node_order import (
-    conduct,
     draw_numbers,
     gmsh_is_between,
     numbers_at_end,
     random_is_worse,
 )
-from surrogate.studies.workshop import Workshop
 
 
-def test_errors_and_ratios(workshop: Workshop) -> None:
-    outcome = conduct(workshop)
+def test_errors_and_ratios(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+    result = result_of("node-order")
     means = []
     for run in ("beam3d_preferred-det", "beam3d_gmsh-det", "beam3d_random-det"):
-        test = workshop.dataset_of(run).nodal_test
-        e = np.abs(workshop.predicted_test(run).mean - test.displacement).mean(axis=(1, 2))
+        test = resources.dataset_of(run).nodal_test
+        e = np.abs(resources.predicted_test(run).mean - test.displacement).mean(axis=(1, 2))
         means.append(1e3 * e.mean())
-    rows = outcome.tables[0].rows
+    rows = result.tables[0].rows
     assert [row[1] for row in rows] == pytest.approx(means)
     assert [row[3] for row in rows] == pytest.approx([mean / means[0] for mean in means])
     assert [row[4] for row in rows] == [pytest.approx(0.6), None, 5.4]
-    assert [c.paper for c in outcome.comparisons] == pytest.approx([0.6, 0.3, 5.4, 2.8])
+    assert [c.paper for c in result.comparisons] == pytest.approx([0.6, 0.3, 5.4, 2.8])
 
 
-def test_numbers_on_the_end_face(workshop: Workshop) -> None:
+def test_numbers_on_the_end_face(resources: Resources) -> None:
     """On the full 8 x 4 x 4 grid they run from 7 · 16 on; on a permuted one they follow the nodes.
 
     Nodes are numbered as the grid points are, so those of the end face are 112 to 127.
     """
-    geometry = workshop.structured("beam3d").geometry
+    geometry = resources.structured("beam3d").geometry
     assert numbers_at_end(geometry).tolist() == (112 + np.arange(16)).reshape(4, 4).tolist()
     nodes = np.random.default_rng(0).permutation(128)
     grid = geometry.grid
@@ -51,7 +52,7 @@ def test_numbers_on_the_end_face(workshop: Workshop) -> None:
     [(3.0, 5.4, True, True), (6.0, 5.4, False, True), (0.7, 1.7, True, False)],
 )
 def test_claims(gmsh: float, random: float, between: bool, worse: bool) -> None:
-    """Beside 0.6 mm of the preferred order, several times being 1.8 mm."""
+    """The preferred order has 0.6 mm; several times is 1.8 mm and more."""
     means = {"preferred": 0.6, "gmsh": gmsh, "random": random}
     assert gmsh_is_between(means).holds is between
     assert random_is_worse(means).holds is worse

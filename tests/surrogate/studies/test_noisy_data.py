@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,15 @@ import pytest
 
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.force_sweep import ForceSweep
-from surrogate.studies.noise import free_of_noise, noise_ratio, refined, true_std
-from surrogate.studies.noisy_data import captured, conduct, growing, unreliable
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.noisy_data_sweeps import (
+    noise_ratio,
+    refined,
+    true_std,
+    without_noise,
+)
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
+from surrogate.studies.noisy_data import captured, growing, unreliable
 from tests.surrogate.force_sweeps import hand_made
 
 FORCE = np.arange(-80, 81) * 0.05
@@ -35,7 +42,7 @@ def test_noise_up_to_07_newtons() -> None:
     """The variance of γ ~ U(−a, a) is a² / 3; the sweep's force 0.70 N is the last with noise."""
     np.testing.assert_allclose(true_std(fine()), STD)
     assert np.abs(FORCE[STD > 0]).max() == pytest.approx(0.7)
-    quiet = np.unique(np.abs(FORCE[free_of_noise(fine())]).round(9))
+    quiet = np.unique(np.abs(FORCE[without_noise(fine())]).round(9))
     np.testing.assert_allclose(quiet, [0.75, 0.8, 0.85, 0.9, 0.95, 1.0])
 
 
@@ -75,17 +82,17 @@ def test_a_refined_sweep() -> None:
     np.testing.assert_allclose(samples.displacement[:, 2, 0], np.tanh(FORCE / 2), atol=1e-5)
 
 
-def test_networks(workshop: Workshop) -> None:
+def test_networks(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """Rows by likelihood, panels by body; errors at 4 N are those of the refined sweep."""
-    outcome = conduct(workshop)
+    result = result_of("noisy-data")
     beam, lshape = "2D beam", "2D L-shape"
-    rows = {str(row[0]): row for row in outcome.tables[0].rows}
+    rows = {str(row[0]): row for row in result.tables[0].rows}
     assert list(rows) == [f"{beam} (MLE)", f"{lshape} (MLE)", f"{beam} (VB)", f"{lshape} (VB)"]
-    figure, _ = outcome.figures["std"]
+    figure, _ = result.figures["std"]
     titles = [axes.get_title() for axes in figure.axes]
     assert titles == [f"{beam} (MLE)", f"{beam} (VB)", f"{lshape} (MLE)", f"{lshape} (VB)"]
-    samples = refined(workshop.nodal("lshape2d_sweep").samples)
+    samples = refined(resources.nodal("lshape2d_sweep").samples)
     ends = NodalSamples(samples.force[[0, -1]], samples.displacement[[0, -1]])
-    predicted = workshop.surrogate("lshape2d_noisy-mle").predict(ends.force)
+    predicted = resources.surrogate("lshape2d_noisy-mle").predict(ends.force)
     errors = np.abs(predicted - ends.displacement)[ends.force != 0]
     assert rows[f"{lshape} (MLE)"][-1] == pytest.approx(1e3 * errors.mean())

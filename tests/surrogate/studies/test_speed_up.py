@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from surrogate.studies.speed_up import PAPER, Times, faster, real_time
+from surrogate.studies.components.speed_up import PAPER_TIMES, Times, faster, real_time
 
 
 def test_the_papers_ratios() -> None:
     """Table "Tab: prediction_times": 25, 17, 31 on CPUs and 123, 120, 345 on GPUs."""
-    ratios = [paper.cells()[4:] for paper in PAPER.values()]
+    ratios = [paper.cells()[4:] for paper in PAPER_TIMES.values()]
     expected = [(24.6, 123.0), (17.14, 120.0), (31.0, 344.4)]
     assert ratios == [pytest.approx(pair, rel=1e-3) for pair in expected]
 
@@ -19,7 +19,7 @@ def test_no_gpu() -> None:
 @pytest.mark.parametrize(("device", "least"), [("CPU", 10), ("GPU", 100)])
 def test_faster_by_as_much_as_the_paper_says(device: str, least: float) -> None:
     """At least 10 and 100 times; both numbers in the evidence."""
-    paper = PAPER["beam3d"]
+    paper = PAPER_TIMES["beam3d"]
     assert faster("3D beam", device, paper, paper).holds
     claim = faster("3D beam", device, Times(3.0 * least, 60.0 * least, {device: 3.0}), paper)
     assert claim.holds

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.studies.times_by_load import (
+from surrogate.studies.components.times_by_load import (
     Ends,
     TimesByLoad,
     load_table,
@@ -11,7 +11,7 @@ from surrogate.studies.times_by_load import (
     solving_ends,
     solving_grows,
 )
-from surrogate.studies.timing import Solutions
+from surrogate.studies.framework.timing import Solutions
 
 SAME, TWICE = Ends(1.0, 1.0), Ends(1.0, 2.0)
 

@@ -10,26 +10,25 @@ import pytest
 import torch
 
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
-from surrogate.studies import timing
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework import timing
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.scale import read_scale
 
 
-def test_median_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 20 ms, done three times before and as often as there is time for: 3 times in 50 ms."""
-    monkeypatch.setattr(timing, "SECONDS", 0.05)
+def test_median_time() -> None:
+    """Work of 20 ms: three times for the warm-up, then as often as 50 ms allow, 3 times."""
     calls: list[None] = []
 
     def work() -> None:
         calls.append(None)
         time.sleep(0.02)
 
-    assert 0.02 <= timing.median_seconds(work) < 0.1
+    assert 0.02 <= timing.median_seconds(work, timing.Timing(seconds=0.05)) < 0.1
     assert 4 <= len(calls) <= 6
 
 
 def test_times_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Works of 20 and 1 ms, until the first has taken 50 ms."""
-    monkeypatch.setattr(timing, "SECONDS", 0.05)
     monkeypatch.setattr(timing, "WARM_UP", 0)
     calls: list[str] = []
 
@@ -37,18 +36,18 @@ def test_times_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
         calls.append(name)
         time.sleep(seconds)
 
-    slow, quick = timing.alternating_seconds([partial(work, "a", 0.02), partial(work, "b", 0.001)])
+    works = [partial(work, "a", 0.02), partial(work, "b", 0.001)]
+    slow, quick = timing.alternating_seconds(works, timing.Timing(seconds=0.05))
     assert quick < 0.02 <= slow
     assert calls == len(calls) // 2 * ["a", "b"]
 
 
 @pytest.mark.parametrize(("drawn_anew", "times"), [(False, 1), (True, 4)])
 def test_weights_are_drawn_once_or_for_every_prediction(
-    workshop: Workshop, monkeypatch: pytest.MonkeyPatch, drawn_anew: bool, times: int
+    resources: Resources, monkeypatch: pytest.MonkeyPatch, drawn_anew: bool, times: int
 ) -> None:
-    """Predictions are three of the warm-up and one that is timed; 5 passes of every parameter."""
-    monkeypatch.setattr(timing, "SECONDS", 1e-9)
-    surrogate = workshop.surrogate("beam2d-vb")
+    """Three predictions of the warm-up and one that is timed; 5 passes of every parameter."""
+    surrogate = resources.surrogate("beam2d-vb")
     surrogate.passes.forget()
     draw, drawn = GaussianParameter.draw, []
 
@@ -57,16 +56,31 @@ def test_weights_are_drawn_once_or_for_every_prediction(
         return draw(self, generators)
 
     monkeypatch.setattr(GaussianParameter, "draw", counted)
-    force = workshop.dataset_of("beam2d-vb").nodal_test.force[0]
-    timing.prediction_seconds(surrogate, force, 5, drawn_anew)
+    force = resources.dataset_of("beam2d-vb").nodal_test.force[0]
+    timing.prediction_seconds(surrogate, force, 5, timing.Timing(repeats=1), drawn_anew)
     parameters = sum(isinstance(m, GaussianParameter) for m in surrogate.network.modules())
     assert drawn == times * parameters * [5]
 
 
 def test_solutions(make_dataset: Callable[..., Path], tmp_path: Path) -> None:
-    """The made-up dataset's: 0.5 s, one iteration; samples of odd numbers are in a second shard."""
+    """The made-up dataset has 0.5 s and one iteration; odd samples are in a second shard."""
     forces = np.stack([np.arange(60.0), np.zeros(60)], axis=1)
     solutions = timing.read_solutions(make_dataset(tmp_path, corner_forces=forces).parent / "nodal")
     assert solutions.force.tolist() == [*range(0, 60, 2), *range(1, 60, 2)]
     assert solutions.seconds.tolist() == 60 * [0.5]
     assert solutions.iterations.tolist() == 60 * [1]
+
+
+def test_repeats_end_the_timing() -> None:
+    """Two repeats after the three of the warm-up."""
+    calls: list[None] = []
+    timing.median_seconds(lambda: calls.append(None), timing.Timing(repeats=2))
+    assert len(calls) == 5
+
+
+def test_timing_of_the_scales() -> None:
+    """200 repeats or 5 s, at the scale `smoke` 3 repeats or 0.05 s."""
+    assert read_scale("laptop").timing == read_scale("paper").timing == timing.Timing()
+    assert (timing.Timing().repeats, timing.Timing().seconds) == (200, 5.0)
+    smoke = read_scale("smoke").timing
+    assert (smoke.repeats, smoke.seconds) == (3, 0.05)

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from surrogate.studies.training_ranges import conduct, more_uncertain
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
+from surrogate.studies.training_ranges import more_uncertain
 from tests.surrogate.force_sweeps import hand_made
 
 
@@ -20,15 +23,15 @@ def test_more_uncertain_at_nearly_every_force_outside() -> None:
     assert not more_uncertain(larger, smaller).holds
 
 
-def test_ratios(workshop: Workshop) -> None:
-    """Of the two networks' σ at the forces nearest to ±8 N, the ends of the made-up sweep."""
-    outcome = conduct(workshop)
+def test_ratios(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+    """Ratio of both networks' σ at the forces nearest to ±8 N, the ends of the made-up sweep."""
+    result = result_of("training-ranges")
     larger, smaller = (
-        workshop.predicted_loads(run, "beam2d_sweep") for run in ("beam2d-vb", "beam2d_f1-vb")
+        resources.predicted_loads(run, "beam2d_sweep") for run in ("beam2d-vb", "beam2d_f1-vb")
     )
     expected = [
         1e3 * loads.predicted.std[[0, -1], loads.node, 1].mean() for loads in (larger, smaller)
     ]
-    force, wide, narrow, ratio = outcome.tables[0].rows[-1]
+    force, wide, narrow, ratio = result.tables[0].rows[-1]
     assert (force, wide, narrow) == pytest.approx((8, *expected))
     assert ratio == pytest.approx(expected[1] / expected[0])

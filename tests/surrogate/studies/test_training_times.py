@@ -1,43 +1,44 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import pytest
 
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 from surrogate.studies.training_times import (
     RUNS,
     Duration,
     bayes_is_longer,
-    conduct,
     space_is_longer,
 )
-from surrogate.studies.workshop import Workshop
 
 
-def test_rows(workshop: Workshop) -> None:
+def test_rows(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """N = 48, of which 2 % are for validation and 2 % for calibration, by the fast recipes.
 
     Epochs and minutes are those of the last line of ``metrics.jsonl``.
     """
-    outcome = conduct(workshop)
-    for run, row in zip(RUNS, outcome.tables[0].rows[::2], strict=True):
-        last = json.loads(workshop.run(run).metrics.read_text().splitlines()[-1])
-        weights = [p.numel() for p in workshop.surrogate(run).network.parameters()]
+    result = result_of("training-times")
+    for run, row in zip(RUNS, result.tables[0].rows[::2], strict=True):
+        last = json.loads(resources.run(run).metrics.read_text().splitlines()[-1])
+        weights = [p.numel() for p in resources.surrogate(run).network.parameters()]
         expected = (48, 4, 2, last["seconds"] / 60, sum(weights) / 1e6)
         assert row[2:7] == pytest.approx(expected)
 
 
-def test_beside_the_paper(workshop: Workshop) -> None:
+def test_beside_the_paper(result_of: Callable[[str], StudyResult]) -> None:
     """Table "Tab: training_times", Section "sec:training_UNets": N, epochs, min, 10⁶ parameters."""
-    outcome = conduct(workshop)
-    assert [row[2:3] + row[4:7] for row in outcome.tables[0].rows[1::2]] == [
+    result = result_of("training-times")
+    assert [row[2:3] + row[4:7] for row in result.tables[0].rows[1::2]] == [
         (5700, 600, 131, 7.5),
         (5700, 600, 226, 15.1),
         (3800, 600, 78, 7.5),
         (3800, 600, 143, 14.6),
         (33688, 75, 1060, 94.1),
     ]
-    assert [comparison.paper for comparison in outcome.comparisons] == [131, 226, 78, 143, 1060]
+    assert [comparison.paper for comparison in result.comparisons] == [131, 226, 78, 143, 1060]
 
 
 PAPER = {
@@ -50,7 +51,7 @@ PAPER = {
 
 
 def test_claims_hold_of_the_papers_numbers_and_not_of_others() -> None:
-    """Longer for an epoch, not in all: half of 143 minutes for half of the epochs is as long."""
+    """Epochs are compared: half of 143 minutes for half of the epochs is the same."""
     claim = bayes_is_longer("lshape2d", PAPER)
     assert claim.holds
     assert claim.evidence.startswith("14.3 s an epoch (143 min) and 7.8 s an epoch (78 min); ")

@@ -1,11 +1,17 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from surrogate.studies.field_agreement import close, correlated, measure_fields
-from surrogate.studies.uncertainty_fields import conduct
-from surrogate.studies.workshop import Workshop
+from surrogate.studies.components.error_uncertainty_correlation import (
+    close,
+    correlated,
+    measure_fields,
+)
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study import StudyResult
 
 # Three nodes in the plane, in m: errors of 5, 10 and 15 mm, σ of 5, 10 and 30 mm in norm.
 REFERENCE = np.array([[0.0, 0.2], [0.1, 0.0], [0.0, 0.3]])
@@ -29,7 +35,7 @@ def test_measures() -> None:
 
 
 def test_correlated() -> None:
-    """Of ranks (1, 2, 3) and (2, 1, 3), Spearman's is 0.5."""
+    """Spearman's correlation of the ranks (1, 2, 3) and (2, 1, 3) is 0.5."""
     assert correlated("it", measure_fields(MEAN, STD, REFERENCE)).holds
     claim = correlated("it", measure_fields(MEAN, STD[[1, 0, 2]], REFERENCE))
     assert not claim.holds
@@ -43,20 +49,20 @@ def test_close_within_a_factor_of_2(factor: float, holds: bool) -> None:
     assert close("It is.", measure_fields(MEAN, factor * STD, REFERENCE)).holds == holds
 
 
-def test_examples(workshop: Workshop) -> None:
+def test_examples(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
     """The test sample loaded at the corner whose tip is nearest to 0.95 m, and forces of ±5 N."""
-    outcome = conduct(workshop)
+    result = result_of("uncertainty-fields")
     free = np.arange(32) >= 4  # all but the four clamped nodes
-    test = workshop.dataset_of("beam2d-vb").nodal_test
-    predicted = workshop.predicted_test("beam2d-vb")
-    tip = workshop.surrogate("beam2d-vb").geometry.tip
+    test = resources.dataset_of("beam2d-vb").nodal_test
+    predicted = resources.predicted_test("beam2d-vb")
+    tip = resources.surrogate("beam2d-vb").geometry.tip
     moved = np.linalg.norm(test.displacement[:, tip], axis=1)
     at_tip = np.flatnonzero(test.force[:, tip].any(axis=1))
     number = at_tip[np.abs(moved[at_tip] - 0.95).argmin()]
     errors = np.linalg.norm(predicted.mean - test.displacement, axis=2)
-    first, _, above, below = outcome.tables[0].rows
+    first, _, above, below = result.tables[0].rows
     assert first[1] == pytest.approx(1e3 * errors[number, free].mean())
-    loads = workshop.predicted_loads("beam2d-vb", "beam2d_sweep")
+    loads = resources.predicted_loads("beam2d-vb", "beam2d_sweep")
     vertical = loads.samples.force[:, loads.node, 1]
     for row, force in ((above, 5), (below, -5)):
         number = np.abs(vertical - force).argmin()
@@ -64,10 +70,8 @@ def test_examples(workshop: Workshop) -> None:
         assert row[1] == pytest.approx(1e3 * np.linalg.norm(error, axis=1).mean())
         std = np.linalg.norm(loads.predicted.std[number, free], axis=1).mean()
         assert row[2] == pytest.approx(1e3 * std)
-    assert outcome.claims[3].holds == (0.5 <= float(first[3] or 0) <= 2)
-    assert list(outcome.figures) == ["corner", "multiple", "beyond"]
-    for row, (figure, caption) in zip(
-        outcome.tables[0].rows, outcome.figures.values(), strict=False
-    ):
+    assert result.claims[3].holds == (0.5 <= float(first[3] or 0) <= 2)
+    assert list(result.figures) == ["corner", "multiple", "beyond"]
+    for row, (figure, caption) in zip(result.tables[0].rows, result.figures.values(), strict=False):
         assert f"the mean error is {row[3]:.2g} times the mean σ" in caption
         assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite elements"]

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.studies.accuracy import BODIES
-from surrogate.studies.record import Cell, Claim, Table, listed
-from surrogate.studies.timing import Solutions
+from surrogate.studies.components.errors_on_test_split import BODIES
+from surrogate.studies.framework.record import Cell, Claim, Table, join_named
+from surrogate.studies.framework.timing import Solutions
 
-TENTH = 10  # of the load cases
-GROWTH = 1.2  # times as long under large loads from which on a time grows, below it is the same
+TENTH = 10  # reciprocal of the share of load cases that counts as small, and as large
+GROWTH = 1.2  # smallest ratio of times that counts as growth; below, times are the same
 
 
 @dataclass(frozen=True)
@@ -25,22 +25,22 @@ class Ends:
 
     @property
     def ratio(self) -> float:
-        """Large over small."""
+        """Ratio of large and small."""
         return self.large / self.small
 
 
 @dataclass(frozen=True)
 class TimesByLoad:
-    """What one body's solutions and predictions need.
+    """Effort of the solutions and predictions for one body.
 
     Attributes
     ----------
     solving : Ends
-        Finite elements, in ms.
+        Time of the finite elements in ms.
     iterations : Ends
-        Of Newton's method.
+        Number of Newton iterations.
     networks : dict of str to Ends
-        Predictions in ms, by the networks' likelihood, D or VB.
+        Time of a prediction in ms, by the likelihood of the network, D or VB.
     """
 
     solving: Ends
@@ -49,7 +49,7 @@ class TimesByLoad:
 
 
 def solving_ends(solutions: Solutions) -> tuple[Ends, Ends]:
-    """Time in ms and Newton iterations: medians of the tenths with the smallest, largest ‖F‖."""
+    """Medians of time in ms and Newton iterations, tenths with the smallest and largest ‖F‖."""
     order = np.argsort(solutions.force)
     count = max(1, len(order) // TENTH)
 
@@ -60,12 +60,12 @@ def solving_ends(solutions: Solutions) -> tuple[Ends, Ends]:
 
 
 def load_table(times: Mapping[str, TimesByLoad]) -> Table:
-    """Times of all cases."""
+    """Table of the times of all cases."""
     rows: list[tuple[Cell, ...]] = []
     for case, found in times.items():
-        parts = {"t_FEM [ms]": found.solving, "Newton iterations": found.iterations}
-        parts |= {f"prediction ({kind}) [ms]": ends for kind, ends in found.networks.items()}
-        rows += [(BODIES[case], p, e.small, e.large, e.ratio) for p, e in parts.items()]
+        quantities = {"t_FEM [ms]": found.solving, "Newton iterations": found.iterations}
+        quantities |= {f"prediction ({kind}) [ms]": ends for kind, ends in found.networks.items()}
+        rows += [(BODIES[case], p, e.small, e.large, e.ratio) for p, e in quantities.items()]
     return Table(
         caption="Finite elements: medians over the tenths of the load cases with the smallest and "
         "with the largest ‖F‖. Deterministic U-Nets (D) on a CPU and Bayesian ones (VB, all "
@@ -76,17 +76,17 @@ def load_table(times: Mapping[str, TimesByLoad]) -> Table:
 
 
 def solving_grows(times: Mapping[str, TimesByLoad]) -> Claim:
-    """Whether the finite elements take longer under larger loads, of every case."""
+    """Test whether the finite elements take longer under larger loads, in every case."""
     ratios = {BODIES[case]: found.solving.ratio for case, found in times.items()}
     return Claim(
         what="The time of the finite elements grows with the force.",
         holds=min(ratios.values()) >= GROWTH,
-        evidence=f"Under large over small loads: {listed(ratios)} (each ≥ {GROWTH:g}).",
+        evidence=f"Under large over small loads: {join_named(ratios)} (each ≥ {GROWTH:g}).",
     )
 
 
 def predicting_does_not(times: Mapping[str, TimesByLoad]) -> Claim:
-    """Whether all networks take the same time under small and under large loads."""
+    """Test whether all networks take the same time under small and under large loads."""
     ratios = {
         f"{BODIES[case]} ({kind})": ends.ratio
         for case, found in times.items()
@@ -95,6 +95,6 @@ def predicting_does_not(times: Mapping[str, TimesByLoad]) -> Claim:
     return Claim(
         what="The time of a prediction is the same whatever the force.",
         holds=all(1 / GROWTH < ratio < GROWTH for ratio in ratios.values()),
-        evidence=f"Under the largest over the smallest load: {listed(ratios)} (each within a "
+        evidence=f"Under the largest over the smallest load: {join_named(ratios)} (each within a "
         f"factor of {GROWTH:g}).",
     )

@@ -1,4 +1,4 @@
-"""The noise of the paper's noisy datasets, beside what networks trained on them predict."""
+"""Noise of the noisy datasets beside the standard deviations that networks predict."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, 
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
+from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.curve_colours import OTHER
-from surrogate.studies.accuracy import MM
-from surrogate.studies.workshop import SEED, Workshop
+from surrogate.studies.components.errors_on_test_split import MM
+from surrogate.studies.framework.resources import SEED, Resources
 
 Array = NDArray[np.float64]
-NOISE, NOISY = 0.2, 0.7  # u → (1 + γ) u with γ ~ U(−0.2, 0.2), where the force is 0.7 N at most
-END, STEP = 4.0, 0.05  # of the forces, in N
-FLOOR = 0.1  # mm, the least that is drawn
+NOISY = PAPER.noise.largest_force_newton  # samples under larger forces have no noise in training
+END, STEP = PAPER.noise.sweep_end_newton, 0.05  # end and step of the forces in N
+FLOOR = 0.1  # mm, lower end of the axis
 
 
-def predict(workshop: Workshop, run: str, sweep: str) -> ForceSweep:
-    """What a run predicts for the forces of a sweep up to ±4 N, in small steps."""
-    surrogate = workshop.surrogate(run)
-    samples = refined(workshop.nodal(sweep).samples)
-    predicted = surrogate.predict_distribution(samples.force, workshop.scale.passes, SEED)
+def predict_sweep(resources: Resources, run: str, sweep: str) -> ForceSweep:
+    """Predict a sweep up to ±4 N in small steps of the force."""
+    surrogate = resources.surrogate(run)
+    samples = refined(resources.nodal(sweep).samples)
+    predicted = surrogate.predict_distribution(samples.force, resources.scale.passes, SEED)
     return force_sweep(Extrapolation(sweep, surrogate, samples, predicted))
 
 
 def refined(samples: NodalSamples) -> NodalSamples:
-    """A sweep of one force component in small steps, displacements by cubic splines."""
+    """Refine a sweep of one force component; displacements by cubic splines."""
     component = samples.force.sum(axis=(1, 2))
     order, steps = np.argsort(component), round(END / STEP)
     forces = np.arange(-steps, steps + 1) * STEP
@@ -44,26 +45,28 @@ def refined(samples: NodalSamples) -> NodalSamples:
     return NodalSamples(force, displacement)
 
 
-def noisy(sweep: ForceSweep) -> NDArray[np.bool_]:
-    """Forces whose samples had noise in training, without 0 N, (N,)."""
+def with_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
+    """Mask of the forces with noise in training, without 0 N, (N,)."""
     magnitude = np.abs(sweep.force)
     result: NDArray[np.bool_] = (magnitude > STEP / 2) & (magnitude < NOISY + STEP / 2)
     return result
 
 
-def free_of_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
-    """Forces in the training range whose samples had no noise, (N,)."""
+def without_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
+    """Mask of the forces in the training range without noise, (N,)."""
     return ~sweep.outside & (np.abs(sweep.force) > NOISY + STEP / 2)
 
 
 def true_std(sweep: ForceSweep) -> Array:
-    r"""σ of the noise in m, (N,): :math:`0.2 |u| / \sqrt 3`, that of a uniform distribution."""
-    return np.where(noisy(sweep), NOISE / np.sqrt(3) * np.abs(sweep.reference), 0.0)
+    r"""σ of the noise in m, (N,): :math:`a |u| / \sqrt 3` with :math:`\gamma \sim U(-a, a)`."""
+    return np.where(
+        with_noise(sweep), PAPER.noise.amplitude / np.sqrt(3) * np.abs(sweep.reference), 0.0
+    )
 
 
 def noise_ratio(sweep: ForceSweep) -> float:
-    """Predicted over true standard deviation at the forces with noise, the median."""
-    zone = noisy(sweep)
+    """Median ratio of predicted and true standard deviation at the forces with noise."""
+    zone = with_noise(sweep)
     return float(np.median(sweep.std[zone] / true_std(sweep)[zone]))
 
 
@@ -71,14 +74,14 @@ def noise_ratio(sweep: ForceSweep) -> float:
 def draw_uncertainties(
     left: dict[str, ForceSweep], right: dict[str, ForceSweep], noise_free: Sequence[ForceSweep]
 ) -> Figure:
-    """Standard deviations and errors over the force, a body a row.
+    """Draw standard deviations and errors over the force, one row for each body.
 
     Parameters
     ----------
     left, right : dict of str to ForceSweep
-        Of networks trained on noisy data, by their names.
+        Sweeps by networks trained on noisy data, by their names.
     noise_free : sequence of ForceSweep
-        Of networks trained without noise, to be drawn on the right as well.
+        Sweeps by networks trained without noise, drawn on the right as well.
     """
     figure = make_figure(8.0, 5.6)
     panels = figure.subplots(len(noise_free), 2, sharey="row")
@@ -98,10 +101,10 @@ def draw_uncertainties(
 
 
 def draw_panel(axes: Axes, sweep: ForceSweep) -> None:
-    """Standard deviations, that of the noise, and the error, of one network."""
+    """Draw predicted standard deviations, that of the noise, and the error of one network."""
     axes.axvspan(-sweep.limit, sweep.limit, color="0.93", lw=0)
     axes.axvspan(-NOISY, NOISY, color="0.85", lw=0)
-    x, noise = sweep.force, np.where(noisy(sweep), true_std(sweep), np.nan)
+    x, noise = sweep.force, np.where(with_noise(sweep), true_std(sweep), np.nan)
     axes.plot(x, MM * noise, color=REFERENCE, lw=2.0, label="σ of the noise")
     axes.plot(x, MM * sweep.std, color=NETWORK, label="total σ")
     axes.plot(x, MM * sweep.std_epistemic, color=NETWORK, ls="dashed", lw=0.9, label="epistemic σ")

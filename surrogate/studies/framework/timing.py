@@ -1,4 +1,4 @@
-"""How long predictions take, and how long the finite elements took for the same loads."""
+"""Wall times of predictions, and of the finite elements for the same loads."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from shared_schema.common.configuration import Frozen
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
 from surrogate.inference.prediction import Surrogate
@@ -17,24 +19,40 @@ from surrogate.inference.prediction import Surrogate
 Array = NDArray[np.float64]
 
 WARM_UP = 3
-REPEATS = 200
-SECONDS = 5.0  # at most, for one median
 
 
-def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
-    return alternating_seconds([work], repeats)[0]
+class Timing(Frozen):
+    """Limits of the repeats of one median time, whichever is reached first.
+
+    Attributes
+    ----------
+    repeats : int
+        Largest number of repeats.
+    seconds : float
+        Time after which no further repeat begins.
+    """
+
+    repeats: int = Field(200, ge=1)
+    seconds: float = Field(5.0, gt=0)
+
+
+TIMING = Timing()
+
+
+def median_seconds(work: Callable[[], object], timing: Timing = TIMING) -> float:
+    """Median wall time of repeated work after a warm-up."""
+    return alternating_seconds([work], timing)[0]
 
 
 def alternating_seconds(
-    works: Sequence[Callable[[], object]], repeats: int = REPEATS
+    works: Sequence[Callable[[], object]], timing: Timing = TIMING
 ) -> list[float]:
-    """Median wall times of works in turn, so that what else the machine does slows all of them."""
+    """Median wall times of several works in turn, so that other load slows all of them alike."""
     for _ in range(WARM_UP):
         for work in works:
             work()
     times: list[list[float]] = [[] for _ in works]
-    while len(times[0]) < repeats and sum(times[0]) < SECONDS:
+    while len(times[0]) < timing.repeats and sum(times[0]) < timing.seconds:
         for work, taken in zip(works, times, strict=True):
             began = time.perf_counter()
             work()
@@ -43,7 +61,11 @@ def alternating_seconds(
 
 
 def prediction_seconds(
-    surrogate: Surrogate, force: Array, passes: int = 1, drawn_anew: bool = False
+    surrogate: Surrogate,
+    force: Array,
+    passes: int = 1,
+    timing: Timing = TIMING,
+    drawn_anew: bool = False,
 ) -> float:
     """Median time of predicting one load in s, NumPy arrays in and out.
 
@@ -51,12 +73,13 @@ def prediction_seconds(
     ----------
     surrogate : Surrogate
     force : array, (n_nodes, d)
-        In N.
+        Nodal forces in N.
     passes : int
-        T.
+        Number of passes T.
+    timing : Timing
     drawn_anew : bool
-        Whether every prediction draws the passes' weights, which else stay drawn from the one
-        before as far as there is memory for them.
+        Draw the weights of the passes for every prediction. Otherwise the weights of the
+        prediction before are kept as far as they fit into memory.
     """
 
     def predict() -> None:
@@ -64,21 +87,21 @@ def prediction_seconds(
             surrogate.passes.forget()
         surrogate.predict_distribution(force, passes)
 
-    return median_seconds(predict)
+    return median_seconds(predict, timing)
 
 
 @dataclass(frozen=True)
 class Solutions:
-    """What the finite elements needed for every load case of a dataset.
+    """Effort of the finite elements for every load case of a dataset.
 
     Attributes
     ----------
     force : array, (M,)
         ‖F‖₂ of all nodal forces in N.
     seconds : array, (M,)
-        Wall time on what made the dataset.
+        Wall time on the machine that made the dataset.
     iterations : array of int, (M,)
-        Of Newton's method, in all load steps.
+        Newton iterations of all load steps.
     """
 
     force: Array

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
-from surrogate.studies.padding import draw_padding
+from surrogate.studies.components.dataset_figures import draw_padding
 
 
 def test_every_node_stands_in_its_mesh_and_on_its_grid_point() -> None:

@@ -1,4 +1,4 @@
-"""How well the field of predicted uncertainty agrees with that of the error."""
+"""Agreement of the fields of error and predicted uncertainty over the nodes of a body."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.metrics import node_errors
-from surrogate.studies.accuracy import MM
-from surrogate.studies.record import Claim, Table
+from surrogate.studies.components.errors_on_test_split import MM
+from surrogate.studies.framework.record import Claim, Table
 from surrogate.uncertainty.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]
-STRONG = 0.7  # a rank correlation from which fields count as strongly correlated
-CLOSE = 2.0  # a factor within which error and standard deviation count as close
+STRONG = 0.7  # rank correlation from which fields count as strongly correlated
+CLOSE = 2.0  # factor within which error and standard deviation count as close
 
 
 @dataclass(frozen=True)
 class FieldMeasures:
-    """Error and standard deviation over the free nodes.
+    """Measures of error and standard deviation over the free nodes.
 
     Attributes
     ----------
     error, std : float
         Mean nodal ‖U − u‖₂ and ‖σ‖₂, in m.
     rank_correlation, linear_correlation : float
-        Spearman's and Pearson's, between the two over the nodes.
+        Spearman's and Pearson's correlation of the two over the nodes.
     with_displacement : float
-        Spearman's, between the error and the displacement ‖u‖₂: the baseline, as on a cantilever
-        everything grows towards the tip.
+        Spearman's correlation of the error and the displacement ‖u‖₂. This is the baseline: on a
+        cantilever everything grows towards the tip.
     covered : float
         Share of the components whose error is inside the 95 % band.
     """
@@ -46,19 +46,19 @@ class FieldMeasures:
 def measure_fields(mean: Array, std: Array, reference: Array) -> FieldMeasures:
     """Measure fields of free nodes, (n_nodes, d) each in m."""
     error = node_errors(mean, reference)
-    spread, moved = (np.linalg.norm(values, axis=1) for values in (std, reference))
+    deviation, moved = (np.linalg.norm(values, axis=1) for values in (std, reference))
     return FieldMeasures(
         error=float(error.mean()),
-        std=float(spread.mean()),
-        rank_correlation=float(rank_correlation(error, spread)),
-        linear_correlation=float(np.corrcoef(error, spread)[0, 1]),
+        std=float(deviation.mean()),
+        rank_correlation=float(rank_correlation(error, deviation)),
+        linear_correlation=float(np.corrcoef(error, deviation)[0, 1]),
         with_displacement=float(rank_correlation(error, moved)),
         covered=float((np.abs(mean - reference) <= half_width(BAND) * std).mean()),
     )
 
 
 def correlated(what: str, measures: FieldMeasures) -> Claim:
-    """Whether error and uncertainty are strongly correlated in space."""
+    """Test whether error and uncertainty are strongly correlated in space."""
     return Claim(
         what=f"Error and uncertainty are strongly correlated in space: {what}.",
         holds=measures.rank_correlation >= STRONG,
@@ -69,7 +69,7 @@ def correlated(what: str, measures: FieldMeasures) -> Claim:
 
 
 def close(statement: str, measures: FieldMeasures) -> Claim:
-    """Whether error and uncertainty are of the same size, as a statement says."""
+    """Test the statement that error and uncertainty are of the same size."""
     ratio = measures.error / measures.std
     return Claim(
         what=statement,
@@ -80,7 +80,7 @@ def close(statement: str, measures: FieldMeasures) -> Claim:
 
 
 def fields_table(measured: dict[str, FieldMeasures]) -> Table:
-    """Measures of every example."""
+    """Table of the measures of every example."""
     return Table(
         caption="Norms of errors and standard deviations at the free nodes, and how they correlate "
         "over these; as a baseline, how the error correlates with the displacement.",

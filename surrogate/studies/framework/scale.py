@@ -1,4 +1,4 @@
-"""At which size the studies run: the datasets, and the networks that are trained on them."""
+"""Scales of the studies: datasets, networks trained on them, passes and repeats of timing."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from surrogate.inference.prediction import PASSES
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.configuration import SHIPPED, run_config
+from surrogate.studies.framework.timing import TIMING, Timing
 
-SCALES = Path(__file__).parent / "scales"
+SCALES = Path(__file__).parents[1] / "scales"
 
 
 class DatasetSpec(Frozen):
-    """How `datagen` makes a dataset: of a case, or of another dataset.
+    """Origin of a dataset made by `datagen`: a case, or another dataset of the same scale.
 
     Attributes
     ----------
     case : str, optional
-        A shipped case.
+        Name of a shipped case.
     samples : int, optional
-        Instead of the case's number.
+        Number of samples; by default that of the case.
     of : str, optional
-        Name of the dataset of the same scale that this one is made of, by
+        Name of the dataset from which this one is made, with noise or another order of nodes.
     noise : bool
-        the paper's noise, or by
+        Add the paper's noise.
     order : {"preferred", "gmsh", "random"}
-        another order of the nodes on the grid.
+        Order of the nodes on the grid.
     grid : bool
-        Whether it is laid on a grid, to be trained on.
+        Make the structured dataset as well, for training.
     """
 
     case: str | None = None
@@ -60,11 +61,11 @@ class RunSpec(Frozen):
     Attributes
     ----------
     config : str
-        A shipped configuration; its case becomes that of the dataset.
+        Name of a shipped configuration; its case is replaced by that of the dataset.
     data : str
         Name of the dataset.
     change : dict
-        Keys of the configuration to set otherwise, nested as they are there.
+        New values of keys of the configuration, nested in the same way.
     """
 
     config: str
@@ -77,17 +78,23 @@ class Scale(Frozen):
 
     Attributes
     ----------
+    name : str
     description : str
-        For the report.
+        Paragraph for the report.
     passes : int
-        Stochastic passes T of a prediction.
+        Number of stochastic passes T of a prediction.
+    timing : Timing
+        Repeats of a time that is measured.
     datasets : dict of str to DatasetSpec
+        Datasets by name.
     runs : dict of str to RunSpec
+        Networks by name.
     """
 
     name: str
     description: str
     passes: int = Field(PASSES, ge=1)
+    timing: Timing = TIMING
     datasets: dict[str, DatasetSpec]
     runs: dict[str, RunSpec]
 
@@ -100,19 +107,19 @@ class Scale(Frozen):
         return self
 
     def case_of(self, dataset: str) -> str:
-        """Case of a dataset, its own or that of the one it is made of."""
+        """Case of a dataset, or of the dataset from which it is made."""
         spec = self.datasets[dataset]
         return spec.case or self.case_of(str(spec.of))
 
     def folder_of(self, dataset: str) -> str:
-        """Name of a dataset's folder; the same at every scale that has the same dataset."""
+        """Name of the folder of a dataset, the same at all scales with the same dataset."""
         spec = self.datasets[dataset]
         if spec.of:
             return f"{self.folder_of(spec.of)}-{'noisy' if spec.noise else spec.order}"
         return f"{spec.case}-{spec.samples}" if spec.samples else str(spec.case)
 
     def matching(self, patterns: tuple[str, ...]) -> list[str]:
-        """Names of the runs that match any of some patterns, in the order of the scale."""
+        """Names of the runs that match one of the patterns, in the order of the scale."""
         return [run for run in self.runs if any(fnmatchcase(run, p) for p in patterns)]
 
     def config_of(self, run: str) -> Model:
@@ -121,7 +128,7 @@ class Scale(Frozen):
         Raises
         ------
         InputError
-            If there is no such configuration, or a change does not fit it.
+            If there is no such configuration, or a change does not fit into it.
         """
         spec = self.runs[run]
         content, source = read_named(spec.config, SHIPPED, "config")
@@ -141,7 +148,7 @@ class Scale(Frozen):
 
 
 def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested mappings with some keys set otherwise; null takes a key away."""
+    """Merge changes into nested mappings; the value None removes a key."""
     result = dict(content)
     for key, value in change.items():
         if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
@@ -159,7 +166,7 @@ def read_scale(name: str) -> Scale:
     Raises
     ------
     InputError
-        If there is none, or a key or value in it is wrong.
+        If there is no such scale, or a key or value in it is wrong.
     """
     content, source = read_named(name, SCALES, "--scale")
     return validate(Scale, content, source)

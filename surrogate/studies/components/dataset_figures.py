@@ -1,4 +1,4 @@
-"""The nodes of a plane mesh on the network's grid, which has points without nodes."""
+"""Figures of the datasets: bodies with their supports and loads; nodes on the padded grid."""
 
 from __future__ import annotations
 
@@ -15,8 +15,25 @@ from surrogate.data.geometry import Geometry
 
 
 @styled
+def draw_bodies(geometries: dict[str, Geometry]) -> Figure:
+    """Draw the meshes side by side: clamped nodes black, loadable nodes red."""
+    figure = make_figure(9.0, 2.6)
+    lengths = [np.ptp(geometry.coordinates[:, 0]) for geometry in geometries.values()]
+    grid = GridSpec(1, len(geometries), figure=figure, width_ratios=lengths)
+    for place, (name, geometry) in enumerate(geometries.items()):
+        drawing = make_drawing(figure, geometry, grid[0, place])
+        x, size = geometry.coordinates, 12 if geometry.dimension == 2 else 2
+        drawing.body(x, UNDEFORMED, "white", linewidth=0.4)
+        drawing.markers(x[geometry.clamped], "black", marker="s", s=size)
+        drawing.markers(x[geometry.loadable], REFERENCE, marker="o", s=size)
+        drawing.finish()
+        drawing.axes.set_title(name, fontsize=10)
+    return figure
+
+
+@styled
 def draw_padding(geometry: Geometry) -> Figure:
-    """Left the numbered nodes of a plane mesh, right the same on its grid; circles stay zero."""
+    """Draw the numbered nodes of a plane mesh, and on its grid; circles: points without a node."""
     assert isinstance(geometry.grid, GridMap)
     figure = make_figure(9.6, 3.0)
     places = GridSpec(1, 2, figure=figure, width_ratios=(2, 3))
@@ -39,7 +56,7 @@ def draw_padding(geometry: Geometry) -> Figure:
 
 
 def _number(axes: Axes, place: ArrayLike, number: int) -> None:
-    """Write a number over the lines at a place (x, y)."""
+    """Write a number on a white background at a place (x, y)."""
     x, y = np.asarray(place, dtype=float)
     background = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
     axes.text(x, y, str(number), ha="center", va="center", fontsize=6, bbox=background)

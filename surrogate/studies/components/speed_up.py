@@ -1,4 +1,4 @@
-"""How much faster predictions by deterministic networks are than solutions by finite elements."""
+"""Speed-up of predictions by deterministic networks over solutions by finite elements."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import torch
 
+from surrogate.evaluation.paper import PAPER
 from surrogate.hardware import hardware
-from surrogate.studies.accuracy import BODIES
-from surrogate.studies.record import Cell, Claim, Table
+from surrogate.studies.components.errors_on_test_split import BODIES
+from surrogate.studies.framework.record import Cell, Claim, Table
 
-FASTER = {"CPU": 10, "GPU": 100}  # times at least, for the paper's 17 to 31 and 120 to 345
-REAL_TIME = 10.0  # ms, the paper's limit
+FASTER = {"CPU": 10, "GPU": 100}  # smallest speed-ups that agree with the paper's ratios
 CPU = torch.device("cpu")
 
 
@@ -23,11 +23,11 @@ class Times:
     Attributes
     ----------
     solving : float
-        Finite elements, a typical load.
+        Time of the finite elements for a typical load.
     slowest : float or None
-        The load that took longest.
+        Time of the finite elements for the slowest load.
     network : dict of str to float
-        A prediction on the "CPU", and on the "GPU" where there is one.
+        Time of a prediction on the "CPU", and on the "GPU" where there is one.
     """
 
     solving: float
@@ -35,32 +35,31 @@ class Times:
     network: dict[str, float]
 
     def speed_up(self, device: str) -> float:
-        """Finite elements over network."""
+        """Ratio of the times of finite elements and network."""
         return self.solving / self.network[device]
 
-    def in_words(self, device: str) -> str:
-        """The same, with both times."""
+    def describe(self, device: str) -> str:
+        """Write the speed-up with both times."""
         times = f"{self.solving:.4g} / {self.network[device]:.4g} ms"
         return f"{self.speed_up(device):.3g} ({times})"
 
     def cells(self) -> tuple[Cell, ...]:
-        """Times and ratios as the table has them."""
+        """Cells of the row: times and ratios."""
         times = [self.network.get(device) for device in FASTER]
         ratios = [self.speed_up(d) if d in self.network else None for d in FASTER]
         return self.solving, self.slowest, *times, *ratios
 
 
-PAPER = {
-    "beam2d": Times(123, None, {"CPU": 5, "GPU": 1}),
-    "lshape2d": Times(120, None, {"CPU": 7, "GPU": 1}),
-    "beam3d": Times(3100, None, {"CPU": 100, "GPU": 9}),
+PAPER_TIMES = {
+    case: Times(paper.finite_elements_ms, None, {"CPU": paper.cpu_ms, "GPU": paper.gpu_ms})
+    for case, paper in PAPER.prediction_times.items()
 }
 
 
 def times_table(here: Mapping[str, Times]) -> Table:
-    """Finite elements and deterministic networks."""
+    """Table of the times of finite elements and deterministic networks."""
     rows: list[tuple[Cell, ...]] = []
-    for case, paper in PAPER.items():
+    for case, paper in PAPER_TIMES.items():
         rows += [(BODIES[case], "here", *here[case].cells())]
         rows += [(BODIES[case], "paper", *paper.cells())]
     return Table(
@@ -84,7 +83,7 @@ def times_table(here: Mapping[str, Times]) -> Table:
 
 
 def faster(name: str, device: str, found: Times, paper: Times) -> Claim:
-    """Whether the network is faster than the finite elements by as much as the paper says."""
+    """Test whether the network is faster than the finite elements by the expected factor."""
     least, slowest = FASTER[device], ""
     if found.slowest is not None:
         slowest = f"; of the slowest load {found.slowest / found.network[device]:.4g}"
@@ -92,15 +91,15 @@ def faster(name: str, device: str, found: Times, paper: Times) -> Claim:
         what=f"{name}: on a {device} the network is at least {least} times faster than the finite "
         "elements.",
         holds=found.speed_up(device) >= least,
-        evidence=f"t_FEM / t_{device} = {found.in_words(device)}{slowest}; the paper: "
-        f"{paper.in_words(device)}.",
+        evidence=f"t_FEM / t_{device} = {found.describe(device)}{slowest}; the paper: "
+        f"{paper.describe(device)}.",
     )
 
 
 def real_time(name: str, found: float, paper: float) -> Claim:
-    """Whether a prediction on a GPU keeps the paper's limit; times in ms."""
+    """Test whether a prediction on a GPU keeps the paper's limit; times in ms."""
     return Claim(
-        what=f"{name}: a prediction on a GPU takes no more than {REAL_TIME:g} ms.",
-        holds=found <= REAL_TIME,
+        what=f"{name}: a prediction on a GPU takes no more than {PAPER.real_time_ms:g} ms.",
+        holds=found <= PAPER.real_time_ms,
         evidence=f"{found:.3g} ms; the paper: {paper:g} ms.",
     )

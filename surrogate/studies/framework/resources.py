@@ -1,4 +1,4 @@
-"""Where studies find datasets, trained networks and predictions; each is made or read once."""
+"""Datasets, trained networks and predictions of one scale; each is made or read once."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.inference.prediction import Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
-from surrogate.studies.record import DatasetRecord, RunRecord
-from surrogate.studies.scale import Scale
+from surrogate.studies.framework.record import DatasetRecord, RunRecord
+from surrogate.studies.framework.scale import Scale
 from surrogate.training.train import train
 
 Value = TypeVar("Value")
-SEED = 0  # of stochastic passes
+SEED = 0  # of the stochastic passes
 
 
-class Workshop:
-    """Datasets, networks and predictions of one scale.
+class Resources:
+    """Datasets, trained networks and predictions of one scale.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class Workshop:
     data : Path
         Folder of the datasets.
     runs : Path
-        Folder of the runs. A run's folder is named by its configuration and by the digest of
-        configuration and dataset, so that one that is there is the right one.
+        Folder of the runs. The folder of a run is named after its configuration and the digest of
+        configuration and dataset, so that an existing folder is never that of another run.
     device : torch.device
     """
 
@@ -44,18 +44,18 @@ class Workshop:
         self.scale = scale
         self.device = device
         self.data, self.runs = data, runs
-        self._kept: dict[Hashable, Any] = {}
+        self._cache: dict[Hashable, Any] = {}
 
     def manifest(self, dataset: str) -> Manifest:
-        """Manifest of the dataset that is trained on, or of the nodal one if it has no grid.
+        """Read the manifest of the structured dataset, or of the nodal one if it has no grid.
 
         Raises
         ------
         InputError
-            If it is not there or damaged, has another number of samples than the scale's, or was
-            made of other samples than those that lie beside it.
+            If the manifest is missing or damaged, its number of samples is not that of the scale,
+            or the structured dataset was not made from the nodal one beside it.
         """
-        return self._once(("manifest", dataset), lambda: self._manifest(dataset))
+        return self._cached(("manifest", dataset), lambda: self._manifest(dataset))
 
     def _manifest(self, dataset: str) -> Manifest:
         spec = self.scale.datasets[dataset]
@@ -79,30 +79,30 @@ class Workshop:
         return manifest
 
     def structured(self, dataset: str) -> Dataset:
-        """A dataset on its grid."""
+        """Read a structured dataset."""
         folder = self._folder(dataset) / "structured"
-        return self._once(("structured", dataset), lambda: read_dataset(folder))
+        return self._cached(("structured", dataset), lambda: read_dataset(folder))
 
     def nodal_folder(self, dataset: str) -> Path:
-        """Where a dataset lies by nodes; of one that is in another order, the original."""
+        """Folder of a nodal dataset; another order of nodes shares that of its origin."""
         spec = self.scale.datasets[dataset]
         if spec.of and not spec.noise:
             return self.nodal_folder(spec.of)
         return self._folder(dataset) / "nodal"
 
     def nodal(self, dataset: str) -> NodalDataset:
-        """A dataset by nodes."""
+        """Read a nodal dataset."""
         folder = self.nodal_folder(dataset)
-        return self._once(("nodal", folder), lambda: read_nodal_dataset(folder))
+        return self._cached(("nodal", folder), lambda: read_nodal_dataset(folder))
 
     def run(self, name: str) -> RunFolder:
-        """Folder of a run, whether it is trained or not."""
+        """Folder of a run, trained or not."""
         config = self.scale.config_of(name)
         return RunFolder(self.runs / f"{config.name}-{self.run_fingerprint(name)[:8]}")
 
     def run_fingerprint(self, name: str) -> str:
-        """Digest of a run's configuration and dataset."""
-        return self._once(("fingerprint", name), lambda: self._run_fingerprint(name))
+        """Digest of the configuration and the dataset of a run."""
+        return self._cached(("fingerprint", name), lambda: self._run_fingerprint(name))
 
     def _run_fingerprint(self, name: str) -> str:
         config = self.scale.config_of(name)
@@ -110,7 +110,7 @@ class Workshop:
         return digest_of({"config": config.plain(), "data": data})
 
     def trained(self, name: str) -> RunFolder:
-        """Folder of a run, trained now if it is not yet, or gone on with from its checkpoint."""
+        """Folder of a run; trains it first, or resumes its training, if it is not trained."""
         run = self.run(name)
         if not run.model.is_file():
             self.runs.mkdir(parents=True, exist_ok=True)
@@ -118,8 +118,8 @@ class Workshop:
         return run
 
     def surrogate(self, name: str) -> Surrogate:
-        """A trained network."""
-        return self._once(
+        """Load the trained network of a run."""
+        return self._cached(
             ("surrogate", name), lambda: load(self.trained(name).folder, self.device.type)
         )
 
@@ -128,32 +128,32 @@ class Workshop:
         return self.scale.case_of(self.scale.runs[name].data)
 
     def dataset_of(self, name: str) -> Dataset:
-        """The dataset that a run is trained on."""
+        """Structured dataset of a run."""
         return self.structured(self.scale.runs[name].data)
 
     def predicted_test(self, name: str) -> Distribution:
-        """What a network predicts for the test split of its dataset: (M, n_nodes, d) fields."""
-        return self._once(("test", name), lambda: self._predicted_test(name))
+        """Predict the test split of the dataset of a run: fields (M, n_nodes, d) in m."""
+        return self._cached(("test", name), lambda: self._predicted_test(name))
 
     def _predicted_test(self, name: str) -> Distribution:
         force = self.dataset_of(name).nodal_test.force
         return self.surrogate(name).predict_distribution(force, self.scale.passes, SEED)
 
     def predicted_loads(self, name: str, dataset: str) -> Extrapolation:
-        """What a network predicts for every sample of another dataset of the same body."""
+        """Predict all samples of another dataset of the same body by the network of a run."""
         folder = self.nodal_folder(dataset)
-        return self._once(
+        return self._cached(
             ("loads", name, dataset),
             lambda: extrapolate(self.surrogate(name), folder, self.scale.passes, SEED),
         )
 
     def dataset_record(self, name: str) -> DatasetRecord:
-        """What a dataset is, for the report."""
+        """Entry of a dataset in the record of a study."""
         manifest = self.manifest(name)
         return DatasetRecord(case=manifest.name, samples=manifest.samples, digest=manifest.digest)
 
     def run_record(self, name: str) -> RunRecord:
-        """What a trained network is, for the report."""
+        """Entry of a trained network in the record of a study."""
         spec, config, run = self.scale.runs[name], self.scale.config_of(name), self.trained(name)
         lines = run.metric_lines()
         return RunRecord(
@@ -173,21 +173,21 @@ class Workshop:
     def _folder(self, dataset: str) -> Path:
         return self.data / self.scale.folder_of(dataset)
 
-    def _once(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        if key not in self._kept:
-            self._kept[key] = make()
-        kept: Value = self._kept[key]
-        return kept
+    def _cached(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        if key not in self._cache:
+            self._cache[key] = make()
+        value: Value = self._cache[key]
+        return value
 
 
 def minutes_of(seconds: Sequence[float]) -> float:
-    """Minutes of a training: as many as its epochs had taken, if each had taken their median time.
+    """Minutes of a training: number of epochs times the median time of one.
 
-    So a pause of the machine, or a stay on a busier one, does not count.
+    A pause of the machine does not count.
 
     Parameters
     ----------
     seconds : sequence of float
-        From the start to the end of every epoch.
+        Times from the start of the training to the end of every epoch.
     """
     return float(np.median(np.diff(seconds, prepend=0)) * len(seconds) / 60)

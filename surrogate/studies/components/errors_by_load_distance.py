@@ -1,4 +1,4 @@
-"""Errors under single loads, by how far from the nodes loaded in the training they are."""
+"""Errors under single loads by the distance of the load from the nodes loaded in training."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.metrics import node_errors, sample_errors
 
 
-class ErrorsByDistance:
-    """Errors of a network under one load a sample, from the training line outwards.
+class ErrorsByLoadDistance:
+    """Errors of a network under single loads, in the order of the distance of the load.
 
     Attributes
     ----------
     order : array of int, (M,)
-        Samples by the distance of the load from the nodes loaded in the training.
+        Numbers of the samples by the distance of the load from the nodes loaded in training. All
+        arrays below are in this order.
     distance : array, (M,)
-        That distance in m, in this order as everything below.
+        Distance of the load in m.
     mean_error, max_error : array, (M,)
-        e_m, and the largest error of a component, in m.
+        Mean error e_m and largest error of a component, in m.
     moved, error, std : array, (M,)
-        ‖u‖₂, ‖U − u‖₂ and ‖σ‖₂ at the loaded node in m.
+        Norms ‖u‖₂, ‖U − u‖₂ and ‖σ‖₂ at the loaded node, in m.
     covered : array, (M,)
         Share of the components of all free nodes whose error is inside the 95 % band.
     """

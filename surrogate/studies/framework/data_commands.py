@@ -1,4 +1,4 @@
-"""The commands of `datagen` that make the datasets of a scale."""
+"""Commands of `datagen` that make the datasets of a scale."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from shared_schema.manifest import MANIFEST
-from surrogate.studies.scale import Scale
+from surrogate.studies.framework.scale import Scale
 
 
 def missing_data(scale: Scale, data: Path) -> Iterator[str]:
-    """Commands that make what is missing of a scale's datasets, in order.
+    """Yield the commands that make the missing datasets of a scale, in order.
 
-    They are lines for a shell, in which the variable ``MPIRUN`` may hold how ranks are started.
+    The commands are lines for a shell; its variable ``MPIRUN`` may hold the launcher of ranks.
 
     Parameters
     ----------
@@ -27,23 +27,25 @@ def missing_data(scale: Scale, data: Path) -> Iterator[str]:
         commands = []
         if spec.case:
             samples = ("--samples", spec.samples) if spec.samples else ()
-            command = line("run", spec.case, "--out", nodal, *samples)
+            command = shell_line("run", spec.case, "--out", nodal, *samples)
             commands.append((nodal, f"${{MPIRUN-}} {command}"))
         else:
             source = data / scale.folder_of(str(spec.of)) / "nodal"
             if spec.noise:
-                commands.append((nodal, line("noise", source, "--out", nodal)))
+                commands.append((nodal, shell_line("noise", source, "--out", nodal)))
             else:
                 nodal = source
         if spec.grid:
             order = () if spec.order == "preferred" else ("--order", spec.order)
-            commands.append((structured, line("structure", nodal, "--out", structured, *order)))
+            commands.append(
+                (structured, shell_line("structure", nodal, "--out", structured, *order))
+            )
         missing = [command for made, command in commands if not (made / MANIFEST).is_file()]
         if missing:
             yield f"mkdir -p {shlex.quote(str(folder))}"
             yield from missing
 
 
-def line(*words: object) -> str:
-    """A command of `datagen` as a shell reads it."""
+def shell_line(*words: object) -> str:
+    """Command of `datagen` with its words quoted for a shell."""
     return f"datagen {shlex.join(str(word) for word in words)}"

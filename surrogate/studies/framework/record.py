@@ -1,22 +1,26 @@
-"""What a study found, as kept in JSON: tables, numbers beside the paper's, claims, figures."""
+"""Records of studies in JSON: tables, numbers beside the paper's, claims and captions."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import Field
 
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import Frozen, validate
+from shared_schema.common.errors import InputError
 
 Verdict = Literal["better", "reproduced", "differs"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's
-LARGE = 999.5  # from here on numbers are written as whole ones
+LARGE = 999.5  # smallest number that is written without decimals
 Cell = str | float | int | None
 
 
 class DatasetRecord(Frozen):
-    """A dataset that was used: its case, number of samples, and digest."""
+    """Case, number of samples and digest of a dataset that a study used."""
 
     case: str
     samples: int
@@ -24,13 +28,14 @@ class DatasetRecord(Frozen):
 
 
 class RunRecord(Frozen):
-    """A network that was trained: by which configuration, on what, how long.
+    """Configuration, data, size and training time of a network that a study used.
 
     Attributes
     ----------
     config : str
+        Name of the shipped configuration.
     change : dict
-        What differs from the shipped configuration.
+        Keys that differ from the shipped configuration.
     data : str
         Name of the dataset.
     seed : int
@@ -40,9 +45,9 @@ class RunRecord(Frozen):
     minutes : float
         Number of epochs times the median time of one.
     parameters : int
-        Trainable ones.
+        Number of trainable parameters.
     network, training : str
-        What it is and how it was trained, in words.
+        Description of the architecture and of the training.
     hardware : str
     """
 
@@ -65,6 +70,7 @@ class Comparison(Frozen):
     Attributes
     ----------
     what : str
+        Name of the number.
     unit : str
     ours : float
     paper : float
@@ -79,17 +85,19 @@ class Comparison(Frozen):
 
 
 class Claim(Frozen):
-    """A statement of the paper, and whether it holds here.
+    """A statement of the paper, tested on the results here.
 
     Attributes
     ----------
     what : str
         The statement.
     holds : bool
+        Result of the test.
     evidence : str
-        The numbers by which it does or does not.
+        Sentence with the numbers that decide it.
     better : bool
-        Whether it is for the better if it does not hold, as of a failure that the paper admits.
+        True if it is an improvement when the statement does not hold, as with a failure that the
+        paper admits.
     """
 
     what: str
@@ -99,7 +107,7 @@ class Claim(Frozen):
 
     @property
     def verdict(self) -> Verdict:
-        """Reproduced if it holds."""
+        """Reproduced if the statement holds."""
         if self.holds:
             return "reproduced"
         return "better" if self.better else "differs"
@@ -113,8 +121,8 @@ class Table(Frozen):
     rows: tuple[tuple[Cell, ...], ...]
 
 
-class Findings(Frozen):
-    """What a study found.
+class RecordedFindings(Frozen):
+    """Result of a study as recorded, without the figures themselves.
 
     Attributes
     ----------
@@ -132,22 +140,25 @@ class Findings(Frozen):
 
 
 class Record(Frozen):
-    """A study that was done: what was run, and what was found.
+    """A study that was run: its inputs, its findings and the machine.
 
     Attributes
     ----------
     study, scale : str
+        Names of the study and of the scale.
     fingerprint : str
         Digest of all that the findings depend on.
     datasets : dict of str to DatasetRecord
     runs : dict of str to RunRecord
     passes : int
+        Number of stochastic passes.
     hardware : str
-        Of the study itself.
+        Machine of the study itself.
     minutes : float
-        Without training.
+        Duration of the study without training.
     software : dict of str to str
-    findings : Findings
+        Versions by package.
+    findings : RecordedFindings
     """
 
     study: str
@@ -159,7 +170,51 @@ class Record(Frozen):
     hardware: str
     minutes: float
     software: dict[str, str]
-    findings: Findings
+    findings: RecordedFindings
+
+
+def record_path(out: Path, name: str) -> Path:
+    """File of the record of a study; its figures are beside it."""
+    return out / f"{name}.json"
+
+
+def read_record(out: Path, name: str) -> Record | None:
+    """Read the record of a study, or return None if there is no record.
+
+    Raises
+    ------
+    InputError
+        If the record is damaged.
+    """
+    path = record_path(out, name)
+    if not path.is_file():
+        return None
+    try:
+        content = json.loads(path.read_text())
+    except ValueError as error:
+        raise InputError(f"{path}: damaged ({error})") from None
+    return validate(Record, content, str(path))
+
+
+def write_record(record: Record, out: Path) -> None:
+    """Write the record of a study into the folder of the records."""
+    write_text(record_path(out, record.study), to_json(record))
+
+
+def to_json(record: Record) -> str:
+    """Serialise a record, numbers rounded to six digits."""
+    return json.dumps(rounded(record.model_dump(mode="json")), indent=1, ensure_ascii=False) + "\n"
+
+
+def rounded(content: object) -> object:
+    """Round the floats in plain data to six digits."""
+    if isinstance(content, float):
+        return float(f"{content:.6g}")
+    if isinstance(content, list):
+        return [rounded(value) for value in content]
+    if isinstance(content, dict):
+        return {key: rounded(value) for key, value in content.items()}
+    return content
 
 
 def compare(what: str, unit: str, ours: float, paper: float, margin: float = MARGIN) -> Comparison:
@@ -174,14 +229,14 @@ def compare(what: str, unit: str, ours: float, paper: float, margin: float = MAR
     return Comparison(what=what, unit=unit, ours=ours, paper=paper, verdict=verdict)
 
 
-def tally(findings: Findings) -> dict[Verdict, int]:
-    """How many numbers and statements got each verdict, the best first."""
+def tally(findings: RecordedFindings) -> dict[Verdict, int]:
+    """Count the verdicts on numbers and statements, the best verdict first."""
     verdicts = [c.verdict for c in findings.comparisons] + [c.verdict for c in findings.claims]
     return {verdict: verdicts.count(verdict) for verdict in get_args(Verdict)}
 
 
-def cell(value: Cell) -> str:
-    """A cell: whole numbers as they are, others in three digits or more, nothing as a dash."""
+def format_cell(value: Cell) -> str:
+    """Write a cell: floats in three digits or more, None as a dash, anything else unchanged."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -189,6 +244,6 @@ def cell(value: Cell) -> str:
     return str(value)
 
 
-def listed(numbers: Mapping[str, float]) -> str:
-    """Numbers with their names, for a sentence."""
+def join_named(numbers: Mapping[str, float]) -> str:
+    """Write numbers after their names, separated by commas."""
     return ", ".join(f"{name} {number:.2f}" for name, number in numbers.items())

@@ -1,4 +1,4 @@
-"""The report on all studies of a scale: a page of Markdown made of their records."""
+"""Report on all studies of a scale: a Markdown page made from their records."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, read_yaml, validate
-from surrogate.studies.paper_numbers import number_of
-from surrogate.studies.record import Comparison, Record, Verdict, cell, tally
-from surrogate.studies.scale import Scale
-from surrogate.studies.study import Study
+from surrogate.evaluation.paper import PAPER
+from surrogate.studies.framework.record import Comparison, Record, Verdict, format_cell, tally
+from surrogate.studies.framework.scale import Scale
+from surrogate.studies.framework.study import Study
 
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
@@ -20,12 +20,14 @@ NOT_DONE = "not done"
 
 
 class Discussion(Frozen):
-    """What is said of the findings by hand: an introduction, and paragraphs on studies.
+    """Discussion of the findings, written by hand.
 
     Attributes
     ----------
     introduction : str
+        First paragraphs of the report.
     studies : dict of str to str
+        Paragraphs by the name of the study.
     """
 
     introduction: str = ""
@@ -35,17 +37,17 @@ class Discussion(Frozen):
 def write_report(
     scale: Scale, studies: Sequence[Study], records: Mapping[str, Record | None], out: Path
 ) -> None:
-    """Write the page on all studies that were done at a scale.
+    """Write the page on all studies that have a record at a scale.
 
     Parameters
     ----------
     scale : Scale
     studies : sequence of Study
-        All there are, in order.
+        All studies in the order of the report.
     records : mapping of str to Record or None
-        By the name of the study; None if it was not done.
+        Records by the name of the study; None if the study was not run.
     out : Path
-        Folder of their records and figures, and of ``discussion.yaml`` if there is one.
+        Folder of the records, the figures and the optional ``discussion.yaml``.
 
     Raises
     ------
@@ -53,14 +55,16 @@ def write_report(
         If the discussion is damaged.
     """
     path = out / DISCUSSION
-    said = validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
+    discussion = (
+        validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
+    )
     parts = [
         f"# The paper's tables and figures, at scale `{scale.name}`",
         scale.description,
-        said.introduction,
+        discussion.introduction,
         verdicts(studies, records),
         *(
-            section(study, record, said.studies.get(study.name, ""))
+            section(study, record, discussion.studies.get(study.name, ""))
             for study in studies
             if (record := records[study.name]) is not None
         ),
@@ -70,59 +74,62 @@ def write_report(
 
 
 def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> str:
-    """Every study with the number of its verdicts."""
+    """Table of all studies with the counts of their verdicts."""
     rows = []
     for study in studies:
         record = records[study.name]
         if record is None:
-            rows.append((study.title, numbers(study), NOT_DONE))
+            rows.append((study.title, paper_numbers(study), NOT_DONE))
         else:
             title = f"[{study.title}](#{anchor(study.title)})"
             counts = [f"{n} {verdict}" for verdict, n in tally(record.findings).items() if n]
-            rows.append((title, numbers(study), " · ".join(counts) or "–"))
+            rows.append((title, paper_numbers(study), " · ".join(counts) or "–"))
     return markdown_table(("study", "in the paper", "verdicts"), rows)
 
 
-def numbers(study: Study) -> str:
-    """Numbers of the paper's tables and figures."""
-    return ", ".join(number_of(label) for label in study.labels)
+def paper_numbers(study: Study) -> str:
+    """Numbers of the tables and figures of a study in the paper."""
+    return ", ".join(PAPER.title_of(label) for label in study.labels)
 
 
 def anchor(title: str) -> str:
-    """What a heading is called in links to it."""
+    """Anchor of a heading in links."""
     kept = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
     return kept.replace(" ", "-")
 
 
-def section(study: Study, record: Record, said: str) -> str:
-    """One study: what it asks, tables, numbers and claims with verdicts, discussion, figures."""
+def section(study: Study, record: Record, discussion: str) -> str:
+    """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
-    parts = [f"## {study.title}", f"{study.question} In the paper: {numbers(study)}."]
+    parts = [f"## {study.title}", f"{study.question} In the paper: {paper_numbers(study)}."]
     for table in found.tables:
-        parts += [table.caption, markdown_table(table.head, (map(cell, row) for row in table.rows))]
+        parts += [
+            table.caption,
+            markdown_table(table.head, (map(format_cell, row) for row in table.rows)),
+        ]
     if found.comparisons:
         head = ("", "here", "paper", "verdict")
         parts.append(markdown_table(head, map(comparison_row, found.comparisons)))
-    parts += [f"- {mark(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
-    parts.append(said)
+    parts += [f"- {bold(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
+    parts.append(discussion)
     parts += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
     return "\n\n".join(part.strip() for part in parts if part.strip())
 
 
 def comparison_row(comparison: Comparison) -> tuple[str, ...]:
-    """One number beside the paper's, as cells."""
+    """Row of a number beside the paper's."""
     unit = f" [{comparison.unit}]" if comparison.unit else ""
-    ours, paper = cell(comparison.ours), cell(comparison.paper)
-    return (f"{comparison.what}{unit}", ours, paper, mark(comparison.verdict))
+    ours, paper = format_cell(comparison.ours), format_cell(comparison.paper)
+    return (f"{comparison.what}{unit}", ours, paper, bold(comparison.verdict))
 
 
-def mark(verdict: Verdict) -> str:
-    """A verdict as it stands in the text."""
+def bold(verdict: Verdict) -> str:
+    """Markdown of a verdict."""
     return f"**{verdict}**"
 
 
 def appendix(records: Sequence[Record]) -> str:
-    """What was run: networks, datasets, machines."""
+    """Appendix on the networks, datasets and machines that were used."""
     runs = {name: run for record in records for name, run in record.runs.items()}
     datasets = {name: data for record in records for name, data in record.datasets.items()}
     trained = markdown_table(
@@ -171,6 +178,6 @@ def appendix(records: Sequence[Record]) -> str:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
-    """Lay out a table in Markdown."""
+    """Markdown of a table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

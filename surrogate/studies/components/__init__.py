@@ -1,0 +1,1 @@
+"""Measures, tables, claims and figures that the studies are composed of."""

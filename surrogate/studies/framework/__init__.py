@@ -1,0 +1,1 @@
+"""Machinery of the studies: scales, resources, timing, records and the report."""
