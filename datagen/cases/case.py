@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field, SerializeAsAny, field_validator
 
 from datagen.loads import LoadFamily, load_family
-from datagen.mesh.geometries import Geometry
+from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.regions import Region
 from datagen.solver.material import NeoHookean, Volumetric

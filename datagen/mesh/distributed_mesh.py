@@ -16,7 +16,7 @@ import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from datagen.mesh.geometries import Geometry
+from datagen.mesh.geometry import Geometry
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import on_rank_zero
 

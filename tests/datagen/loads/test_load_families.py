@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from datagen.loads import LoadableNodes, LoadFamily, load_family
 from datagen.loads.traction import nodal_areas
+from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
-from datagen.mesh.geometries import Box
 from datagen.mesh.regions import Region
 
 

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
 from datagen.solver.linear_solver import rigid_body_modes
 from datagen.solver.load_stepping import solve_load_case
 

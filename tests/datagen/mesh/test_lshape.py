@@ -1,4 +1,4 @@
-"""The shipped geometries against what the paper and its authors' scripts say of them."""
+"""The shipped L-shape against the paper and its authors' scripts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import read_case
-from datagen.mesh.geometries import Arm, Block, LShape
+from datagen.mesh.lshape import Arm, Block, LShape
 from shared_schema.grid_map import GridMap
 
 
