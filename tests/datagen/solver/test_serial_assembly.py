@@ -31,6 +31,6 @@ def test_same_matrix_as_dolfinx(
             random.normal(scale=scale, size=shape) if scale else np.zeros(shape)
         )
         ours = problem.tangent()
-        theirs = fem_petsc.assemble_matrix(problem.tangent_form, bcs=problem.supports)
+        theirs = fem_petsc.assemble_matrix(problem.forms.tangent, bcs=problem.supports)
         theirs.assemble()
         assert np.abs(ours[:, :] - theirs[:, :]).max() < 1e-12 * theirs.norm()

@@ -8,7 +8,8 @@ import pytest
 from mpi4py import MPI
 
 from datagen.mesh.box import Box
-from datagen.mesh.distributed_mesh import make_mesh, node_numbering
+from datagen.mesh.distributed_mesh import make_mesh
+from datagen.mesh.node_numbering import node_numbering
 
 
 @pytest.mark.parametrize(
