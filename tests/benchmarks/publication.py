@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from shared_schema.common.atomic_file import write_text
+from shared_schema.common.processor import processor
 
 DOCS = Path(__file__).parents[2] / "docs"
 Results = dict[str, Any]
@@ -46,7 +46,7 @@ def machine(software: Callable[[], Results] | None = None) -> Results:
     `software` gives the versions; those of the solver if left out.
     """
     return {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "load_averages": [_load_average()],
         **(software or _solver)(),
@@ -70,13 +70,6 @@ def _solver() -> Results:
 def _load_average() -> float:
     """Processes that ran in the last minute."""
     return round(os.getloadavg()[0], 2)
-
-
-def _processor() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
 
 
 def footer(results: Results) -> str:
