@@ -13,8 +13,6 @@ which writes `docs/results/benchmark-equilibrium.json` and `docs/benchmark-equil
 from __future__ import annotations
 
 import argparse
-import logging
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -29,11 +27,10 @@ from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 from tests.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 
@@ -198,32 +195,27 @@ def _share(part: float, whole: float) -> str:
     return f"{part:.3g} ({part / whole:.0%})"
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Compare in two and three dimensions, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("--samples-2d", type=int, default=500, help="load cases of 2D cases")
     parser.add_argument("--samples-3d", type=int, default=12, help="load cases of beam3d")
-    options = parser.parse_args(arguments)
-    logging.disable(logging.INFO)
-    described = machine()
+    run_benchmark("equilibrium", "equilibrium", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results of the comparison in two and three dimensions."""
     sizes = {
         "beam2d": options.samples_2d,
         "lshape2d": options.samples_2d,
         "beam3d": options.samples_3d,
     }
     comparison = [compare(name, samples) for name, samples in sizes.items()]
-    PETSc.Log.begin()  # for good, so only now
+    PETSc.Log.begin()  # cannot be ended, so it begins after the comparison
     parts: list[Any] = []
     for one in comparison:
         parts += time_parts(one["case"], sizes[one["case"]], one.pop("kept"))
-    results: Results = {
-        "command": command("equilibrium", arguments),
-        "machine": described,
-        "comparison": comparison,
-        "parts": parts,
-    }
-    publish("equilibrium", results, table)
+    return {"comparison": comparison, "parts": parts}
 
 
 if __name__ == "__main__":

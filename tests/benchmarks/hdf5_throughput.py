@@ -12,9 +12,7 @@ which writes `docs/results/benchmark-hdf5.json` and `docs/benchmark-hdf5.md`.
 from __future__ import annotations
 
 import argparse
-import logging
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -30,11 +28,10 @@ from shared_schema.layout import Kind
 from shared_schema.shard import Arrays, read_shard, write_shard
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 MB = 1e6
@@ -142,16 +139,17 @@ def table(results: Results) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time both kinds of shards, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("--samples", type=int, default=50, help="of the shard")
     parser.add_argument("--rounds", type=int, default=30)
     parser.add_argument("--folder", type=Path, help="on the disk to be timed (default: /tmp)")
-    options = parser.parse_args(arguments)
-    logging.disable(logging.INFO)
-    described = machine()
+    run_benchmark("hdf5", "hdf5_throughput", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for both kinds of shards."""
     case = read_case("beam3d", samples=options.samples)
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
         folder = Path(name)
@@ -160,14 +158,11 @@ def main(arguments: list[str] | None = None) -> None:
         shards = [
             throughput(case, kind, shard, folder, options.rounds) for kind, shard in made.items()
         ]
-    results: Results = {
-        "command": command("hdf5_throughput", arguments),
-        "machine": described,
+    return {
         "rounds": options.rounds,
         "solving_s": round(solving, 2),
         "shards": shards,
     }
-    publish("hdf5", results, table)
 
 
 if __name__ == "__main__":

@@ -44,11 +44,10 @@ from surrogate.studies import pass_times, speed_up
 from surrogate.studies.timing import median_seconds
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 MODULE = "prediction_latency"
@@ -272,17 +271,19 @@ def table(results: Results) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time all networks on all bodies, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("nodal", nargs="+", type=Path, help="nodal datasets")
     parser.add_argument("--recipes", nargs="+", choices=RECIPES, default=RECIPES)
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
     parser.add_argument("--repeats", type=int, default=200)
-    options = parser.parse_args(arguments)
+    run_benchmark("prediction", MODULE, parser, measure, table, program="surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for all networks on all bodies."""
     logging.disable(logging.WARNING)
-    described = machine(lambda: {"torch": torch.__version__})
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
     bodies = [read_body(folder) for folder in options.nodal]
     found: list[Results] = []
@@ -291,15 +292,12 @@ def main(arguments: list[str] | None = None) -> None:
             for run, device in product(runs(body, options.recipes, Path(folder)), devices):
                 found.append(latencies(body, run, device, options.ways, options.repeats))
                 print(found[-1], file=sys.stderr)
-    results: Results = {
-        "command": command(MODULE, arguments, ".venv-surrogate"),
-        "machine": described,
+    return {
         "onnxruntime": onnxruntime.__version__,
         "threads": torch.get_num_threads(),
         "solving_ms": {b.manifest.name: round(b.solving_ms, 3) for b in bodies},
         "latencies": found,
     }
-    publish("prediction", results, table)
 
 
 if __name__ == "__main__":

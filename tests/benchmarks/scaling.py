@@ -27,11 +27,10 @@ import yaml
 from datagen.cases.case import SHIPPED
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 ENVIRONMENT = os.environ | {
@@ -129,10 +128,9 @@ def table(results: Results) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time all ways in two and three dimensions, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2], help="1 is always timed")
     parser.add_argument("--rounds", type=int, default=3)
     for name, counts in (("beam2d", (2000, 20000)), ("beam3d", (20, 100))):
@@ -144,20 +142,20 @@ def main(arguments: list[str] | None = None) -> None:
             metavar=("FEW", "MANY"),
             help=f"numbers of samples (default: {counts[0]} {counts[1]})",
         )
-    options = parser.parse_args(arguments)
-    described = machine()
+    run_benchmark("scaling", "scaling", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results of all ways in two and three dimensions."""
     ways = [Way(1), *(Way(ranks) for ranks in sorted(set(options.ranks) - {1}))]
     shared = [Way(way.ranks, 2) for way in ways if way.ranks % 2 == 0]
-    results: Results = {
-        "command": command("scaling", arguments),
-        "machine": described,
+    return {
         "rounds": options.rounds,
         "scaling": [
             *scale("beam2d", tuple(options.beam2d), ways, options.rounds),
             *scale("beam3d", tuple(options.beam3d), ways + shared, options.rounds),
         ],
     }
-    publish("scaling", results, table)
 
 
 if __name__ == "__main__":

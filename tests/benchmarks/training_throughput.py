@@ -14,7 +14,6 @@ after `make data`, which writes `docs/results/benchmark-training.json` and
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -36,11 +35,10 @@ from surrogate.runs.network import make_network
 from surrogate.training.trainer import Trainer
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 BATCH = 4  # the paper's
@@ -185,20 +183,20 @@ def table(results: Results) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time both networks on all devices here, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("--data", type=Path, default=Path("data/beam2d/structured"))
     parser.add_argument("--batches", type=int, default=100, help="of an epoch")
     parser.add_argument("--rounds", type=int, default=10)
-    options = parser.parse_args(arguments)
-    described = machine(lambda: {"torch": torch.__version__})
+    run_benchmark("training", "training_throughput", parser, measure, table, program="surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for both networks on all devices here."""
     dataset = read_dataset(options.data)
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
-    results: Results = {
-        "command": command("training_throughput", arguments, ".venv-surrogate"),
-        "machine": described,
+    return {
         "case": dataset.manifest.name,
         "batch": BATCH,
         "batches": min(options.batches, len(dataset.train) // BATCH),
@@ -212,7 +210,6 @@ def main(arguments: list[str] | None = None) -> None:
             )
         ],
     }
-    publish("training", results, table)
 
 
 if __name__ == "__main__":
