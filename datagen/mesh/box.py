@@ -10,7 +10,7 @@ from datagen.mesh.transfinite import PositiveInt, Transfinite
 
 
 class Box(Transfinite):
-    """A rectangle of quadrilaterals or a cuboid of hexahedra, meshed by transfinite curves.
+    """Rectangle of quadrilaterals, or cuboid of hexahedra, in equal elements.
 
     Attributes
     ----------

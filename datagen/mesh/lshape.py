@@ -1,4 +1,4 @@
-"""An L-shape of quadrilaterals: a horizontal arm and a higher block at its end."""
+"""L-shape of quadrilaterals: a horizontal arm and a higher block at its end."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from shared_schema.common.configuration import Frozen
 
 
 class Arm(Frozen):
-    """The horizontal part of an L-shape.
+    """Horizontal part of an L-shape.
 
     Attributes
     ----------
     length : float
-        In m.
+        Length along x in m.
     elements : tuple of 2 ints
-        Along x and y.
+        Number of elements along x and y.
     """
 
     length: float = Field(gt=0)
@@ -26,14 +26,14 @@ class Arm(Frozen):
 
 
 class Block(Frozen):
-    """The upright part of an L-shape.
+    """Upright part of an L-shape.
 
     Attributes
     ----------
     width, height : float
-        In m.
+        Lengths along x and y in m.
     elements : tuple of 2 ints
-        Along x and y.
+        Number of elements along x and y.
     """
 
     width: float = Field(gt=0)
@@ -42,10 +42,12 @@ class Block(Frozen):
 
 
 class LShape(Transfinite):
-    """An arm along x from the origin, and a higher block at its end, which share a side's nodes.
+    r"""Arm along x from the origin, and a higher block at its end.
 
-    The elements of arm and block are of the same height, so the arm is as high as its number of
-    elements along y says.
+    Arm and block share the nodes of the side between them, so their elements have the same height.
+    The height of the arm follows from it: with n elements along y,
+
+    .. math:: h_{arm} = h_{block} \, n_{arm} / n_{block}.
 
     Attributes
     ----------
@@ -70,7 +72,7 @@ class LShape(Transfinite):
         return self
 
     def build(self, model: Any) -> None:
-        """Draw and mesh the two blocks in the current gmsh model."""
+        """Draw and mesh arm and block in the current gmsh model."""
         geo = model.geo
         (arm_x, arm_y), (block_x, block_y) = self.arm.elements, self.block.elements
         step = self.block.height / block_y
