@@ -1,4 +1,4 @@
-"""The command `datagen` as its users call it: files, exit codes, one line an error."""
+"""The command `datagen` as its users call it: files, exit codes, one line per error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_solve_writes_npz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_loads_at_several_nodes_act_together(tmp_path: Path) -> None:
-    """Two halves of a load at one node are the load."""
+    """Two half loads at one node act as the whole load."""
     whole, halves = tmp_path / "whole.npz", tmp_path / "halves.npz"
     main(["solve", "beam2d", "--load", CORNER, "--out", str(whole)])
     half = ["--load", "4,1:0,-1.25"]

@@ -33,7 +33,7 @@ def test_box(elements: tuple[int, ...], upper: tuple[float, ...], cell_type: str
 
 @pytest.mark.parametrize(("elements", "upper"), [((3, 2), (3.0, 2.0)), ((2, 2, 2), (1.0,) * 3)])
 def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, ...]) -> None:
-    """VTK goes round the bottom face, then round the top: neighbours differ along one axis."""
+    """VTK order goes around the bottom face, then the top: neighbours differ along one axis."""
     mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     corners = mesh.coordinates[mesh.cells]
     for face in (corners[:, :4], corners[:, 4:]):
@@ -54,7 +54,7 @@ def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, .
         {"thickness": 1},
     ],
 )
-def test_what_is_no_box(wrong: dict[str, Any]) -> None:
+def test_invalid_boxes(wrong: dict[str, Any]) -> None:
     right: dict[str, Any] = {"lower": (0, 0), "upper": (4, 1), "elements": (15, 3)}
     Box.model_validate(right)
     with pytest.raises(ValidationError):

@@ -41,7 +41,7 @@ def test_lshape_grid(lshape: Body) -> None:
 
 
 def test_lshape_area(lshape: Body) -> None:
-    """Arm 4.8 · 6/7 and block 1.2 · 2 m², by the shoelace formula of every cell."""
+    """Arm 4.8 · 6/7 m² and block 1.2 · 2 m², by the shoelace formula for every cell."""
     corners = lshape.mesh.coordinates[lshape.mesh.cells]
     following = np.roll(corners, -1, axis=1)
     cross = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
@@ -50,8 +50,8 @@ def test_lshape_area(lshape: Body) -> None:
     assert areas == pytest.approx(np.full(57, 0.4 * 2 / 7))
 
 
-def test_lshape_parts_share_a_side(lshape: Body) -> None:
-    """No two nodes at one place."""
+def test_arm_and_block_share_a_side(lshape: Body) -> None:
+    """No two nodes have the same position."""
     x = lshape.mesh.coordinates
     distance = np.linalg.norm(x[:, None] - x[None, :], axis=2) + np.eye(len(x))
     assert distance.min() > 0.28

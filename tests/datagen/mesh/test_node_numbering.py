@@ -15,7 +15,7 @@ from datagen.mesh.node_numbering import node_numbering
 @pytest.mark.parametrize(
     ("elements", "upper"), [((4, 3), (2.0, 1.0)), ((3, 2, 2), (2.0, 1.0, 1.0))]
 )
-def test_numbering_leads_from_degrees_of_freedom_to_nodes(
+def test_numbering_maps_degrees_of_freedom_to_nodes(
     elements: tuple[int, ...], upper: tuple[float, ...]
 ) -> None:
     mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)

@@ -1,4 +1,4 @@
-"""The strain energies against the stress that their closed-form derivative gives."""
+"""Strain energies against the closed form of their derivative, the stress."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def first_piola_kirchhoff(f: Matrix, lam: float, mu: float, volumetric: Volumetr
 
 
 def energy_density(f: Matrix, lam: float, mu: float, volumetric: Volumetric) -> float:
-    """W(F) as printed in the module, with F₃₃ = 1 in plane strain."""
+    """W(F) as in the docstring of the module, with F₃₃ = 1 in plane strain."""
     full = np.eye(3)
     full[: len(f), : len(f)] = f
     j = np.linalg.det(full)
@@ -58,7 +58,7 @@ def test_lame_parameters() -> None:
 
 @pytest.fixture(params=[(2.0, 1.0), (2.0, 1.0, 1.5)])
 def element(request: pytest.FixtureRequest, make_problem: ProblemMaker) -> ProblemMaker:
-    """Make the problem of one element, in the plane and in space."""
+    """Make a function that builds the problem of one element, in the plane and in space."""
     upper = request.param
     return lambda volumetric: make_problem((1,) * len(upper), upper, volumetric=volumetric)
 
@@ -115,7 +115,7 @@ def test_internal_forces_derive_from_the_energy(
 def test_tangent_is_the_derivative_of_the_internal_forces(
     make_problem: ProblemMaker, volumetric: Volumetric
 ) -> None:
-    """K v = d f_int(u + s v)/ds in the free rows, by central differences."""
+    """K v = d f_int(u + s v)/ds in the rows of free nodes, by central differences."""
     problem = make_problem((4, 3), volumetric=volumetric, distortion=0.08)
     free = problem.mesh.coordinates[:, 0] > 1e-9
     random = np.random.default_rng(1)
