@@ -118,5 +118,5 @@ class SharedCounters:
         return self.add(name, 0)
 
     def free(self) -> None:
-        """Free the memory of the counters (collective)."""
+        """Release the memory of the counters (collective)."""
         self._window.Free()

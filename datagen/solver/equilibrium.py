@@ -209,7 +209,7 @@ class EquilibriumProblem:
         )
 
     def close(self) -> None:
-        """Free PETSc's memory, which Python's garbage collector does not; unusable afterwards."""
+        """Release PETSc's memory, which garbage collection does not; unusable afterwards."""
         for thing in (self.snes, self._direct_snes, self._assembly.matrix, self._residual, self._x):
             if thing is not None:
                 thing.destroy()
