@@ -1,4 +1,4 @@
-"""The command ``datagen``: making datasets and looking at them."""
+"""The command ``datagen``: makes, checks and shows datasets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")  # before numpy loads: the ranks are the parallelism
+    os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
 
 import numpy as np
 
@@ -37,7 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _on_every_rank(command: Callable[[], None]) -> int:
-    """Run a collective command; the first rank that fails says why and takes down the others."""
+    """Run a collective command on every rank, and return its exit code.
+
+    Errors that every rank raises (wrong input, a stop) are printed once, by rank 0. An error on one
+    rank alone is printed by that rank, which then ends the others, since they may wait for it.
+    """
     from mpi4py import MPI
 
     from datagen.ranks import SharedCounters
@@ -54,7 +58,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
             raise
         except BaseException:
             if counters.add("failed", 1):
-                comm.Barrier()  # until the first takes this one down
+                comm.Barrier()  # until the first rank that failed ends this one
             alone = True
             raise
 
@@ -81,28 +85,32 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="solve every load case of a case (under mpirun, or not)")
     run.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
     run.add_argument("--out", type=Path, required=True, metavar="DIR", help="nodal dataset to make")
-    run.add_argument("--samples", type=int, metavar="K", help="instead of the case's number")
     run.add_argument(
-        "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share one mesh"
+        "--samples", type=int, metavar="K", help="number of samples instead of the case's"
     )
-    run.add_argument("--volumetric", choices=VOLUMETRIC, help="instead of the case's term")
+    run.add_argument(
+        "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"
+    )
+    run.add_argument(
+        "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
+    )
     run.set_defaults(command=_run)
 
-    structure = commands.add_parser("structure", help="lay a nodal dataset on its grid")
+    structure = commands.add_parser("structure", help="map a nodal dataset to its grid")
     structure.add_argument("nodal", type=Path, metavar="NODAL_DIR")
     structure.add_argument("--out", type=Path, required=True, metavar="DIR")
     structure.add_argument(
         "--order",
         choices=("preferred", "gmsh", "random"),
         default="preferred",
-        help="which node stands at which grid point (default: the one that is there in space)",
+        help="assignment of nodes to grid points (default: by position in space)",
     )
     structure.add_argument("--order-seed", type=int, default=0, metavar="S")
     structure.add_argument(
         "--grid",
         type=_grid_shape,
         metavar="NX,NY[,NZ]",
-        help="embed a grid of this many points (default: the mesh's own, or one as fine as it)",
+        help="embed a grid of this many points (default: the mesh's own, or as fine as the mesh)",
     )
     structure.set_defaults(command=_structure)
 
@@ -119,26 +127,32 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
     )
-    solve.add_argument("--volumetric", choices=VOLUMETRIC, help="instead of the case's term")
+    solve.add_argument(
+        "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
+    )
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     solve.set_defaults(command=_solve)
 
-    check = commands.add_parser("check", help="hold a dataset against the schema, byte by byte")
+    check = commands.add_parser("check", help="check every byte of a dataset against the schema")
     check.add_argument("dataset", type=Path, metavar="DIR")
     check.set_defaults(command=_check)
 
     info = commands.add_parser("info", help="summarise a dataset")
     info.add_argument("dataset", type=Path, metavar="DIR")
-    info.add_argument("--figure", type=Path, metavar="FILE", help="draw it as well, as `plot` does")
+    info.add_argument(
+        "--figure", type=Path, metavar="FILE", help="draw the dataset as well, as `plot` does"
+    )
     info.set_defaults(command=_info)
 
     plot = commands.add_parser("plot", help="draw mesh, supports and some samples of a dataset")
     plot.add_argument("nodal", type=Path, metavar="NODAL_DIR")
     plot.add_argument("--out", type=Path, required=True, metavar="FILE.(png|svg|pdf)")
-    plot.add_argument("--samples", metavar="N,N,…", help="instead of four, evenly by displacement")
+    plot.add_argument(
+        "--samples", metavar="N,N,…", help="sample numbers instead of four chosen by displacement"
+    )
     plot.set_defaults(command=_plot)
 
-    export = commands.add_parser("export", help="write samples as a series for ParaView")
+    export = commands.add_parser("export", help="write samples as a time series for ParaView")
     export.add_argument("nodal", type=Path, metavar="NODAL_DIR")
     export.add_argument("--out", type=Path, required=True, metavar="FILE.(xdmf|pvd)")
     export.add_argument("--samples", metavar="A:B", help="A to B - 1 instead of the first 100")

@@ -1,4 +1,4 @@
-"""How MPI ranks share work: a counter that each takes from, and one rank's word for all."""
+"""Sharing work among MPI ranks: groups of ranks, shared counters, results of rank 0 for all."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 
 
 def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
-    """Do `work` on rank 0 and give every rank its result, or its InputError (collective)."""
+    """Do `work` on rank 0; every rank returns its result or raises its InputError (collective)."""
     result: Result | None = None
     error: InputError | None = None
     if comm.rank == 0:
@@ -31,16 +31,16 @@ def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
 
 @dataclass(frozen=True)
 class RankGroup:
-    """Some ranks that solve together, among all.
+    """The group of ranks that this rank solves with; all groups have the same size.
 
     Attributes
     ----------
     world : mpi4py communicator
         All ranks.
     comm : mpi4py communicator
-        Those of this rank's group.
+        Ranks of this group.
     number : int
-        Number of this rank's group.
+        Number of this group, from 0.
     """
 
     world: MPI.Comm
@@ -49,12 +49,12 @@ class RankGroup:
 
     @classmethod
     def of(cls, world: MPI.Comm, size: int) -> RankGroup:
-        """Divide all ranks into groups of neighbours (collective).
+        """Divide all ranks into groups of `size` consecutive ranks (collective).
 
         Raises
         ------
         InputError
-            On every rank, if they make no whole number of groups.
+            On every rank, if `size` does not divide the number of ranks.
         """
         if size < 1 or world.size % size:
             raise InputError(
@@ -72,11 +72,11 @@ class RankGroup:
 
     @property
     def is_leader(self) -> bool:
-        """Whether this rank is its group's first, which speaks and writes for it."""
+        """True if this rank is the first of its group, which reports and writes for the group."""
         return bool(self.comm.rank == 0)
 
     def agree(self, ask: Callable[[], Result]) -> Result:
-        """Ask on the leader, and give the whole group the answer (collective over the group)."""
+        """Call `ask` on the leader; every rank of the group returns its answer (collective)."""
         answer = ask() if self.is_leader else None
         if self.comm.size > 1:
             answer = self.comm.bcast(answer, root=0)
@@ -84,13 +84,15 @@ class RankGroup:
 
 
 class SharedCounters:
-    """Counters in the memory of rank 0 that every rank adds to without asking anyone (MPI RMA).
+    """Integer counters in the memory of rank 0 that every rank reads and adds to (MPI RMA).
+
+    Additions are atomic. Creation and `free` are collective; `add` and `read` are not.
 
     Parameters
     ----------
     comm : mpi4py communicator
-        Creation and `free` are collective; `add` and `read` are not.
-    names : sequence of str
+    *names : str
+        Names of the counters, which start at zero.
     """
 
     def __init__(self, comm: MPI.Comm, *names: str) -> None:
@@ -103,7 +105,7 @@ class SharedCounters:
         comm.barrier()
 
     def add(self, name: str, amount: int) -> int:
-        """Add to a counter and return what it was before."""
+        """Add to a counter and return its value before the addition."""
         before = np.zeros(1, dtype=np.int64)
         increment = np.array([amount], dtype=np.int64)
         self._window.Lock(0, MPI.LOCK_SHARED)
@@ -112,9 +114,9 @@ class SharedCounters:
         return int(before[0])
 
     def read(self, name: str) -> int:
-        """Value of a counter."""
+        """Return the value of a counter."""
         return self.add(name, 0)
 
     def free(self) -> None:
-        """Give the memory back (collective)."""
+        """Release the memory of the counters (collective)."""
         self._window.Free()

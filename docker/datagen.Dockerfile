@@ -3,7 +3,7 @@ FROM debian:bookworm-slim
 
 COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
 
-# Those of the Makefile. Debian 12 keeps upstream's versions; what * stands for are its own fixes.
+# The packages of the Makefile. Debian 12 keeps the upstream versions; * stands for its own fixes.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         gcc=4:12.2.0-* \
@@ -18,12 +18,12 @@ RUN apt-get update \
     && apt-get clean \
     && rm -rf /var/lib/apt/lists/*
 
-# A home that any user may write to: compiled forms are cached there.
+# A home folder that any user may write to: compiled forms are cached there.
 RUN useradd --uid 1000 --create-home worker \
     && chmod 1777 /home/worker \
     && install --directory --owner=worker /work
 
-# Debian's own interpreter, which its dolfinx, NumPy and h5py are built for; pip replaces none.
+# Debian's interpreter, which its dolfinx, NumPy and h5py are built for; pip replaces none of them.
 ENV PATH=/opt/venv/bin:$PATH
 COPY docker/constraints.txt /opt/
 ARG PIP_CONSTRAINT=/opt/constraints.txt
@@ -34,7 +34,7 @@ COPY shared_schema /opt/source/shared_schema
 COPY datagen /opt/source/datagen
 RUN pip install --no-cache-dir --no-deps /opt/source/shared_schema /opt/source/datagen
 
-# Ranks are the parallelism; they copy through shared memory, as containers forbid the other way.
+# Only ranks run in parallel. They copy through shared memory; containers forbid single copies.
 ENV HOME=/home/worker OMP_NUM_THREADS=1 OMPI_MCA_btl_vader_single_copy_mechanism=none
 USER 1000
 WORKDIR /work

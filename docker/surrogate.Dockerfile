@@ -12,12 +12,12 @@ RUN apt-get update \
     && apt-get clean \
     && rm -rf /var/lib/apt/lists/*
 
-# A home that any user may write to: matplotlib and PyTorch keep caches there.
+# A home folder that any user may write to: matplotlib and PyTorch keep caches there.
 RUN useradd --uid 1000 --create-home worker \
     && chmod 1777 /home/worker \
     && install --directory --owner=worker /work
 
-# PyTorch first, by far the largest. From PyPI it is for CUDA and for CPUs, with CUDA's libraries.
+# PyTorch first, by far the largest package. PyPI's is for CUDA and CPUs, with CUDA's libraries.
 ENV PATH=/opt/venv/bin:$PATH
 COPY docker/constraints.txt /opt/
 ARG PIP_CONSTRAINT=/opt/constraints.txt

@@ -1,9 +1,9 @@
 """Build both images from a bare Debian 12 and run a small demo in them, without a Docker engine.
 
-Podman takes its place, and debootstrap makes the base image from the package mirror that this
-machine uses. Everything lies in one temporary folder, which is gone in the end, whatever the end
-is; only the packages of TOOLS stay. What pip needs here (a certificate, a folder of wheels) is
-taken from its variables PIP_… and is there while images are built, not in them.
+Podman replaces Docker, and debootstrap makes the base image from the package mirror that this
+machine uses. Everything lies in one temporary folder, which is removed at the end, also after a
+failure; only the packages of TOOLS stay. Settings of pip (a certificate, a folder of wheels) are
+taken from its variables PIP_…; they are mounted while images are built, and are not in the images.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ PROJECT = "demo"
 STAGES = ("data", "structure", "train", "evaluate")
 COMPOSE = ("-f", "docker/compose.yaml")
 DEMO = {"CASE": "beam2d", "MODEL": "linear", "RECIPE": "fast", "NP": "2", "SAMPLES": "120"}
-TEST_SAMPLES = 6  # a twentieth of them
-MEAN_ERROR = 6.1e-3  # m, of 300 test samples, by docs/results/baselines.json
-# What Debian's own slim image leaves out of packages.
+TEST_SAMPLES = 6  # a twentieth of the samples
+MEAN_ERROR = 6.1e-3  # in m, on 300 test samples, from docs/results/baselines.json
+# Files that Debian's own slim image leaves out of packages.
 SLIM = """path-exclude /usr/share/doc/*
 path-include /usr/share/doc/*/copyright
 path-exclude /usr/share/info/*
@@ -45,19 +45,19 @@ Words = Sequence[str | Path]
 
 
 class FailedError(Exception):
-    """A step that failed, with its reason."""
+    """A step failed; the message is the reason."""
 
 
 # --- processes --------------------------------------------------------------------------------
 
 
 def execute(*words: str | Path, environment: Mapping[str, str] | None = None, code: int = 0) -> str:
-    """Run a command to its end and return what it says; with an exception, none of it lives on.
+    """Run a command to its end and return its output; an exception ends the command first.
 
     Raises
     ------
     FailedError
-        If its exit code is another; with the last lines it said.
+        If the exit code is not `code`; the message has the last lines of the output.
     """
     process = subprocess.Popen(
         [str(word) for word in words],
@@ -88,7 +88,7 @@ def execute(*words: str | Path, environment: Mapping[str, str] | None = None, co
 
 @contextmanager
 def step(what: str) -> Iterator[list[str]]:
-    """Print what is done, the time it took, and the remarks that are added to the list."""
+    """Print the name of a step, its time, and the remarks that the step adds to the list."""
     print(f"{what:.<40s} ", end="", flush=True)
     began = time.monotonic()
     remarks: list[str] = []
@@ -105,7 +105,7 @@ def step(what: str) -> Iterator[list[str]]:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder that is removed with the containers, mounts and files in it, undisturbed."""
+    """Make a folder; at the end remove it with its containers and mounts, ignoring signals."""
     folder = Path(tempfile.mkdtemp(prefix="test-images-", dir=os.environ.get("TMPDIR", "/var/tmp")))
     try:
         yield folder
@@ -121,18 +121,18 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def mounts_below(folder: Path) -> list[str]:
-    """Give the mount points in a folder, in the order of mounting."""
+    """List the mount points in a folder, in the order of mounting."""
     points = [line.split()[4] for line in Path("/proc/self/mountinfo").read_text().splitlines()]
     return [point for point in points if point.startswith(f"{folder}/")]
 
 
 class Podman:
-    """Podman with storage and settings of its own.
+    """Podman with its own storage and settings.
 
     Parameters
     ----------
     folder : Path
-        Where they are. Its ``bin/podman`` is podman with them, for other programs to call.
+        Folder of storage and settings. Other programs call podman with them as ``bin/podman``.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -161,7 +161,7 @@ class Podman:
         self.path.chmod(0o755)
 
     def __call__(self, *words: str | Path, code: int = 0) -> str:
-        """Run a command of podman and return what it says."""
+        """Run a command of podman and return its output."""
         return execute(self.path, *words, code=code)
 
     def run(self, image: str, *words: str | Path, code: int = 0) -> str:
@@ -171,7 +171,7 @@ class Podman:
 
 
 def hard_limit(kind: int, ceiling: str) -> int:
-    """Give this process's own hard limit, which no container may exceed."""
+    """Hard limit of this process, which no container may exceed."""
     limit, highest = resource.getrlimit(kind)[1], int(Path(ceiling).read_text())
     return highest if limit == resource.RLIM_INFINITY else min(limit, highest)
 
@@ -180,7 +180,7 @@ def hard_limit(kind: int, ceiling: str) -> int:
 
 
 def what_is_missing() -> str:
-    """Say why this machine cannot do it, or nothing."""
+    """Return the reason why this machine cannot run the test, or an empty string."""
     release = Path("/etc/os-release")
     if not release.is_file() or "VERSION_CODENAME=bookworm" not in release.read_text():
         return "this needs Debian 12, whose debootstrap and podman make and run the images"
@@ -190,7 +190,7 @@ def what_is_missing() -> str:
 
 
 def install_tools(folder: Path) -> Path:
-    """Install what is missing of TOOLS, and PYTHON_TOOLS into the folder; return their folder."""
+    """Install missing TOOLS, and PYTHON_TOOLS into the folder; return the folder of programs."""
     installed = {
         package: subprocess.run(["dpkg", "-s", package], capture_output=True).returncode == 0
         for package in TOOLS
@@ -206,14 +206,14 @@ def install_tools(folder: Path) -> Path:
 
 
 def lint(tools: Path) -> None:
-    """Hold Dockerfiles and compose files against their linters."""
+    """Run the linters on Dockerfiles and compose files."""
     execute(tools / "hadolint", *(f"docker/{name}.Dockerfile" for name in IMAGES))
     execute("docker-compose", *COMPOSE, "config", "-q")
     execute("docker-compose", *COMPOSE, "-f", "docker/compose.gpu.yaml", "config", "-q")
 
 
 def make_base(podman: Podman, folder: Path) -> None:
-    """Make the base image from the Debian mirrors, and with the settings, of this machine's apt."""
+    """Make the base image from the Debian mirrors of this machine's apt, and with its settings."""
     release = ("Created-By: Packages", "Origin: Debian")
     line = "deb $(REPO_URI) $(RELEASE) $(COMPONENT)"
     sources = sorted(
@@ -240,9 +240,9 @@ def make_base(podman: Podman, folder: Path) -> None:
 
 
 def pip_settings(folder: Path) -> list[str]:
-    """Give the mounts by which pip in a build does what it does here.
+    """Return the mounts that give pip in a build the settings of pip on this machine.
 
-    Every variable PIP_… becomes a line of ``pip.conf``, and a path that one names is mounted.
+    Every variable PIP_… becomes a line of ``pip.conf``; paths in them are mounted.
     """
     lines, mounts = ["[global]"], []
     for name, value in os.environ.items():
@@ -259,7 +259,7 @@ def pip_settings(folder: Path) -> list[str]:
 
 
 def build(podman: Podman, image: str, mounts: Words, context: Path = ROOT) -> str:
-    """Build an image as ``docker build`` would; return what is said."""
+    """Build an image as ``docker build`` would; return the output."""
     torch = os.environ.get("TORCH", "")
     arguments = [f"--build-arg=TORCH={torch}"] if torch and image == "surrogate" else []
     return podman(
@@ -272,19 +272,19 @@ def build(podman: Podman, image: str, mounts: Words, context: Path = ROOT) -> st
 
 
 def build_again(podman: Podman, image: str, mounts: Words, changed: Path) -> None:
-    """Build an image from changed code, and see that it installs no package again."""
+    """Build an image from changed code, and check that it installs no package again."""
     before, _, _ = build(podman, image, mounts, changed).partition("COPY shared_schema")
     commands, cached = before.count(": RUN "), before.count("--> Using cache")
     assert_that(0 < commands <= cached, f"{cached} layers are from the cache, {commands} are large")
 
 
 def megabytes(podman: Podman, image: str) -> str:
-    """Say how large an image is, unpacked."""
+    """Unpacked size of an image, in words."""
     return f"{int(podman('image', 'inspect', '--format={{.Size}}', image)) / 1e6:.0f} MB"
 
 
 def changed_copy(folder: Path) -> Path:
-    """Copy what images are built from, with another line in the code of both programs."""
+    """Copy the build context of the images, with another line in the code of both programs."""
     copy = folder / "changed"
     for name in ("datagen", "surrogate", "shared_schema", "docker"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -296,7 +296,7 @@ def changed_copy(folder: Path) -> Path:
 
 
 def check_image(podman: Podman, image: str) -> None:
-    """See that the program starts as a mere user without network, from pinned packages."""
+    """Check that the program starts without root and network, from pinned packages."""
     assert_that(podman.run(image, image, "--version") == f"{image} 0.1.0", "its version")
     assert_that(podman.run(image).startswith(f"usage: {image}"), "help without a command")
     assert_that(podman.run(image, "id", "-u") == "1000", "its user")
@@ -309,20 +309,20 @@ def check_image(podman: Podman, image: str) -> None:
 
 
 def assert_that(holds: bool, what: str) -> None:
-    """Fail with what is wrong unless it holds."""
+    """Raise FailedError, with a description, unless a condition holds."""
     if not holds:
         raise FailedError(f"wrong: {what}")
 
 
 def run_stage(podman: Podman, tools: Path, stage: str) -> None:
-    """Run a service of the compose file; Debian's podman cannot wait for one by itself."""
+    """Run one service of the compose file; Debian's podman cannot wait for services by itself."""
     compose = (tools / "podman-compose", "--in-pod=false", f"--project-name={PROJECT}", *COMPOSE)
     path = f"{podman.path.parent}:{os.environ['PATH']}"
     execute(*compose, "run", "--rm", "-T", "--no-deps", stage, environment={**DEMO, "PATH": path})
 
 
 def check_demo(podman: Podman) -> str:
-    """See that the demo's results are there, sane and a mere user's; return their gist."""
+    """Check that the demo's results exist, are plausible and not root's; return the mean error."""
     volume = Path(podman("volume", "inspect", "--format={{.Mountpoint}}", f"{PROJECT}_work"))
     run = volume / "runs" / "beam2d-linear-fast-120"
     test = json.loads((run / "evaluation.json").read_text())["test"]
@@ -336,7 +336,7 @@ def check_demo(podman: Podman) -> str:
 
 
 def main() -> None:
-    """Do every step in turn."""
+    """Run all steps in turn."""
     with temporary_folder() as folder:
         with step("tools"):
             tools = install_tools(folder)

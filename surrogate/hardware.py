@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import platform
-from pathlib import Path
-
 import torch
 
-PROCESSORS = Path("/proc/cpuinfo")
+from shared_schema.common.processor import processor
 
 
 def hardware(device: torch.device) -> str:
@@ -16,12 +13,3 @@ def hardware(device: torch.device) -> str:
         return f"{torch.cuda.get_device_name(device)}, {processor()}"
     threads = torch.get_num_threads()
     return f"{processor()}, {threads} thread{'s' if threads > 1 else ''}"
-
-
-def processor() -> str:
-    """Name of the processor, or its architecture where the system tells no name."""
-    if PROCESSORS.is_file():
-        for line in PROCESSORS.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.machine()

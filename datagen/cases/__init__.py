@@ -1,1 +1,1 @@
-"""A case: its configuration, and the body that is built from it."""
+"""Cases: their configuration, and the body that is built from it."""

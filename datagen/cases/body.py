@@ -1,4 +1,4 @@
-"""The body of a case: its mesh, which nodes are clamped, which may be loaded."""
+"""The body of a case: its mesh, clamped nodes, loadable nodes, and equilibrium problem."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ from shared_schema.common.errors import InputError
 
 @dataclass(frozen=True)
 class Body:
-    """A case's mesh with its supports and loadable nodes, and the problem built on it once.
+    """Mesh of a case with its supports, loadable nodes and equilibrium problem.
 
     Attributes
     ----------
     mesh : Mesh
     clamped : array of bool, (n_nodes,)
+        True for clamped nodes, by node number.
     loadable : array of bool, (n_nodes,)
+        True for nodes that the load family may load, by node number.
     loadable_nodes : LoadableNodes
-        The same nodes by their numbers, for the load family.
+        The loadable nodes in the form that load families take.
     problem : EquilibriumProblem
-        Lives on the ranks of the communicator that the body was made with.
+        Built once; distributed over the ranks of the communicator that the body was made with.
     """
 
     mesh: Mesh
@@ -40,7 +42,7 @@ class Body:
     problem: EquilibriumProblem
 
     def shard_arrays(self) -> dict[str, Any]:
-        """What every shard says of the mesh, by the schema's paths."""
+        """Arrays of the mesh that every shard holds, by their paths in the schema."""
         return {
             "mesh/coordinates": self.mesh.coordinates,
             "mesh/cells": self.mesh.cells,
@@ -55,8 +57,8 @@ def make_body(case: Case, comm: Any) -> Body:
     Raises
     ------
     InputError
-        On every rank, if the mesh cannot be had, a region holds no node, a loadable node is
-        clamped, or a part of the mesh is not held.
+        On every rank, if meshing or reading fails, a region holds no node, a loadable node is
+        clamped, the load family does not fit the mesh, or a part of the mesh is not supported.
     """
     try:
         mesh = make_mesh(case.mesh, comm)
@@ -89,7 +91,7 @@ def make_body(case: Case, comm: Any) -> Body:
 
 
 def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool_]:
-    """The nodes of a region; InputError, naming its key, if there are none."""
+    """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none."""
     try:
         nodes = region.select(mesh.coordinates, mesh.groups)
     except ValueError as error:
@@ -100,7 +102,18 @@ def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool
 
 
 def loose_nodes(mesh: Mesh, clamped: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Numbers of the nodes in parts of the mesh that no clamped node holds."""
+    """Find the nodes from which no path of cells leads to a clamped node.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    clamped : array of bool, (n_nodes,)
+
+    Returns
+    -------
+    array of int, (n_loose,)
+        Node numbers, ascending.
+    """
     first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
     count = len(mesh.coordinates)
     edges = coo_array((np.ones(first.size), (first, mesh.cells.ravel())), shape=(count, count))

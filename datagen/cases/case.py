@@ -1,4 +1,4 @@
-"""The configuration of a case: geometry, material, supports, loads, solver, dataset."""
+"""Configuration of a case: geometry, material, supports, loads, solver and dataset."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field, SerializeAsAny, field_validator
 
 from datagen.loads import LoadFamily, load_family
-from datagen.mesh.geometries import Geometry
+from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.regions import Region
 from datagen.solver.material import NeoHookean, Volumetric
@@ -21,18 +21,18 @@ SHIPPED = Path(__file__).parents[1] / "configs"
 
 
 class DatasetSettings(Frozen):
-    """How many samples are made, and how they are stored.
+    """Number of samples, their seed, and their division into shards and splits.
 
     Attributes
     ----------
     samples : int
-        Load cases in all, training and test.
+        Number of load cases, training and test together.
     seed : int
-        With the sample number, it determines each load.
+        Seed of the random loads; seed and sample number determine a load.
     shard_size : int
-        Load cases in one shard, the unit in which work is handed out and kept.
+        Number of load cases in a shard, the unit in which work is distributed and stored.
     test_fraction : float
-        Part of the samples that `datagen structure` sets aside as the test split.
+        Fraction of the samples that `datagen structure` puts into the test split.
     """
 
     samples: int = Field(gt=0)
@@ -42,7 +42,7 @@ class DatasetSettings(Frozen):
 
 
 class Case(Frozen):
-    """A case: everything that determines a dataset.
+    """Configuration of a case; it determines the dataset.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Case(Frozen):
     mesh : Box, LShape or MeshFile
     material : NeoHookean
     supports : tuple of Region
-        Nodes in any of them are clamped.
+        Regions whose nodes are clamped.
     load : LoadFamily
     solver : SolverSettings
     dataset : DatasetSettings
@@ -70,7 +70,7 @@ class Case(Frozen):
         return load_family(value) if isinstance(value, dict) else value
 
     def plain(self) -> dict[str, Any]:
-        """The whole configuration as plain data, as the manifest keeps it."""
+        """The whole configuration as plain data, as the manifest stores it."""
         return self.model_dump(mode="json")
 
     def digest(self) -> str:
@@ -84,7 +84,7 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
     Parameters
     ----------
     name : str
-        Path of a YAML file, or a name such as ``beam2d``.
+        Path of a YAML file, or name of a shipped case such as ``beam2d``.
     volumetric : {"paper", "quadratic"}, optional
         Replaces the material's volumetric term.
     samples : int, optional

@@ -1,1 +1,1 @@
-"""Every load case of a dataset solved by all ranks, killed and resumed at any time."""
+"""The farm: all ranks solve the load cases of a dataset; killed and resumed at any time."""

@@ -19,7 +19,7 @@ from datagen.cases.case import Case
 from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
-from datagen.farm.software import software_versions
+from datagen.farm.software_versions import software_versions
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
 from shared_schema.common.command_line import Progress

@@ -1,4 +1,4 @@
-"""Being asked to stop: SIGINT and SIGTERM, taken note of instead of obeyed at once."""
+"""Stop requests: SIGINT and SIGTERM are recorded, so that the work can stop at a safe point."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """While it is entered, a first signal is taken note of; a second one acts as ever.
+    """Context in which a first signal is only recorded; a second one acts as usual.
 
     Attributes
     ----------
     asked : bool
-        Whether a signal came.
+        True if a signal has come.
     """
 
     def __init__(self) -> None:

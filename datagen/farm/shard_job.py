@@ -1,4 +1,4 @@
-"""Load cases of one shard: solving them, and turning what was found into the schema's arrays."""
+"""Load cases of one shard: solving them, and converting the results to the schema's arrays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
 
 @dataclass(frozen=True)
 class Solved:
-    """A load case with its equilibrium; fields as the schema's datasets below ``samples/``."""
+    """A solved load case; its fields are the schema's datasets below ``samples/``."""
 
     number: int
     load: LoadCase
@@ -34,7 +34,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Failed:
-    """A load case without one; fields as the schema's datasets below ``failed/``."""
+    """A load case without equilibrium; its fields are the schema's datasets below ``failed/``."""
 
     number: int
     load: LoadCase
@@ -44,17 +44,21 @@ class Failed:
 
 @dataclass
 class ShardJob:
-    """Some load cases of one shard, solved one after the other.
+    """Load cases of one shard, solved one after the other by a group of ranks.
+
+    Every rank of the group holds the job and all its results.
 
     Attributes
     ----------
     case : Case
     body : Body
-        Shared by the ranks that solve together; `solve_next` is collective over them.
+        Body of the group; `solve_next` is collective over its ranks.
     numbers : sequence of int
-        Their sample numbers.
+        Sample numbers of the load cases, in the order of solution.
     solved : list of Solved
+        Results of the load cases solved so far.
     failed : list of Failed
+        Load cases so far for which no equilibrium was found.
     """
 
     case: Case
@@ -65,16 +69,16 @@ class ShardJob:
 
     @property
     def done(self) -> int:
-        """Number of load cases that are dealt with."""
+        """Number of load cases that are solved or failed."""
         return len(self.solved) + len(self.failed)
 
     @property
     def is_complete(self) -> bool:
-        """Whether every load case is dealt with."""
+        """True if every load case is solved or failed."""
         return self.done == len(self.numbers)
 
     def solve_next(self) -> bool:
-        """Deal with the next load case; tell whether it was solved."""
+        """Solve the next load case (collective); return True if an equilibrium was found."""
         case, problem = self.case, self.body.problem
         number = self.numbers[self.done]
         load = case.load.draw(number, case.dataset.seed, self.body.loadable_nodes)
@@ -92,7 +96,7 @@ class ShardJob:
         return report.solved
 
     def arrays(self) -> dict[str, Any]:
-        """What was found so far, by the schema's paths of a shard."""
+        """Results so far as arrays, by their paths in the schema of a nodal shard."""
         body, dimension = self.body, self.body.mesh.coordinates.shape[1]
         width = self.case.load.loads_per_sample(body.loadable_nodes)
         solved, failed = self.solved, self.failed
@@ -118,7 +122,7 @@ class ShardJob:
 
 
 def merged(parts: Sequence[Arrays]) -> Arrays:
-    """Put the arrays of parts of a shard together, load cases in the order of their numbers."""
+    """Merge the arrays of several parts of a shard, load cases in the order of their numbers."""
     arrays = dict(parts[0])
     for group in ("samples", "failed"):
         order = np.argsort(np.concatenate([part[f"{group}/number"] for part in parts]))
@@ -128,6 +132,7 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
 
 
 def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
+    """Loaded nodes (n, width) and forces (n, width, d); unused entries are NO_NODE and zero."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
     for row, load in enumerate(loads):

@@ -1,8 +1,8 @@
-"""How the samples of a dataset are handed out: whole shards first, small pieces at the end.
+"""Division of the samples of a dataset into pieces of work: first whole shards, then small pieces.
 
-A group of ranks takes the next piece when it has finished one. Pieces that are whole shards cost no
-more than writing them; small ones at the end let all groups finish together, within the time of one
-small piece. What a sample is does not depend on the piece that it is solved in.
+A group of ranks takes the next piece when it has finished one. A piece that is a whole shard is
+written once, directly. The small pieces at the end let all groups finish at almost the same time,
+at most the time of one small piece apart. A sample does not depend on the piece it is solved in.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from itertools import pairwise
 
 from datagen.cases.case import Case
 
-TAIL = 2  # shards a group that are divided, so that even the last whole one ends before they do
-PIECES = 10  # of a divided shard
+TAIL = 2  # divided shards per group: enough that the last whole shard ends before they do
+PIECES = 10  # pieces of a divided shard, at least
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Samples that one group solves in one go.
+    """A piece of work: samples of one shard that a group of ranks solves.
 
     Attributes
     ----------
     shard : int
-        Which they belong to.
+        Number of the shard.
     numbers : tuple of int
         Sample numbers, ascending.
     of : int
-        Into how many pieces what remains of the shard is divided.
+        Number of pieces into which the unsolved samples of the shard are divided.
     """
 
     shard: int
@@ -53,14 +53,14 @@ def shard_samples(case: Case, shard: int) -> range:
 
 
 def plan(remaining: Mapping[int, Sequence[int]], groups: int) -> list[Piece]:
-    """Divide what remains of a dataset into pieces, in the order in which they are taken.
+    """Divide the unsolved samples of a dataset into pieces, in the order in which they are taken.
 
     Parameters
     ----------
     remaining : mapping of int to sequence of int
-        Unsolved sample numbers of each unfinished shard, ascending; may be empty.
+        Unsolved sample numbers of each unfinished shard, ascending; they may be empty.
     groups : int
-        Groups of ranks that share the work.
+        Number of groups of ranks that share the work.
     """
     shards = sorted(remaining)
     tail = shards[-TAIL * groups :] if groups > 1 else []

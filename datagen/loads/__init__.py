@@ -1,4 +1,4 @@
-"""Families of load cases: pure functions of a seed and a sample number, one file each."""
+"""Load families, one a file: each draws load cases as a pure function of seed and sample number."""
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
 

@@ -1,7 +1,6 @@
-"""What a load family is, and how the case file names one.
+"""Base class of load families, and their names in case files.
 
-A family of one's own is a class in a file of one's own, named in the case as
-``family: path/to/file.py:ClassName``.
+A case file names a shipped family, or a user's class as ``family: path/to/file.py:ClassName``.
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ SHIPPED = {
 
 
 def _ascending(value: tuple[float, float]) -> tuple[float, float]:
+    """Return (low, high); ValueError unless low < high."""
     if value[0] >= value[1]:
         raise ValueError("expected [low, high] with low < high")
     return value
@@ -40,16 +40,16 @@ ForceRange = Annotated[tuple[float, float], AfterValidator(_ascending)]
 
 @dataclass(frozen=True)
 class LoadableNodes:
-    """The nodes that a family may load, and the mesh they belong to.
+    """Nodes that a family may load, with the mesh that they belong to.
 
     Attributes
     ----------
     nodes : array of int, (n_loadable,)
-        Their numbers, ascending.
+        Numbers of the loadable nodes, ascending.
     coordinates : array, (n_nodes, d)
-        Of all nodes of the mesh, in m.
+        Positions of all nodes of the mesh, in m.
     cells : array of int, (n_cells, n_corners)
-        Of the mesh, in VTK order.
+        Node numbers of every cell of the mesh, in VTK order.
     cell_type : str
         meshio's name.
     """
@@ -80,7 +80,7 @@ class LoadCase:
     Attributes
     ----------
     nodes : array of int, (n_loads,)
-        Loaded nodes, by node number, each once.
+        Numbers of the loaded nodes, each once.
     forces : array, (n_loads, d)
         Force vector at each of them, in N.
     """
@@ -90,25 +90,25 @@ class LoadCase:
 
 
 class LoadFamily(Frozen, ABC):
-    """A family of load cases; its attributes are the keys of the case's ``load`` section.
+    """A family of load cases; its attributes are the keys of a case's ``load`` section.
 
     Attributes
     ----------
     family : str
-        Its name in the case file.
+        Name of the family in the case file.
     region : Region
-        Where the nodes stand that it may load; none of them may be clamped.
+        Region of the loadable nodes; none of them may be clamped.
     """
 
     family: str
     region: Region
 
     def check(self, loadable: LoadableNodes) -> None:
-        """See that the family fits the mesh; ValueError, naming the key, if it does not."""
+        """Raise ValueError, which names the key, if the family does not fit the mesh."""
 
     @abstractmethod
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Make the load of one sample, from nothing but these arguments.
+        """Draw the load of one sample, as a pure function of the arguments.
 
         Parameters
         ----------
@@ -117,16 +117,16 @@ class LoadFamily(Frozen, ABC):
         seed : int
             Seed of the dataset.
         loadable : LoadableNodes
-            The nodes of the region.
+            Nodes of the region.
         """
 
     @abstractmethod
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """Largest number of nodes that one sample loads."""
+        """Largest number of loaded nodes of a sample."""
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """Random numbers of one sample: the same for every rank, restart and order of work."""
+    """Generator of a sample's random numbers: the same on every rank, restart and order of work."""
     return np.random.default_rng([seed, number])
 
 
@@ -136,7 +136,7 @@ def load_family(content: dict[str, Any]) -> LoadFamily:
     Raises
     ------
     ValueError
-        If there is no such family, or one of its keys is wrong.
+        If there is no such family, or one of the keys is wrong.
     """
     name = content.get("family")
     if not isinstance(name, str):
@@ -149,6 +149,7 @@ def load_family(content: dict[str, Any]) -> LoadFamily:
 
 
 def _import_family(name: str) -> type[LoadFamily]:
+    """Import the class of a shipped name or of ``FILE.py:ClassName``; ValueError if absent."""
     place, _, class_name = SHIPPED.get(name, name).rpartition(":")
     try:
         if place.endswith(".py"):

@@ -1,4 +1,4 @@
-"""One node of the region, under a random force: the family of the paper's datasets."""
+"""One node of the region under a random force: the family of the paper's datasets."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily
 
 
 class RandomNode(LoadFamily):
-    """A single node, its force drawn component by component from U(low, high).
+    """One node per sample, each component of its force drawn from U(low, high).
 
     Attributes
     ----------
     range : tuple of 2 floats
         (low, high) of each force component, in N.
     balanced : bool
-        Load the nodes in turn, so that each is loaded equally often; otherwise draw the node.
+        If true, the nodes take turns, so that each is loaded equally often; otherwise the node is
+        drawn uniformly.
     """
 
     range: ForceRange
@@ -28,5 +29,5 @@ class RandomNode(LoadFamily):
         return LoadCase(loadable.nodes[[chosen]], force)
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """One."""
+        """Number of loaded nodes: one."""
         return 1

@@ -8,14 +8,14 @@ from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily
 
 
 class RandomNodes(LoadFamily):
-    """Different nodes, each as likely as any other, their forces drawn from U(low, high).
+    """Several different nodes per sample, each component of their forces drawn from U(low, high).
 
     Attributes
     ----------
     range : tuple of 2 floats
         (low, high) of each force component, in N.
     count : tuple of 2 ints
-        Fewest and most nodes of one sample; how many, is drawn uniformly.
+        Smallest and largest number of nodes of a sample; the number is drawn uniformly.
     """
 
     range: ForceRange
@@ -29,12 +29,12 @@ class RandomNodes(LoadFamily):
         return value
 
     def check(self, loadable: LoadableNodes) -> None:
-        """See that there are as many nodes as one sample can ask for."""
+        """Raise ValueError if a sample can need more nodes than the region has."""
         if len(loadable) < self.count[1]:
             raise ValueError(f"key 'count' = {self.count}: the region has {len(loadable)} nodes")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Draw how many, then which, then their forces."""
+        """Draw the number of nodes, then the nodes, then their forces."""
         random = generator(seed, number)
         count = int(random.integers(self.count[0], self.count[1] + 1))
         chosen = random.choice(len(loadable), size=count, replace=False)
@@ -42,5 +42,5 @@ class RandomNodes(LoadFamily):
         return LoadCase(loadable.nodes[chosen], forces)
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """The most that are asked for."""
+        """Largest number of loaded nodes."""
         return self.count[1]

@@ -1,4 +1,4 @@
-"""A sweep of magnitudes at one node in one direction."""
+"""A sweep of force magnitudes at one node in one direction."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily
 
 
 class Sweep(LoadFamily):
-    """Magnitudes in equal steps from low to high, both included: sample i has the i-th.
+    """Magnitudes in equal steps from low to high, both included: sample i has the i-th magnitude.
 
     The paper's sweeps are −8…8 N, −6…6 N and −4…4 N.
 
     Attributes
     ----------
     direction : tuple of d floats
-        Of any length but zero.
+        Direction of the force, of any length but zero.
     range : tuple of 2 floats
-        (low, high) of the magnitude, in N; negative ones point against the direction.
+        (low, high) of the magnitude, in N; negative magnitudes point against the direction.
     steps : int
-        Number of magnitudes; sample `steps` begins again.
+        Number of magnitudes; sample number `steps` starts again at low.
     """
 
     direction: tuple[float, ...] = Field(min_length=2, max_length=3)
@@ -35,17 +35,17 @@ class Sweep(LoadFamily):
         return value
 
     def check(self, loadable: LoadableNodes) -> None:
-        """See that the region is one node."""
+        """Raise ValueError unless the direction has d components and the region is one node."""
         loadable.require_components("direction", self.direction)
         if len(loadable) != 1:
             raise ValueError(f"key 'region': has {len(loadable)} nodes, expected one to sweep at")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Take the magnitude whose turn it is."""
+        """Load the node with the next magnitude."""
         magnitude = np.linspace(*self.range, self.steps)[number % self.steps]
         direction = np.asarray(self.direction) / np.linalg.norm(self.direction)
         return LoadCase(loadable.nodes, magnitude * direction[None])
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """One."""
+        """Number of loaded nodes: one."""
         return 1

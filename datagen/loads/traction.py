@@ -2,7 +2,8 @@ r"""A random uniform traction on a patch of the boundary, as consistent nodal fo
 
 .. math:: f_a = \int_{Γ} N_a \, \bar t \, dS
 
-with the shape functions N_a of the facets (Deshpande et al. 2022, Eq. VWP, second term).
+is the force at node a, in N, with the shape functions N_a of the facets of the patch Γ
+(Deshpande et al. 2022, Eq. VWP, second term). In two dimensions the body is 1 m thick.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3)
 
 
 class Traction(LoadFamily):
-    """A dead traction on the boundary facets whose nodes all lie in the region.
+    """A uniform dead traction on the boundary facets whose nodes all lie in the region.
 
     Attributes
     ----------
@@ -28,24 +29,24 @@ class Traction(LoadFamily):
     range: ForceRange
 
     def check(self, loadable: LoadableNodes) -> None:
-        """See that the region holds a facet, and that every node of it belongs to one."""
+        """Raise ValueError unless every node of the region belongs to a facet of the region."""
         lonely = np.flatnonzero(nodal_areas(loadable) == 0)
         if lonely.size:
             at = ",".join(f"{x:g}" for x in loadable.coordinates[loadable.nodes[lonely[0]]])
             raise ValueError(f"key 'region': the node at {at} belongs to no facet of the region")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Draw the traction and share it among the nodes."""
+        """Draw the traction and convert it to nodal forces."""
         traction = generator(seed, number).uniform(*self.range, size=loadable.dimension)
         return LoadCase(loadable.nodes, np.outer(nodal_areas(loadable), traction))
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """All nodes of the region."""
+        """Number of loaded nodes: all nodes of the region."""
         return len(loadable)
 
 
 def nodal_areas(loadable: LoadableNodes) -> NDArray[np.float64]:
-    """∫ N_a dS over the region's facets, for each of its nodes: (n_loadable,) in m² (m in 2D)."""
+    """Integrate N_a over the facets of the region, for each of its nodes: (n_loadable,) in m²."""
     facets = boundary_facets(loadable.cells, loadable.cell_type)
     facets = facets[np.isin(facets, loadable.nodes).all(axis=1)]
     areas = np.zeros(len(loadable.coordinates))
@@ -54,17 +55,21 @@ def nodal_areas(loadable: LoadableNodes) -> NDArray[np.float64]:
 
 
 def facet_shares(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """∫ N_a dS of each corner of each facet.
+    """Integrate N_a over each facet, for each of its corners.
+
+    The integrals are L/2 on edges of length L and A/3 on triangles of area A. On quadrilaterals
+    they are computed with 2 × 2 Gauss points, which is exact for plane facets.
 
     Parameters
     ----------
     corners : array, (n_facets, n_corners, d)
-        Two corners: an edge in the plane; three or four: a triangle or quadrilateral in space,
-        going round. In m.
+        Corner positions in m: two corners are an edge in the plane; three or four are a triangle
+        or quadrilateral in space, in order around it.
 
     Returns
     -------
     array, (n_facets, n_corners)
+        In m²; edges are those of a body 1 m thick.
     """
     count = corners.shape[1]
     if count == 2:

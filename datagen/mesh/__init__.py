@@ -1,1 +1,1 @@
-"""Geometries and mesh files as arrays, distributed meshes, regions of nodes."""
+"""Meshes: geometries, mesh files, distributed meshes, node numbers, regions of nodes."""

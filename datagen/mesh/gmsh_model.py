@@ -1,4 +1,4 @@
-"""gmsh: one session at a time, and its mesh as arrays."""
+"""gmsh sessions, and the mesh of a gmsh model as arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron"
 
 @contextmanager
 def gmsh_session() -> Iterator[Any]:
-    """Start gmsh, silent, and give the module; it is ended afterwards."""
+    """Start gmsh without output, yield its module, and finalize it afterwards.
+
+    gmsh has one session in a process, so sessions must not be nested.
+    """
     import gmsh
 
     gmsh.initialize()
@@ -28,15 +31,15 @@ def gmsh_session() -> Iterator[Any]:
 
 
 def mesh_of(model: Any) -> RawMesh:
-    """Take the mesh of a gmsh model, nodes in the order of their tags.
+    """Convert the mesh of a gmsh model to arrays, nodes in the order of their tags.
 
-    Where physical groups of the highest dimension are defined, their cells are the mesh, else all
-    cells. Every physical group is a group of nodes, by its name or its number.
+    If physical groups of the highest dimension are defined, the mesh consists of their cells,
+    otherwise of all cells. Every physical group becomes a group of nodes, under its name or number.
 
     Raises
     ------
     ValueError
-        As `raw_mesh`.
+        If the mesh is unfit, see `raw_mesh`.
     """
     tags, points, _ = model.mesh.getNodes()
     order = np.argsort(tags)
@@ -62,4 +65,5 @@ def mesh_of(model: Any) -> RawMesh:
 
 
 def _has_cells(model: Any, dimension: int) -> bool:
+    """True if the model has cells of a dimension."""
     return len(model.mesh.getElements(dimension)[0]) > 0

@@ -1,4 +1,4 @@
-"""A mesh of one's own: a gmsh script or mesh, or any file that meshio reads."""
+"""Mesh from a file of the user: a gmsh script or mesh, or any file that meshio reads."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ OF_GMSH = (".geo", ".msh")
 
 
 class MeshFile(Frozen):
-    """A mesh file, in metres: triangles or quadrilaterals in the plane, tetrahedra or hexahedra.
+    """Mesh file, in metres: triangles or quadrilaterals in the plane, tetrahedra or hexahedra.
 
     Attributes
     ----------
     kind : "file"
     path : str
-        Relative to the case file. ``.geo`` is meshed by gmsh, ``.msh`` read by it, anything else
-        is read by meshio.
+        Path relative to the case file. gmsh meshes ``.geo`` and reads ``.msh``; meshio reads all
+        other files.
     sha256 : str, optional
-        Of the file; filled in when a case is read, so that a dataset belongs to one mesh.
+        Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
+        mesh.
     """
 
     kind: Literal["file"]
@@ -36,12 +37,12 @@ class MeshFile(Frozen):
     _folder: Path = PrivateAttr(default=Path())
 
     def found_from(self, folder: Path) -> MeshFile:
-        """The same, with the file looked for from `folder` and its checksum filled in.
+        """Copy this mesh file with its path resolved against `folder` and its checksum filled in.
 
         Raises
         ------
         InputError
-            If there is no such file, or it is not the one whose checksum is given.
+            If there is no such file, or its checksum differs from the given one.
         """
         path = folder / self.path
         if not path.is_file():
@@ -54,21 +55,22 @@ class MeshFile(Frozen):
         return found
 
     def raw_mesh(self) -> RawMesh:
-        """Read the mesh, or have it made by gmsh.
+        """Read the mesh, or generate it with gmsh.
 
         Raises
         ------
         InputError
-            If the file cannot be read, or its mesh is unfit (see `datagen.mesh.raw_mesh`).
+            If meshing or reading fails, or the mesh is unfit (see `datagen.mesh.raw_mesh`).
         """
         path = self._folder / self.path
         try:
             return _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
-        except (Exception, SystemExit) as error:  # gmsh and meshio raise whatever they like
+        except (Exception, SystemExit) as error:  # gmsh and meshio raise many types
             raise InputError(f"key 'mesh.path' = '{self.path}': {first_line(error)}") from None
 
 
 def _by_gmsh(path: Path) -> RawMesh:
+    """Open a file in gmsh, and generate its mesh unless it holds one."""
     if path.suffix == ".geo" and not path.read_bytes().endswith(b"\n"):
         raise ValueError(
             "expected a line feed at the end, gmsh leaves out what stands after the last"
@@ -81,6 +83,7 @@ def _by_gmsh(path: Path) -> RawMesh:
 
 
 def _by_meshio(path: Path) -> RawMesh:
+    """Read a file by meshio; its point and cell sets become groups of nodes."""
     import meshio
 
     mesh = meshio.read(path)

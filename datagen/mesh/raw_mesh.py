@@ -1,4 +1,4 @@
-"""A mesh as plain arrays, before it is distributed, and what makes one unfit for use."""
+"""Mesh as plain arrays, before it is distributed, and the checks that it is fit for use."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared_schema.cells import CELL_TYPES, NEIGHBOURS
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
-SMALLEST = 1e-9  # Jacobian at a corner, as a part of the product of the edges there
+SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class RawMesh:
     Attributes
     ----------
     coordinates : array, (n_nodes, d)
-        In m.
+        Node positions in m.
     cells : array of int, (n_cells, n_corners)
-        Node numbers, VTK order.
+        Node numbers of every cell, in VTK order.
     cell_type : str
         meshio's name: triangle, quad, tetra or hexahedron.
     groups : mapping of str to array of int
@@ -41,22 +41,22 @@ def raw_mesh(
     blocks: list[tuple[str, NDArray[np.int64]]],
     groups: Mapping[str, NDArray[np.int64]],
 ) -> RawMesh:
-    """Make a mesh of the cells of highest dimension; nodes that none of them has are left out.
+    """Make a mesh of the cells of highest dimension, without the nodes that belong to none of them.
 
     Parameters
     ----------
     points : array, (n_points, 2 or 3)
-        In m.
+        Positions in m.
     blocks : list of (cell type, array of int (n_cells, n_corners))
-        Cells of any dimension, meshio's names, VTK order.
+        Cells of any dimension: meshio's name of their type, and their points in VTK order.
     groups : mapping of str to array of int
-        Points of every named group.
+        Point numbers of every named group.
 
     Raises
     ------
     ValueError
-        If the cells are not of one linear type, are flat or turned over, or a plane mesh leaves
-        the plane of x and y.
+        If the cells are not of one linear type, a cell is flat or turned over at a corner, a
+        coordinate is not finite, or a mesh of surface cells leaves the plane z = 0.
     """
     solid = [(name, cells) for name, cells in blocks if len(cells) and not _is_lower(name)]
     in_space = [(name, cells) for name, cells in solid if DIMENSION.get(name, 3) == 3]
@@ -85,12 +85,16 @@ def raw_mesh(
 
 
 def _is_lower(name: str) -> bool:
-    """Whether cells of this type are points or lines, which mark groups at most."""
+    """True for points and lines, which only serve to mark groups."""
     return name.startswith(("vertex", "line"))
 
 
 def _require_regular(mesh: RawMesh) -> None:
-    """Raise ValueError if a cell is flat or turned over at one of its corners."""
+    """Raise ValueError if a cell is flat or turned over at one of its corners.
+
+    At each corner the Jacobian is the determinant of the d edges that meet there; divided by the
+    product of their lengths it is between −1 and 1. It must have one sign at all corners of a cell.
+    """
     corners = mesh.coordinates[mesh.cells]
     jacobians = []
     for corner, neighbours in enumerate(NEIGHBOURS[mesh.cell_type]):

@@ -1,4 +1,4 @@
-"""Regions that pick out nodes: by coordinates, ``{x: "> 0", y: 1}``, or by ``{group: name}``."""
+"""Regions select nodes by coordinates, ``{x: "> 0", y: 1}``, or by a group, ``{group: name}``."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ COMPARISONS = {
     "<=": operator.le,
 }
 CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
-RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
+RELATIVE_TOLERANCE = 1e-6  # of the longest side of the mesh's bounding box
 
 
 class Region(Frozen):
-    """The nodes that meet every condition given.
+    """Set of the nodes that meet all given conditions.
 
     Attributes
     ----------
     group : str or None
-        A named group of the mesh: a physical group of gmsh, a node or element set.
+        Name of a group of the mesh: a physical group of gmsh, or a node or element set.
     x, y, z : float, str or None
-        A number (equality), a comparison such as ``"> 0"`` or ``"<= 2"``, or nothing. In metres.
+        Condition on a coordinate in m: a number (equality), a comparison such as ``"> 0"`` or
+        ``"<= 2"``, or none.
     """
 
     group: str | None = None
@@ -43,7 +44,7 @@ class Region(Frozen):
 
     @model_serializer(mode="wrap")
     def _without_unused_group(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave the group out where there is none, so that older datasets keep their case."""
+        """Leave out a group of None, so that cases without groups keep their digest."""
         content: dict[str, Any] = plain(self)
         return {key: value for key, value in content.items() if (key, value) != ("group", None)}
 
@@ -59,7 +60,7 @@ class Region(Frozen):
         coordinates: NDArray[np.float64],
         groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
     ) -> NDArray[np.bool_]:
-        """Tell which nodes lie in the region.
+        """Select the nodes of the region.
 
         Parameters
         ----------
@@ -71,6 +72,7 @@ class Region(Frozen):
         Returns
         -------
         array of bool, (n_nodes,)
+            True for nodes in the region.
 
         Raises
         ------
@@ -100,7 +102,7 @@ class Region(Frozen):
 
 
 def parse_condition(text: str) -> tuple[str, float]:
-    """Split ``"> 0.5"`` into its comparison and its bound; ValueError if it is not of that form."""
+    """Split ``"> 0.5"`` into comparison and bound; ValueError if the text has another form."""
     match = CONDITION.match(text)
     try:
         if match is None:

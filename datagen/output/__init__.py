@@ -1,1 +1,1 @@
-"""What leaves a dataset for people: figures, series for ParaView, summaries."""
+"""Output from datasets for people: figures, time series for ParaView, summaries."""

@@ -1,4 +1,4 @@
-"""One figure of a nodal dataset: mesh, supports, loadable nodes, and some samples deformed."""
+"""Figure of a nodal dataset: mesh, supports, loadable nodes, and some deformed samples."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from shared_schema.drawing.figure_style import (
 from shared_schema.drawing.mesh_drawing import Drawing, make_drawing
 
 SUFFIXES = (".png", ".svg", ".pdf")
-SHOWN = 4  # samples, where none are named
+SHOWN = 4  # number of samples, if none are named
 COLUMNS, PANEL = 2, 3.1  # panels side by side, and the width of one in inches
-AROUND = 0.75  # inches that title and labels take above and below a panel
-HIGHEST = 1.2  # height of a panel over its width; a body that is higher is drawn narrower
-FACE = "#fbefef"  # of a deformed body
+AROUND = 0.75  # height in inches of title and labels above and below a panel
+HIGHEST = 1.2  # largest height of a panel over its width; a higher body is drawn narrower
+FACE = "#fbefef"  # face colour of a deformed body
 SUPPORT, REST = "black", "0.45"
 CELLS = {
     "quad": "quadrilaterals",
@@ -43,11 +43,11 @@ def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[in
     Parameters
     ----------
     folder : Path
-        The dataset.
+        Folder of the dataset.
     path : Path
-        Picture to write, ending in .png, .svg or .pdf.
+        Figure to write, ending in .png, .svg or .pdf.
     chosen : str, optional
-        Sample numbers N,N,…; otherwise four, evenly over the order of largest displacement.
+        Sample numbers N,N,…; by default four, evenly over the order of largest displacement.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[in
     Raises
     ------
     InputError
-        If there is no intact nodal dataset, or it has no such sample.
+        If there is no intact nodal dataset, or it lacks one of the samples.
     """
     dataset = NodalSamples(folder)
     numbers = dataset.spread(SHOWN) if chosen is None else dataset.named(chosen)
@@ -67,7 +67,7 @@ def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[in
 
 @styled
 def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
-    """Draw the mesh with its marks, then each sample over the undeformed mesh, all to one scale."""
+    """Draw the mesh with marked nodes, then each sample over the undeformed mesh, to one scale."""
     figure = make_figure(COLUMNS * (PANEL + 0.5), 1.0)
     rows = -(-len(shown) // COLUMNS)
     grid = GridSpec(1 + rows, COLUMNS, figure=figure)
@@ -97,6 +97,7 @@ def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
 
 
 def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
+    """Draw the mesh, and mark clamped and loadable nodes."""
     x = dataset.coordinates
     size = 12 if len(x) < 500 else 2
     drawing.body(x, UNDEFORMED, "white", linewidth=_line(dataset))
@@ -105,6 +106,7 @@ def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
 
 
 def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> None:
+    """Draw the deformed body with its forces over the undeformed mesh."""
     x = dataset.coordinates + sample.displacement
     drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
     drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
@@ -119,7 +121,7 @@ def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> Non
 
 
 def _draw_key(axes: Axes, dataset: NodalSamples) -> None:
-    """What the figure shows, in the place beside the mesh."""
+    """Draw the legend, in the place beside the mesh."""
     axes.set_axis_off()
     manifest = dataset.manifest
     title = (
@@ -137,11 +139,11 @@ def _draw_key(axes: Axes, dataset: NodalSamples) -> None:
 
 
 def _line(dataset: NodalSamples) -> float:
-    """Line width that leaves something to see between the lines, in points."""
+    """Line width in points, thin enough to leave space between the lines."""
     return float(np.clip(7.0 / np.sqrt(len(dataset.cells)), 0.25, 0.7))
 
 
 def _height(axes: Axes) -> float:
-    """Height in inches of a panel with what is around it."""
+    """Height in inches of a panel with its title and labels."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     return PANEL * min((top - bottom) / (right - left), HIGHEST) + AROUND

@@ -1,8 +1,8 @@
-"""Samples of a nodal dataset as a series for ParaView: time is the sample number.
+"""Samples of a nodal dataset as a time series for ParaView: the time is the sample number.
 
-``.xdmf`` names an ``.h5`` file beside it that holds the arrays; ``.pvd`` names one ``.vtu`` file a
-sample in a folder beside it. Points are those of the undeformed mesh, with ``displacement`` in m
-and ``force`` in N, three components each, float64.
+An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a ``.pvd`` file refers
+to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
+with ``displacement`` in m and ``force`` in N, three components each, float64.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import in_space, require_suffix, write_solution
 
 SUFFIXES = (".xdmf", ".pvd")
-FIRST = 100  # samples, where no range is given
+FIRST = 100  # number of samples, if no range is given
 MADE_BY = "made_by"  # attribute of an .h5 file that this module wrote
 OURS = "datagen export"
 
 
 def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
-    """Write samples as a series; it appears complete or not at all.
+    """Write samples as a time series, whose files appear complete or not at all.
 
     Parameters
     ----------
     folder : Path
-        The dataset.
+        Folder of the dataset.
     path : Path
-        Ending in .xdmf or .pvd.
+        File to write, ending in .xdmf or .pvd.
     chosen : str, optional
         Half-open range A:B of sample numbers; otherwise the first 100 samples. Load cases in it
         that could not be solved are left out.
@@ -53,8 +53,8 @@ def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
     Raises
     ------
     InputError
-        If there is no intact nodal dataset, it has no such samples, or what should be written
-        beside `path` would replace something else.
+        If there is no intact nodal dataset, it has no such samples, or the file or folder beside
+        `path` would replace something that was not exported before.
     OSError
         If the files cannot be written.
     """
@@ -88,14 +88,14 @@ def _write_xdmf(
 
 
 class _Series(TimeSeriesWriter):
-    """meshio's writer, which by itself puts the arrays into the working folder.
+    """meshio's writer, with the arrays in a given file instead of the working folder.
 
     Parameters
     ----------
     path, data : Path
-        Where to write the index and the arrays.
+        Paths of the index and of the arrays to write.
     name : str
-        What the index calls the file of the arrays.
+        Name of the file of the arrays in the index.
     """
 
     def __init__(self, path: Path, data: Path, name: str) -> None:
@@ -119,7 +119,10 @@ class _Series(TimeSeriesWriter):
 
 
 class _HeldBackErrors(FileIO):
-    """A new file that keeps its first error for `check`: HDF5 crashes where the disk is full."""
+    """A new file that keeps its first error for `check`, instead of raising it in `write`.
+
+    HDF5 crashes if a write raises an error, for instance on a full disk.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
@@ -170,7 +173,7 @@ def _fields(sample: Sample) -> dict[str, Any]:
 
 
 def _require_replaceable(path: Path, data: Path) -> None:
-    """See that what stands where the data go, if anything, was exported before."""
+    """Raise InputError if the data would replace something that was not exported before."""
     if path.suffix == ".xdmf" and ":" in path.name:
         raise InputError(f"--out '{path}': expected a file name without ':' for .xdmf")
     if not (data.exists() or data.is_symlink()):
@@ -194,9 +197,9 @@ def _is_our_file(data: Path) -> bool:
 
 @contextmanager
 def _both(path: Path, data: Path) -> Iterator[tuple[Path, Path]]:
-    """Write an index and its data to the paths that are given; they take their names together.
+    """Yield temporary paths for an index and its data, which then replace the old ones together.
 
-    The old index goes before the old data do, so that none ever names the data of another.
+    The old index is removed before the old data, so that no index ever refers to other data.
     """
     partial_data = data.with_name(f"{PARTIAL}{os.getpid()}-{data.name}")
     try:

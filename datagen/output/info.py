@@ -1,4 +1,4 @@
-"""A summary of a dataset as a table of text."""
+"""Summary of a dataset as a table of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Assembly on several ranks, by dolfinx."""
+"""Assembly over several ranks, by dolfinx and PETSc.
+
+Each rank computes the element tensors of the cells that it owns. Contributions to the rows of
+another rank's nodes are sent to that rank and added there.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +13,21 @@ from petsc4py import PETSc
 
 
 class DistributedAssembly:
-    """Tangent and internal forces of a problem whose mesh is distributed (collective).
+    """Tangent and internal forces of a problem whose mesh is distributed.
+
+    Every method is collective over the ranks of the mesh.
 
     Parameters
     ----------
     internal, tangent : dolfinx forms
-        f_int and ∂f_int/∂u.
+        f_int(u) in N and K(u) = ∂f_int/∂u in N/m.
     supports : list of dolfinx Dirichlet conditions
-        Rows and columns of the tangent that are those of the identity.
+        Clamped degrees of freedom: the tangent has the rows and columns of the identity there.
 
     Attributes
     ----------
     matrix : PETSc.Mat
+        Distributed by rows: each rank holds those of the nodes that it owns.
     """
 
     def __init__(self, internal: Any, tangent: Any, supports: list[Any]) -> None:

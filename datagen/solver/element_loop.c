@@ -1,7 +1,7 @@
-/* The loop over the cells: element tensors straight into their places.
+/* Loop over the cells: evaluate each element tensor and add its entries to the assembled values.
  *
- * dolfinx hands every element matrix to PETSc, which looks up where each entry belongs; here the
- * places are known beforehand, since they are the same for every assembly. */
+ * dolfinx passes every element matrix to PETSc, which searches for the place of each entry. Here
+ * the places are given, since they are the same in every assembly. */
 
 #include <stdint.h>
 
@@ -10,18 +10,18 @@ typedef void element_kernel(double *restrict tensor, const double *restrict coef
                             const int *restrict entity, const uint8_t *restrict permutation);
 
 /* kernel       element tensor of one cell, as FFCx generates it
- * n_cells      cells
- * n_entries    entries of an element tensor
- * n_dofs       degrees of freedom of a cell
- * n_vertices   vertices of a cell
- * places       (n_cells, n_entries) where in `values` each entry is added
+ * n_cells      number of cells
+ * n_entries    number of entries of an element tensor
+ * n_dofs       number of degrees of freedom of a cell
+ * n_vertices   number of vertices of a cell
+ * places       (n_cells, n_entries) index into `values` to which each entry is added
  * dofs         (n_cells, n_dofs) degrees of freedom of every cell
  * vertices     (n_cells, n_vertices) geometry nodes of every cell
- * points       (n_points, 3) positions of the geometry nodes
- * u            (n) displacement
- * constants    of the form
- * work         (n_entries + n_dofs + 3 * n_vertices) scratch
- * values       what is assembled */
+ * points       (n_points, 3) positions of the geometry nodes in m
+ * u            (n) displacement in m, by degree of freedom
+ * constants    constants of the form
+ * work         (n_entries + n_dofs + 3 * n_vertices) scratch memory
+ * values       result; the entries are added to what it holds */
 void add_element_tensors(element_kernel *kernel, int n_cells, int n_entries, int n_dofs,
                          int n_vertices, const int32_t *places, const int32_t *dofs,
                          const int32_t *vertices, const double *points, const double *u,

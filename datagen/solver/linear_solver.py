@@ -1,4 +1,11 @@
-"""The linear solves of Newton's method: direct, or GMRES with algebraic multigrid."""
+r"""Linear solves K Δu = −R of Newton's method: LU, or GMRES with algebraic multigrid.
+
+With multigrid the steps are inexact: step k stops its Krylov iteration when
+
+.. math:: ‖K Δu + R_k‖ \le η_k ‖R_k‖, \qquad η_k = γ (‖R_k‖ / ‖R_{k-1}‖)^α
+
+(Eisenstat and Walker 1996, choice 2), so that early steps are cheap and late ones accurate.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +26,31 @@ GAMG_OPTIONS = {
     "mg_coarse_pc_type": "lu",
 }
 RESTART, MAX_ITERATIONS = 100, 200
-INEXACT_NEWTON = {  # relative tolerance of the inner solve in step k: γ (‖R_k‖ / ‖R_k-1‖)^α
-    "snes_ksp_ew": None,  # Eisenstat and Walker (1996), choice 2
+INEXACT_NEWTON = {  # the relative tolerance η_k of the Krylov iteration in step k
+    "snes_ksp_ew": None,
     "snes_ksp_ew_version": 2,
     "snes_ksp_ew_rtol0": 1e-2,
     "snes_ksp_ew_rtolmax": 1e-2,
     "snes_ksp_ew_gamma": 0.5,
     "snes_ksp_ew_alpha": 1.618,
 }
-INEXACT_TOLERANCE = 1e-2  # part of the tolerance to go on to, where steps are inexact: solutions
-# then agree to some 1e-10 of their size, however the inner solves were rounded and broken off
+# Inexact steps iterate until ‖R‖ is 1e-2 of the tolerance: solutions then agree to about 1e-10 of
+# their size, whatever the rounding and the last iteration of the Krylov solves.
+INEXACT_TOLERANCE = 1e-2
 
 FULL_STEPS = {"snes_linesearch_type": "basic"}
-BUILT_ONCE = {"snes_lag_preconditioner": -2}  # at the first tangent, then never again
+BUILT_ONCE = {"snes_lag_preconditioner": -2}  # PETSc: build at the first tangent, never again
 
 
 def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
-    """LU of every tangent: PETSc's own in the plane on one rank, else MUMPS."""
+    """Solve each step by LU: PETSc's own in the plane on one rank, else MUMPS.
+
+    Parameters
+    ----------
+    snes : PETSc.SNES
+    dimension : int
+        Number of space dimensions d.
+    """
     _from_options(snes, FULL_STEPS)
     ksp = snes.getKSP()
     ksp.setType("preonly")
@@ -44,18 +59,18 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
-    """Inexact Newton steps by GMRES, preconditioned by a multigrid hierarchy that is built once.
+    """Solve inexact steps by GMRES, preconditioned by a multigrid hierarchy built once, here.
 
-    The hierarchy is that of the undeformed body, so that no solve depends on those before it. It is
-    GMRES, since conjugate gradients give up where the tangent is not positive definite, as it may
-    be on the way to a large deformation.
+    The hierarchy is built from the tangent of the undeformed body, so that no load case depends on
+    those solved before it. The Krylov method is GMRES, because conjugate gradients fail where the
+    tangent is not positive definite, which happens under large deformations.
 
     Parameters
     ----------
     snes : PETSc.SNES
-        With function and tangent set.
+        Its residual and tangent functions must be set.
     points : array, (n_owned_nodes, d)
-        Positions of this rank's nodes in the order of their degrees of freedom, in m.
+        Positions in m of the nodes that this rank owns, in the order of their degrees of freedom.
     """
     _from_options(snes, FULL_STEPS | BUILT_ONCE | INEXACT_NEWTON)
     snes.setUp()
@@ -75,14 +90,17 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
 
 
 def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.NullSpace:
-    """Translations and infinitesimal rotations of a body, orthonormal over all ranks.
+    """Translations and infinitesimal rotations of a body: 3 modes in the plane, 6 in space.
+
+    They span the null space of the tangent of the undeformed body without supports; multigrid needs
+    its coarse spaces to represent them. The modes are made orthonormal by Gram and Schmidt.
 
     Parameters
     ----------
     matrix : PETSc.Mat
-        Its layout is that of the vectors.
+        Matrix whose row layout the vectors of the modes take.
     points : array, (n_owned_nodes, d)
-        In m.
+        Positions in m of the nodes that this rank owns, in the order of their degrees of freedom.
     """
     dimension = points.shape[1]
     modes = []
@@ -105,7 +123,7 @@ def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.Nu
 
 
 def _from_options(solver: Any, options: dict[str, Any]) -> None:
-    """Configure one solver by options that no other sees and that do not stay behind."""
+    """Configure one solver by options under a prefix of its own, removed again afterwards."""
     prefix = f"solver_{solver.handle}_"
     solver.setOptionsPrefix(prefix)
     database = PETSc.Options()

@@ -1,8 +1,15 @@
-"""Adaptive load stepping: from the undeformed body to the equilibrium under the full load.
+r"""Adaptive load stepping: from the undeformed body to the equilibrium under the full load.
 
-A step that fails (no convergence, or an inverted element) is cut back and tried again from the
-last equilibrium; a step that converges in few iterations lets the next one grow. Where an iterative
-linear solver gives up, the rest of the load case is solved directly.
+The load factor s grows from 0 to 1 in steps Δs. From the equilibrium at s, Newton's method seeks
+the one at
+
+.. math:: s' = \min(1, s + Δs).
+
+- If it converges, s' becomes s. If it took few iterations (`wanted_iterations`), Δs is doubled.
+- If it fails (no convergence, or an inverted element), the last equilibrium is restored and the
+  step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed.
+- If it fails because the iterative linear solver failed, the same step is solved again by LU, and
+  LU is used for the rest of the load case.
 """
 
 from __future__ import annotations
@@ -15,12 +22,12 @@ from numpy.typing import NDArray
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 
-GROWTH, CUT = 2.0, 0.5
+GROWTH, CUT = 2.0, 0.5  # factors of Δs
 
 
 @dataclass(frozen=True)
 class SolveReport:
-    """How one load case was solved.
+    """Outcome of one load case.
 
     Attributes
     ----------
@@ -30,13 +37,13 @@ class SolveReport:
     explanation : str
         The reason in words.
     load_factor : float
-        Part of the load at the last equilibrium: 1 if solved.
+        Load factor s of the last equilibrium: 1 if solved.
     load_steps : int
-        Load steps that converged.
+        Number of load steps that converged.
     cutbacks : int
-        Load steps that failed and were cut back.
+        Number of load steps that failed and were cut back.
     newton_iterations : int
-        Over all steps, failed ones as well.
+        Number of Newton iterations over all steps, failed ones included.
     residual_norm : float
         2-norm of the residual of the last Newton solve, in N.
     """
@@ -57,16 +64,18 @@ def solve_load_case(
     forces: NDArray[np.float64],
     settings: SolverSettings,
 ) -> SolveReport:
-    """Bring the body from rest to equilibrium under nodal forces; the result stays in `problem`.
+    """Bring the body from rest to equilibrium under nodal forces (collective).
+
+    `problem` holds the equilibrium afterwards, or the last one found if the load case failed.
+    Failure raises nothing; it is reported in the result.
 
     Parameters
     ----------
     problem : EquilibriumProblem
-        Collective over its ranks.
     nodes : array of int, (n_loads,)
-        Loaded nodes, by node number.
+        Loaded nodes, by node number; the same on every rank.
     forces : array, (n_loads, d)
-        Force vectors in N.
+        Force vector at each of them, in N; the same on every rank.
     settings : SolverSettings
     """
     problem.reset()

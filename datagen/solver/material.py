@@ -1,10 +1,15 @@
-r"""Neo-Hookean strain energies, by the name of their volumetric term.
+r"""Neo-Hookean strain energy density, with a choice of volumetric terms.
 
 .. math::
     W(F) = \tfrac{\mu}{2} (I_c - 3 - 2 \ln J) + U(J), \qquad
     I_c = \operatorname{tr}(F^T F), \quad J = \det F
 
-with :math:`\lambda = E\nu / ((1+\nu)(1-2\nu))` and :math:`\mu = E / (2(1+\nu))`, and
+where F is the deformation gradient, (d, d), and W is in J per m³ of the undeformed body. The Lamé
+parameters in Pa are
+
+.. math:: \lambda = \frac{E\nu}{(1+\nu)(1-2\nu)}, \qquad \mu = \frac{E}{2(1+\nu)}.
+
+The volumetric term U(J) is chosen by name:
 
 ===========  =====================================================  =========================
 name         U(J)                                                   source
@@ -14,7 +19,8 @@ paper        :math:`\lambda/4\,(J^2 - 1 - 2\ln J)`                  Deshpande et
 quadratic    :math:`\lambda/2\,(J - 1)^2`                           AceFEM's element library
 ===========  =====================================================  =========================
 
-In two dimensions the state is plane strain: F is completed by :math:`F_{33} = 1`, so
+Both terms have U(1) = U'(1) = 0 and U''(1) = λ, so they agree for small strains. In two dimensions
+the state is plane strain: F is completed by :math:`F_{33} = 1`, so that
 :math:`I_c = \operatorname{tr}(F^T F) + 1` and J is the determinant of the in-plane part.
 """
 
@@ -39,9 +45,9 @@ class NeoHookean(Frozen):
     Attributes
     ----------
     young_modulus : float
-        E in Pa, positive.
+        Young's modulus E in Pa, positive.
     poisson_ratio : float
-        ν, above -1 and below 0.5.
+        Poisson's ratio ν, above -1 and below 0.5.
     volumetric : {"paper", "quadratic"}
         Name of the volumetric term U(J).
     """
@@ -79,14 +85,14 @@ VOLUMETRIC_TERMS: dict[Volumetric, Callable[[Expression, Expression], Expression
 
 
 def deformation_gradient(u: Expression) -> Expression:
-    """F = I + ∇u, a d × d tensor."""
+    """Deformation gradient F = I + ∇u, (d, d), of a displacement u with d components."""
     return ufl.Identity(len(u)) + ufl.grad(u)
 
 
 def strain_energy(
     f: Expression, lam: Expression, mu: Expression, volumetric: Volumetric
 ) -> Expression:
-    """W(F) = μ/2 (I_c − 3 − 2 ln J) + U(J) in J/m³.
+    """Strain energy density W(F) = μ/2 (I_c − 3 − 2 ln J) + U(J) in J/m³.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How the nonlinear equations are solved and the load is stepped."""
+"""Settings of Newton's method, the linear solver and the load stepping (`solver` in a case)."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ LinearSolver = Literal["lu", "multigrid"]
 
 
 class SolverSettings(Frozen):
-    """Newton's method and load stepping (defaults: AceFEM's in the authors' scripts).
+    """Settings of the solver; the defaults are those of AceFEM in the authors' scripts.
 
     Attributes
     ----------
     tolerance : float
         Absolute tolerance on the 2-norm of the residual, in N.
     max_iterations : int
-        Newton iterations allowed in one load step.
+        Largest number of Newton iterations in one load step.
     wanted_iterations : int
-        A load step that needs no more than these lets the next one grow.
+        The next load step is larger if a step needs at most this many Newton iterations.
     first_step : float
-        First load step, as a fraction of the load.
+        Size of the first load step, as a fraction of the load.
     linear_solver : {"lu", "multigrid"}
-        Of the Newton steps: direct, or GMRES with algebraic multigrid, which pays
-        from some ten thousand degrees of freedom on.
+        Linear solver of the Newton steps: LU, or GMRES with algebraic multigrid, which is faster
+        from about ten thousand degrees of freedom on.
     smallest_step : float
-        Load step, as a fraction of the load, below which the load case counts as failed.
+        Size of a load step, as a fraction of the load, below which the load case counts as failed.
     """
 
     tolerance: float = Field(1e-8, gt=0)

@@ -1,20 +1,18 @@
-"""How fast an equilibrium is found: the way of the FEniCSx tutorials against `datagen`'s.
+"""Time to find an equilibrium: the method of the FEniCSx tutorials and that of `datagen`.
 
 The tutorials solve a hyperelastic problem by dolfinx's NewtonSolver with a direct solve of every
-tangent (MUMPS). Both ways get the same mesh, forms, loads and tolerance (1e-8 N on the residual),
-and are timed in turn in one process on one core, so that a busy machine hits both. Where the time
-goes is found in a second pass over the same loads, with PETSc's log on. Run by
+tangent (MUMPS). Both methods get the same mesh, forms, loads and tolerance (1e-8 N on the
+residual), and are timed alternately in one process on one core, so that other work on the machine
+slows both. A second pass over the same loads, with PETSc's log on, measures the parts of the time.
 
     OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.equilibrium
 
-which writes `docs/results/benchmark-equilibrium.json` and `docs/benchmark-equilibrium.md`.
+writes `docs/results/benchmark-equilibrium.json` and `docs/benchmark-equilibrium.md`.
 """
 
 from __future__ import annotations
 
 import argparse
-import logging
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -29,17 +27,16 @@ from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 from tests.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 
-STRIDE = 7919  # a prime, to pick loads all over the body
-# PETSc's events, chosen so that no two overlap: dolfinx leaves a changed tangent to be factorised
-# within KSPSolve but before PCApply, SNES has it done before KSPSolve.
+STRIDE = 7919  # between sample numbers; a prime, so that the loads are all over the body
+# PETSc's events, chosen so that no two overlap: dolfinx's solver factorises a new tangent within
+# KSPSolve but before PCApply, SNES before KSPSolve.
 FACTORISATION = ("MatLUFactorSym", "MatLUFactorNum")
 TUTORIAL_EVENTS = {
     "tangent": (LoggedTutorialProblem.tangent_event,),
@@ -58,13 +55,13 @@ Events = dict[str, tuple[str, ...]]
 
 
 def picked_loads(case: Case, body: Body, samples: int) -> Iterator[LoadCase]:
-    """The loads of the comparison; one more than asked for, since the first warms both up."""
+    """Yield the loads of the comparison, and one more at the start to warm up both methods."""
     for index in range(samples + 1):
         yield case.load.draw(index * STRIDE, case.dataset.seed, body.loadable_nodes)
 
 
 def compare(name: str, samples: int) -> Results:
-    """Time both ways on the same loads, one after the other, those that both solve in one step."""
+    """Time both methods in turn on the same loads; keep those that both solve without a cutback."""
     case = read_case(name)
     body = make_body(case, MPI.COMM_SELF)
     problem = TutorialProblem(case, body)
@@ -103,9 +100,9 @@ def compare(name: str, samples: int) -> Results:
 
 
 def time_parts(name: str, samples: int, kept: list[int]) -> list[Results]:
-    """Mean times of the parts of a load case by both ways, over the loads kept by `compare`.
+    """Mean times of the parts of a load case by both methods, over the loads kept by `compare`.
 
-    PETSc's log must be on. The rest is what the whole takes beyond the parts that are logged.
+    PETSc's log must be on. The rest is the whole less the parts that are logged.
     """
     case = read_case(name)
     body = make_body(case, MPI.COMM_SELF)
@@ -140,7 +137,7 @@ def time_parts(name: str, samples: int, kept: list[int]) -> list[Results]:
 
 
 def _logged(events: Events) -> dict[str, float]:
-    """Seconds that PETSc has logged so far for each part."""
+    """Time in s that PETSc has logged so far for each part."""
     return {
         part: sum(PETSc.Log.Event(name).getPerfInfo()["time"] for name in names)
         for part, names in events.items()
@@ -148,7 +145,7 @@ def _logged(events: Events) -> dict[str, float]:
 
 
 def table(results: Results) -> str:
-    """The results as a page."""
+    """Make the page of the results."""
     comparison = markdown_table(
         ("case", "DOFs", "load cases", "tutorial", "datagen", "ratio", "ratio of sums"),
         (
@@ -165,7 +162,7 @@ def table(results: Results) -> str:
         ),
     )
     parts = markdown_table(
-        ("case", "way", "whole", "tangent", "residual", "set-up", "solves", "rest"),
+        ("case", "method", "whole", "tangent", "residual", "set-up", "solves", "rest"),
         (
             (
                 f"`{r['case']}`",
@@ -177,19 +174,21 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# How fast an equilibrium is found\n\n"
-        "dolfinx's NewtonSolver with MUMPS at every iteration, as in the FEniCSx tutorials, "
-        "against `datagen`:\nsame mesh, loads, forms and tolerance (1e-8 N on the residual), in "
-        "turn in one process on one core.\nMedian time of a load case in ms; loads for which "
-        "either way needs several steps are left out.\n\n"
+        "# Time to find an equilibrium\n\n"
+        "dolfinx's NewtonSolver with MUMPS in every iteration, as in the FEniCSx tutorials, "
+        "compared with `datagen`: same\nmesh, loads, forms and tolerance (1e-8 N on the residual), "
+        "timed alternately in one process on one core. Median\ntime of a load case in ms. Load "
+        "cases in which the tutorial's solver fails or `datagen` cuts back a load step are\nleft "
+        "out.\n\n"
         f"{comparison}\n"
-        "## Where the time goes\n\n"
-        "Mean time of a load case in ms, and the part of the whole, over the same loads in a pass "
-        "of its own with\nPETSc's log on. Tangent and residual are their assemblies, datagen's "
-        "residual with the check for inverted\nelements. Set-up is the factorisation of the "
-        "tangents; datagen's multigrid hierarchy is built once, before the\nloads, so that there "
-        "it is that of the load cases where multigrid gives up. Solves are triangular or Krylov\n"
-        "solves. The rest is the whole less these: Newton's method, Python, copies.\n\n"
+        "## Parts of the time\n\n"
+        "Mean time of a load case in ms, and the fraction of the whole, in a second pass over the "
+        "same loads with PETSc's\nlog on. *Tangent* and *residual* are their assemblies; "
+        "`datagen`'s residual includes the check for inverted\nelements. *Set-up* is the "
+        "factorisation of the tangents; `datagen` builds its multigrid hierarchy once, before "
+        "the\nloads, so its set-up is that of load cases in which multigrid fails. *Solves* are "
+        "triangular or Krylov solves.\n*Rest* is the whole less these: Newton's method, Python, "
+        "copies.\n\n"
         f"{parts}\n{footer(results)}"
     )
 
@@ -198,32 +197,29 @@ def _share(part: float, whole: float) -> str:
     return f"{part:.3g} ({part / whole:.0%})"
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Compare in two and three dimensions, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--samples-2d", type=int, default=500, help="load cases of 2D cases")
-    parser.add_argument("--samples-3d", type=int, default=12, help="load cases of beam3d")
-    options = parser.parse_args(arguments)
-    logging.disable(logging.INFO)
-    described = machine()
+    parser = argument_parser(__doc__)
+    parser.add_argument(
+        "--samples-2d", type=int, default=500, help="number of load cases of each 2D case"
+    )
+    parser.add_argument("--samples-3d", type=int, default=12, help="number of load cases of beam3d")
+    run_benchmark("equilibrium", "equilibrium", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results of the comparison in two and three dimensions."""
     sizes = {
         "beam2d": options.samples_2d,
         "lshape2d": options.samples_2d,
         "beam3d": options.samples_3d,
     }
     comparison = [compare(name, samples) for name, samples in sizes.items()]
-    PETSc.Log.begin()  # for good, so only now
+    PETSc.Log.begin()  # cannot be ended, so it begins after the comparison
     parts: list[Any] = []
     for one in comparison:
         parts += time_parts(one["case"], sizes[one["case"]], one.pop("kept"))
-    results: Results = {
-        "command": command("equilibrium", arguments),
-        "machine": described,
-        "comparison": comparison,
-        "parts": parts,
-    }
-    publish("equilibrium", results, table)
+    return {"comparison": comparison, "parts": parts}
 
 
 if __name__ == "__main__":

@@ -1,20 +1,19 @@
-"""How fast shards are written and read, against the disk itself.
+"""Throughput of writing and reading shards, compared with plain files on the same disk.
 
-The shards are beam3d's, nodal and structured. Writing is `write_shard`, which ends on the disk, and
-the same bytes by a plain write and fsync; reading is `read_shard` and a plain read of the same
-file, the page cache dropped before either. They take turns, in several rounds. Run by
+The shards are a nodal and a structured one of beam3d. `write_shard`, which synchronises the file
+with the disk, is compared with a plain write and fsync of the same bytes; `read_shard` with a plain
+read of the same bytes. The page cache is dropped before either read. All are timed alternately, in
+several rounds.
 
     OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.hdf5_throughput
 
-which writes `docs/results/benchmark-hdf5.json` and `docs/benchmark-hdf5.md`.
+writes `docs/results/benchmark-hdf5.json` and `docs/benchmark-hdf5.md`.
 """
 
 from __future__ import annotations
 
 import argparse
-import logging
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -30,11 +29,10 @@ from shared_schema.layout import Kind
 from shared_schema.shard import Arrays, read_shard, write_shard
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 MB = 1e6
@@ -48,7 +46,7 @@ def make_shards(case: Case, folder: Path) -> dict[Kind, Path]:
 
 
 def plain_write(path: Path, content: bytes) -> None:
-    """Write a file, to the disk."""
+    """Write a file and synchronise it with the disk."""
     with path.open("wb") as file:
         file.write(content)
         file.flush()
@@ -56,21 +54,21 @@ def plain_write(path: Path, content: bytes) -> None:
 
 
 def drop_from_cache(path: Path) -> None:
-    """Ask that the next read of a file comes from the disk."""
+    """Drop a file from the page cache, so that the next read comes from the disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall time of some work."""
+    """Wall time of a call, in s."""
     began = time.perf_counter()
     work()
     return time.perf_counter() - began
 
 
 def solving_time(shard: Path) -> float:
-    """How long the samples of a nodal shard took to solve, in s."""
+    """Total wall time of solving the samples of a nodal shard, in s."""
     return float(read_shard(shard, "nodal")["samples/wall_time"].sum())
 
 
@@ -110,7 +108,7 @@ def throughput(case: Case, kind: Kind, shard: Path, folder: Path, rounds: int) -
 
 
 def table(results: Results) -> str:
-    """The results as a page."""
+    """Make the page of the results."""
     shards = results["shards"]
     rows = markdown_table(
         ("shard", "MB", "write", "plain", "ratio", "read", "plain", "ratio", "read, cached"),
@@ -130,28 +128,30 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# How fast shards are written and read\n\n"
-        f"A shard of `beam3d` ({shards[0]['samples']} samples, 4032 nodes, 3 components) by "
-        "`write_shard` and `read_shard`, against a plain\nwrite with fsync and a plain read of the "
-        "same bytes, in turn, the page cache dropped before reading.\nMB of the file per second, "
-        f"medians of {results['rounds']} rounds; a ratio of 1 is the disk's own speed.\n"
-        "`write_shard` checks every array and computes the file's SHA-256 as well; `read_shard` "
+        "# Throughput of writing and reading shards\n\n"
+        f"A shard of `beam3d` ({shards[0]['samples']} samples, 4032 nodes, 3 components), written "
+        "by `write_shard` and read by `read_shard`,\ncompared with a plain write and fsync and a "
+        "plain read of the same bytes. All are timed alternately; the page\ncache is dropped "
+        "before reading. Values are MB of the file per second, medians of "
+        f"{results['rounds']} rounds; at a ratio of\n1 a shard is as fast as the plain file. "
+        "`write_shard` also checks every array and computes the file's SHA-256;\n`read_shard` also "
         "checks every array.\n\n"
         f"{rows}\nThe nodal shard is written in {shards[0]['write_ms']:.0f} ms; its samples took "
         f"{results['solving_s']:.0f} s to solve.\n\n{footer(results)}"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time both kinds of shards, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--samples", type=int, default=50, help="of the shard")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--samples", type=int, default=50, help="number of samples of the shard")
     parser.add_argument("--rounds", type=int, default=30)
     parser.add_argument("--folder", type=Path, help="on the disk to be timed (default: /tmp)")
-    options = parser.parse_args(arguments)
-    logging.disable(logging.INFO)
-    described = machine()
+    run_benchmark("hdf5", "hdf5_throughput", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for both kinds of shards."""
     case = read_case("beam3d", samples=options.samples)
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
         folder = Path(name)
@@ -160,14 +160,11 @@ def main(arguments: list[str] | None = None) -> None:
         shards = [
             throughput(case, kind, shard, folder, options.rounds) for kind, shard in made.items()
         ]
-    results: Results = {
-        "command": command("hdf5_throughput", arguments),
-        "machine": described,
+    return {
         "rounds": options.rounds,
         "solving_s": round(solving, 2),
         "shards": shards,
     }
-    publish("hdf5", results, table)
 
 
 if __name__ == "__main__":

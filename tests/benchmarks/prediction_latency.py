@@ -1,12 +1,12 @@
-"""How long one prediction takes, beside the finite elements' time for the same load.
+"""Time of one prediction, and the finite elements' time for the same load.
 
-Networks of the paper's size and of the `fast` recipes, with random weights, on the meshes of some
-nodal datasets; forces in and displacements out are NumPy arrays (1, n_nodes, d). Run by
+Networks of the paper's size and of the `fast` recipes, with random weights, predict on the meshes
+of given nodal datasets. Forces and displacements are NumPy arrays (1, n_nodes, d).
 
     OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m tests.benchmarks.prediction_latency \
         data/beam2d/nodal data/lshape2d/nodal data/beam3d/nodal
 
-which writes `docs/results/benchmark-prediction.json` and `docs/benchmark-prediction.md`.
+writes `docs/results/benchmark-prediction.json` and `docs/benchmark-prediction.md`.
 """
 
 from __future__ import annotations
@@ -42,11 +42,10 @@ from surrogate.runs.folder import RunFolder
 from surrogate.studies.framework.timing import Timing, median_seconds
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 from tests.surrogate.unet_configs import shipped_unet
 
@@ -61,16 +60,16 @@ Work = Callable[[], object]
 
 @dataclass(frozen=True)
 class Body:
-    """Mesh of a nodal dataset, one of its loads, and how long the solver took.
+    """Mesh of a nodal dataset, one of its loads, and the solver's time.
 
     Attributes
     ----------
     manifest : Manifest
     geometry : Geometry
     force : array, (1, n_nodes, d)
-        In N.
+        Nodal forces of the first sample, in N.
     solving_ms : float
-        Median over the samples.
+        Median time of the solver over the samples, in ms.
     """
 
     manifest: Manifest
@@ -80,7 +79,7 @@ class Body:
 
 
 def read_body(folder: Path) -> Body:
-    """Read what is needed of a nodal dataset."""
+    """Read mesh, first load and solving times of a nodal dataset."""
     manifest = read_manifest(folder, "nodal")
     files = [folder / entry.file for entry in manifest.shards]
     shards = [read_shard(file, "nodal") for file in files]
@@ -108,7 +107,7 @@ def shape_of(recipe: str, dimension: int) -> UNetConfig:
 
 
 def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> RunFolder:
-    """Write a run with random weights, and scales of 1."""
+    """Write a run folder with random weights and scales of 1."""
     dimension = body.geometry.dimension
     zero, one = (0.0,) * dimension, (1.0,) * dimension
     units = ComponentStatistics(mean=zero, std=one, max_abs=one)
@@ -146,12 +145,12 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
 
 
 def median_ms(work: Work, repeats: int) -> float:
-    """Median wall time of some work after a warm-up, over as many repeats as there is time for."""
+    """Median wall time of a call in ms, after a warm-up, over at most this many repeats."""
     return round(1e3 * median_seconds(work, Timing(repeats=repeats)), 3)
 
 
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
-    """Prediction by a network that `torch.compile` has compiled."""
+    """Make a function that predicts with the network compiled by `torch.compile`."""
     function = NodalFunction(model.nodal_network, passes)
     device = model.network.free.device
     if passes is None:
@@ -170,7 +169,7 @@ def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
 
 
 def by_onnx(run: RunFolder, passes: int | None, force: Array) -> Work:
-    """Prediction by the exported file, on as many threads as PyTorch has."""
+    """Make a function that predicts with the exported file, on as many threads as PyTorch uses."""
     path = run.folder / "model.onnx"
     export(run.folder, "onnx", path, passes)
     options = onnxruntime.SessionOptions()
@@ -183,7 +182,7 @@ def by_onnx(run: RunFolder, passes: int | None, force: Array) -> Work:
 def latencies(
     body: Body, run: RunFolder, device: str, ways: tuple[str, ...], repeats: int
 ) -> Results:
-    """Time of one prediction in ms, each way that there is."""
+    """Measure the time of one prediction in ms, by each of the given ways."""
     model = load(run.folder, device)
     config = model.description.run
     passes = PASSES if model.is_stochastic else None
@@ -207,7 +206,7 @@ def latencies(
     if "compiled" in ways:
         result["compiled_ms"] = median_ms(by_compiling(model, passes, body.force), repeats)
     if "ONNX" in ways and device == "cpu":
-        del model  # its passes take gigabytes
+        del model  # its passes take gigabytes of memory
         try:
             result["ONNX_ms"] = median_ms(by_onnx(run, passes, body.force), repeats)
         except InputError:  # more passes than a file holds
@@ -216,21 +215,21 @@ def latencies(
 
 
 def runs(body: Body, recipes: tuple[str, ...], folder: Path) -> Iterator[RunFolder]:
-    """Untrained runs of every recipe and likelihood; of variational Bayes in the plane only."""
+    """Yield untrained runs of every recipe and likelihood; variational Bayes in the plane only."""
     for recipe, likelihood in product(recipes, LIKELIHOODS):
         if likelihood == "deterministic" or body.geometry.dimension == 2:
             yield untrained(body, recipe, likelihood, folder / f"{recipe}-{likelihood}")
 
 
 def papers(case: str) -> tuple[str, ...]:
-    """The paper's times in ms: finite elements, U-Net on a CPU and on a GPU; or nothing."""
+    """The paper's times in ms: finite elements, U-Net on CPU and on GPU; empty if it has none."""
     paper = PAPER.prediction_times.get(case)
     times = (paper.finite_elements_ms, paper.cpu_ms, paper.gpu_ms) if paper else ("",) * 3
     return tuple(map(str, times))
 
 
 def table(results: Results) -> str:
-    """The results as a page."""
+    """Make the page of the results."""
 
     def cell(result: Results, name: str) -> str:
         value = result.get(f"{name}_ms")
@@ -257,33 +256,36 @@ def table(results: Results) -> str:
         ((f"`{case}`", f"{ms:.3g}", *papers(case)) for case, ms in results["solving_ms"].items()),
     )
     return (
-        "# How long a prediction takes\n\n"
-        "One load in, one displacement field out, both NumPy arrays; medians in ms after a "
-        "warm-up. Networks of the paper's\nsize and of the `fast` recipes, with random weights: "
-        f"one pass of a deterministic network, or {PASSES} passes of variational\nBayes, whose "
-        "drawn weights are kept between predictions (last column: drawn anew each time). "
-        "*Compiled* is\n`torch.compile`; *ONNX* is the file of `surrogate export` in ONNX Runtime "
-        f"{results['onnxruntime']}, if the passes fit into\none.\n\n"
+        "# Time of one prediction\n\n"
+        "Input is one load, output one displacement field, both NumPy arrays; values are medians "
+        "in ms after a warm-up.\nNetworks have the paper's size or that of the `fast` recipes, "
+        "and random weights. Deterministic networks take one\n"
+        f"pass, those of variational Bayes {PASSES}; their drawn weights are kept between "
+        "predictions (last column: drawn again for\neach). *Compiled* is by `torch.compile`; "
+        "*ONNX* is the file of `surrogate export` in ONNX Runtime "
+        f"{results['onnxruntime']},\nempty if the passes do not fit into one file.\n\n"
         f"{rows}\n"
-        "## The same by finite elements\n\n"
+        "## Time of the finite elements\n\n"
         "Median time in ms of `datagen`'s solver over the samples of the dataset, on the machine "
-        "that made it, and the\npaper's times; it has "
+        "that made the dataset,\nand the times of the paper, whose networks take "
         f"{PAPER.bayesian_prediction.all_passes_ms:g} ms for {PASSES} passes in the plane.\n\n"
         f"{solving}\n{footer(results)}"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time all networks on all bodies, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("nodal", nargs="+", type=Path, help="nodal datasets")
     parser.add_argument("--recipes", nargs="+", choices=RECIPES, default=RECIPES)
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
     parser.add_argument("--repeats", type=int, default=200)
-    options = parser.parse_args(arguments)
+    run_benchmark("prediction", MODULE, parser, measure, table, program="surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for all networks on all bodies."""
     logging.disable(logging.WARNING)
-    described = machine(lambda: {"torch": torch.__version__})
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
     bodies = [read_body(folder) for folder in options.nodal]
     found: list[Results] = []
@@ -292,15 +294,12 @@ def main(arguments: list[str] | None = None) -> None:
             for run, device in product(runs(body, options.recipes, Path(folder)), devices):
                 found.append(latencies(body, run, device, options.ways, options.repeats))
                 print(found[-1], file=sys.stderr)
-    results: Results = {
-        "command": command(MODULE, arguments, ".venv-surrogate"),
-        "machine": described,
+    return {
         "onnxruntime": onnxruntime.__version__,
         "threads": torch.get_num_threads(),
         "solving_ms": {b.manifest.name: round(b.solving_ms, 3) for b in bodies},
         "latencies": found,
     }
-    publish("prediction", results, table)
 
 
 if __name__ == "__main__":

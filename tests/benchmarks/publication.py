@@ -1,60 +1,96 @@
-"""What every benchmark publishes: its results as JSON, and the page that is made from them."""
+"""Running a benchmark and publishing it: results as JSON, and the page made from them."""
 
 from __future__ import annotations
 
+import argparse
 import json
+import logging
 import os
-import platform
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from shared_schema.common.atomic_file import write_text
+from shared_schema.common.processor import processor
 
 DOCS = Path(__file__).parents[2] / "docs"
 Results = dict[str, Any]
+Program = Literal["datagen", "surrogate"]
 
 
 def result_path(name: str) -> Path:
-    """Where the JSON of a benchmark lies."""
+    """Path of the JSON file of a benchmark."""
     return DOCS / "results" / f"benchmark-{name}.json"
 
 
 def page_path(name: str) -> Path:
-    """Where its page lies."""
+    """Path of the page of a benchmark."""
     return DOCS / f"benchmark-{name}.md"
 
 
-def publish(name: str, results: Results, table: Callable[[Results], str]) -> None:
-    """Print the results, and write them and the page that `table` makes of them."""
-    results["machine"]["load_averages"].append(_load_average())
+def argument_parser(description: str | None) -> argparse.ArgumentParser:
+    """Parser of a benchmark's options, described by the first line of its module."""
+    return argparse.ArgumentParser(description=(description or "").partition("\n")[0])
+
+
+def run_benchmark(
+    name: str,
+    module: str,
+    parser: argparse.ArgumentParser,
+    measure: Callable[[argparse.Namespace], Results],
+    table: Callable[[Results], str],
+    program: Program = "datagen",
+) -> None:
+    """Run a benchmark, print its results, and write them with their page.
+
+    Parameters
+    ----------
+    name : str
+        Name of the benchmark, in the names of both files.
+    module : str
+        Name of its module in `tests.benchmarks`.
+    parser : argparse.ArgumentParser
+    measure : callable
+        Measures, and returns the results, from the parsed options.
+    table : callable
+        Makes the page from the results.
+    program : {"datagen", "surrogate"}
+        The measured program, in whose environment the benchmark runs.
+    """
+    options = parser.parse_args()
+    logging.disable(logging.INFO)
+    described = machine(SOFTWARE[program])  # before anything is timed, for the load average
+    results: Results = {
+        "command": _command(module, sys.argv[1:], program),
+        "machine": described,
+        **measure(options),
+    }
+    described["load_averages"].append(_load_average())
     text = json.dumps(results, indent=1)
     print(text)
     write_text(result_path(name), text + "\n")
     write_text(page_path(name), table(results))
 
 
-def command(module: str, options: Sequence[str], environment: str = ".venv-datagen") -> str:
-    """How the benchmark is run again, from the root of the repository."""
-    words = [f"OMP_NUM_THREADS=1 {environment}/bin/python -m", f"tests.benchmarks.{module}"]
+def _command(module: str, options: Sequence[str], program: Program) -> str:
+    """Command that runs the benchmark again, from the root of the repository."""
+    words = [f"OMP_NUM_THREADS=1 .venv-{program}/bin/python -m", f"tests.benchmarks.{module}"]
     return " ".join([*words, *options])
 
 
-def machine(software: Callable[[], Results] | None = None) -> Results:
-    """Describe the machine and the software that is timed; called before anything is.
-
-    `software` gives the versions; those of the solver if left out.
-    """
+def machine(software: Callable[[], Results]) -> Results:
+    """Describe the machine and the measured software, whose versions `software` returns."""
     return {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "load_averages": [_load_average()],
-        **(software or _solver)(),
+        **software(),
     }
 
 
 def _solver() -> Results:
-    """Versions of what finite elements are solved with."""
+    """Versions of the finite-element software."""
     import dolfinx
     from mpi4py import MPI
     from petsc4py import PETSc
@@ -67,20 +103,23 @@ def _solver() -> Results:
     }
 
 
+def _learner() -> Results:
+    """Version of PyTorch."""
+    import torch
+
+    return {"torch": torch.__version__}
+
+
+SOFTWARE: dict[Program, Callable[[], Results]] = {"datagen": _solver, "surrogate": _learner}
+
+
 def _load_average() -> float:
-    """Processes that ran in the last minute."""
+    """Mean number of running processes over the last minute."""
     return round(os.getloadavg()[0], 2)
 
 
-def _processor() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
-
-
 def footer(results: Results) -> str:
-    """Machine and command, to end a page with."""
+    """Last lines of a page: machine, software and command."""
     m = results["machine"]
     before, after = m["load_averages"]
     software = (

@@ -1,13 +1,13 @@
-"""How the farm scales: samples per second of `datagen run` under mpirun, over ranks.
+"""Scaling of the farm over ranks: samples per second of `datagen run` under mpirun.
 
-Every way of running is timed for a small and a large number of samples, each into a fresh folder.
-The rate is the slope between the two, so that start-up (imports, forms, mesh) is told apart. The
-ways take turns, in several rounds, so that a busy machine hits all; ratios are formed in each
-round. Run by
+Every way of running is timed for a small and a large number of samples, each into a new folder. The
+rate is the slope between the two, which separates it from start-up (imports, forms, mesh). The ways
+are timed alternately, in several rounds, so that other work on the machine slows all of them; the
+ratios are computed in each round.
 
     OMP_NUM_THREADS=1 .venv-datagen/bin/python -m tests.benchmarks.scaling
 
-which writes `docs/results/benchmark-scaling.json` and `docs/benchmark-scaling.md`.
+writes `docs/results/benchmark-scaling.json` and `docs/benchmark-scaling.md`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,10 @@ import yaml
 from datagen.cases.case import SHIPPED
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 
 ENVIRONMENT = os.environ | {
@@ -43,14 +42,14 @@ ENVIRONMENT = os.environ | {
 
 @dataclass(frozen=True)
 class Way:
-    """A number of ranks, and how many of them share a solve."""
+    """A way of running: number of ranks, and number of ranks that share a solve."""
 
     ranks: int
     ranks_per_solve: int = 1
 
 
 def seconds(case: Path, samples: int, way: Way) -> float:
-    """Wall time of one whole `datagen run` into a folder that is not there yet."""
+    """Wall time in s of one whole `datagen run` into a new folder."""
     with tempfile.TemporaryDirectory() as folder:
         mpirun = ["mpirun", "--quiet", "-n", str(way.ranks)]
         if way.ranks > (os.cpu_count() or 1):
@@ -68,11 +67,13 @@ def seconds(case: Path, samples: int, way: Way) -> float:
 
 
 def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> list[Results]:
-    """Rates and start-up times of a case by all ways, of which the first is that of one rank."""
+    """Measure rates and start-up times of a case by all ways, the first of which is one rank."""
     few, many = counts
     content = yaml.safe_load((SHIPPED / f"{name}.yaml").read_text())
     shard_size = min(content["dataset"]["shard_size"], max(1, few // max(w.ranks for w in ways)))
-    content["dataset"]["shard_size"] = shard_size  # even few samples are a shard for every rank
+    content["dataset"]["shard_size"] = (
+        shard_size  # so that even few samples make a shard for every rank
+    )
     with tempfile.TemporaryDirectory() as folder:
         case = Path(folder) / "case.yaml"
         case.write_text(yaml.safe_dump(content))
@@ -98,9 +99,9 @@ def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> l
 
 
 def table(results: Results) -> str:
-    """The results as a page."""
+    """Make the page of the results."""
     rows = markdown_table(
-        ("case", "ranks", "a solve", "samples / s", "start-up", "against 1 rank", "efficiency"),
+        ("case", "ranks", "ranks per solve", "samples / s", "start-up", "speed-up", "efficiency"),
         (
             (
                 f"`{r['case']}`",
@@ -120,20 +121,22 @@ def table(results: Results) -> str:
         for name, (few, many, size) in counts.items()
     )
     return (
-        "# How the farm scales over ranks\n\n"
-        "`mpirun -n RANKS datagen run` with fresh folders: every way of running in turn, "
-        f"{results['rounds']} rounds, medians.\nSamples per second is the slope between two "
-        f"numbers of samples, writing included:\n{sizes}.\nStart-up (imports, forms, mesh, mpirun) "
-        "is the rest. “A solve” is the ranks that share one (`--ranks-per-solve`).\n\n"
+        "# Scaling of the farm over ranks\n\n"
+        "`mpirun -n RANKS datagen run` into new folders. All ways of running are timed "
+        f"alternately; values are medians of\n{results['rounds']} rounds. Samples per second is "
+        f"the slope between two numbers of samples, writing included:\n{sizes}.\nStart-up is the "
+        "remaining time: imports, forms, mesh, mpirun. Speed-up is over one rank; ranks per solve "
+        "are\nthose of `--ranks-per-solve`.\n\n"
         f"{rows}\n{footer(results)}"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time all ways in two and three dimensions, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2], help="1 is always timed")
+    parser = argument_parser(__doc__)
+    parser.add_argument(
+        "--ranks", type=int, nargs="+", default=[1, 2], help="numbers of ranks; 1 is always timed"
+    )
     parser.add_argument("--rounds", type=int, default=3)
     for name, counts in (("beam2d", (2000, 20000)), ("beam3d", (20, 100))):
         parser.add_argument(
@@ -144,20 +147,20 @@ def main(arguments: list[str] | None = None) -> None:
             metavar=("FEW", "MANY"),
             help=f"numbers of samples (default: {counts[0]} {counts[1]})",
         )
-    options = parser.parse_args(arguments)
-    described = machine()
+    run_benchmark("scaling", "scaling", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results of all ways in two and three dimensions."""
     ways = [Way(1), *(Way(ranks) for ranks in sorted(set(options.ranks) - {1}))]
     shared = [Way(way.ranks, 2) for way in ways if way.ranks % 2 == 0]
-    results: Results = {
-        "command": command("scaling", arguments),
-        "machine": described,
+    return {
         "rounds": options.rounds,
         "scaling": [
             *scale("beam2d", tuple(options.beam2d), ways, options.rounds),
             *scale("beam3d", tuple(options.beam3d), ways + shared, options.rounds),
         ],
     }
-    publish("scaling", results, table)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,20 @@
-"""How fast networks are trained: our loop against a plain PyTorch one.
+"""Training throughput: samples per second of our loop and of a plain PyTorch loop.
 
-The plain loop is that of the tutorials: a DataLoader, one sample after another collated to batches,
-the network as it comes, Adam, and the loss asked for after every step. Both train the same network
-on the same samples in batches of 4, by Adam on the mean squared error. They take turns, epoch by
-epoch, in several rounds, so that a busy machine hits both; ratios are formed in each round. Run by
+The plain loop is that of the tutorials: a DataLoader that collates single samples to batches, the
+network without compilation, Adam, and the loss read after every step. Both loops train the same
+network on the same samples in batches of 4, by Adam on the mean squared error. Their epochs are
+timed alternately, in several rounds, so that other work on the machine slows both; the ratios are
+computed in each round.
 
     OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m tests.benchmarks.training_throughput
 
-after `make data`, which writes `docs/results/benchmark-training.json` and
-`docs/benchmark-training.md`.
+writes `docs/results/benchmark-training.json` and `docs/benchmark-training.md`. It needs the dataset
+of `make data`.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -34,11 +34,10 @@ from surrogate.networks.unet import parameter_count
 from surrogate.training.trainer import Trainer
 from tests.benchmarks.publication import (
     Results,
-    command,
+    argument_parser,
     footer,
-    machine,
     markdown_table,
-    publish,
+    run_benchmark,
 )
 from tests.surrogate.unet_configs import shipped_unet
 
@@ -55,7 +54,7 @@ Epoch = Callable[[], object]
 
 
 def configuration(recipe: str, case: str, changes: dict[str, Any]) -> UNetModel:
-    """The network of a recipe, trained as the paper's is, but for some changes."""
+    """Configure the network of a recipe with the paper's training, apart from given changes."""
     paper, of_recipe = shipped_unet(NETWORKS["paper"]), shipped_unet(recipe)
     training = paper.training.model_copy(update={"batch_size": BATCH, **changes})
     update = {"case": case, "network": of_recipe.network, "training": training}
@@ -65,7 +64,7 @@ def configuration(recipe: str, case: str, changes: dict[str, Any]) -> UNetModel:
 def our_epochs(
     config: UNetModel, dataset: Dataset, samples: Samples, device: torch.device
 ) -> Epoch:
-    """Epochs of our loop, one at every call."""
+    """Make a function that runs one epoch of our loop."""
     network = config.build(dataset.geometry, dataset.info)
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
     trainer = Trainer(config, network, samples, samples[:0])
@@ -77,7 +76,7 @@ def our_epochs(
 def plain_epochs(
     config: UNetModel, dataset: Dataset, samples: Samples, device: torch.device
 ) -> Epoch:
-    """Epochs of the plain loop, one at every call."""
+    """Make a function that runs one epoch of the plain loop."""
     network = config.build(dataset.geometry, dataset.info).to(device).train()
     optimiser = torch.optim.Adam(network.parameters(), config.training.optimiser.learning_rate)
     loader = DataLoader(
@@ -95,7 +94,7 @@ def plain_epoch(
     loader: DataLoader[tuple[torch.Tensor, ...]],
     device: torch.device,
 ) -> float:
-    """One epoch, as the tutorials write it; its mean loss."""
+    """Train for one epoch as in the tutorials; return its mean loss."""
     total = 0.0
     for force, displacement in loader:
         force, displacement = force.to(device), displacement.to(device)
@@ -110,7 +109,7 @@ def plain_epoch(
 
 
 def seconds(epoch: Epoch, device: torch.device) -> float:
-    """Wall time of an epoch, to the end of its last kernel."""
+    """Wall time of an epoch in s, up to the end of its last kernel."""
     began = time.perf_counter()
     epoch()
     if device.type == "cuda":
@@ -121,7 +120,7 @@ def seconds(epoch: Epoch, device: torch.device) -> float:
 def compare(
     name: str, recipe: str, dataset: Dataset, device: torch.device, batches: int, rounds: int
 ) -> list[Results]:
-    """Time the epochs of a network, by the plain loop and by all ways of ours on a device."""
+    """Time the epochs of a network, by the plain loop and by all ways of our loop on a device."""
     case, samples = dataset.manifest.name, dataset.train[: batches * BATCH]
     ways = WAYS[device.type]
     configs = [configuration(recipe, case, changes) for changes in ways.values()]
@@ -150,7 +149,7 @@ def compare(
 
 
 def device_name(device: torch.device) -> str:
-    """What a device is called on the page."""
+    """Name of a device on the page."""
     if device.type == "cuda":
         return torch.cuda.get_device_name(device)
     threads = torch.get_num_threads()
@@ -158,7 +157,7 @@ def device_name(device: torch.device) -> str:
 
 
 def table(results: Results) -> str:
-    """The results as a page."""
+    """Make the page of the results."""
     rows = markdown_table(
         ("device", "network", "parameters", "our loop", "samples / s", "plain loop", "ratio"),
         (
@@ -175,28 +174,29 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# How fast networks are trained\n\n"
-        f"Our training loop against a plain PyTorch loop (DataLoader, eager, Adam, float32), "
-        f"`{results['case']}`,\nbatches of {results['batch']}, {results['batches']} of them an "
-        f"epoch: epochs in turn, {results['rounds']} rounds, medians.\nThe same network, loss and "
-        f"optimiser in both.\n\n{rows}\n{footer(results)}"
+        "# Training throughput\n\n"
+        "Our training loop compared with a plain PyTorch loop (DataLoader, eager, Adam, float32) "
+        f"on `{results['case']}`, with\nbatches of {results['batch']}, {results['batches']} in an "
+        f"epoch. Epochs are timed alternately; values are medians of {results['rounds']} rounds.\n"
+        "Network, loss and optimiser are the same in both.\n\n"
+        f"{rows}\n{footer(results)}"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Time both networks on all devices here, and write the result."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser = argument_parser(__doc__)
     parser.add_argument("--data", type=Path, default=Path("data/beam2d/structured"))
-    parser.add_argument("--batches", type=int, default=100, help="of an epoch")
+    parser.add_argument("--batches", type=int, default=100, help="number of batches of an epoch")
     parser.add_argument("--rounds", type=int, default=10)
-    options = parser.parse_args(arguments)
-    described = machine(lambda: {"torch": torch.__version__})
+    run_benchmark("training", "training_throughput", parser, measure, table, program="surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for both networks on all devices here."""
     dataset = read_dataset(options.data)
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
-    results: Results = {
-        "command": command("training_throughput", arguments, ".venv-surrogate"),
-        "machine": described,
+    return {
         "case": dataset.manifest.name,
         "batch": BATCH,
         "batches": min(options.batches, len(dataset.train) // BATCH),
@@ -210,7 +210,6 @@ def main(arguments: list[str] | None = None) -> None:
             )
         ],
     }
-    publish("training", results, table)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The way of the FEniCSx tutorials: dolfinx's NewtonSolver, a direct solve of every tangent."""
+"""Method of the FEniCSx tutorials: dolfinx's NewtonSolver with a direct solve of every tangent."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from datagen.solver.material import deformation_gradient, strain_energy
 
 
 class TutorialProblem(fem_petsc.NonlinearProblem):
-    """dolfinx's own nonlinear problem, with a nodal force taken from its residual."""
+    """dolfinx's own nonlinear problem, with nodal forces subtracted from its residual."""
 
     def __init__(self, case: Case, body: Body) -> None:
         domain = body.mesh.domain
@@ -38,13 +38,13 @@ class TutorialProblem(fem_petsc.NonlinearProblem):
         self.load: tuple[Any, Any] = (np.empty(0, dtype=int), np.empty(0))
 
     def F(self, x: Any, b: Any) -> None:  # noqa: N802, dolfinx's name
-        """Assemble the residual and subtract the nodal force."""
+        """Assemble the residual and subtract the nodal forces."""
         super().F(x, b)
         dofs, values = self.load
         b.array_w[dofs] -= values
 
     def take(self, load: LoadCase) -> None:
-        """Replace the nodal force, and go back to rest."""
+        """Replace the nodal forces, and set the displacement to zero."""
         positions, blocks = self._numbering.owned_blocks(load.nodes)
         d = load.forces.shape[1]
         dofs = (blocks[:, None] * d + np.arange(d)).ravel()
@@ -53,7 +53,7 @@ class TutorialProblem(fem_petsc.NonlinearProblem):
 
 
 class LoggedTutorialProblem(TutorialProblem):
-    """The same, its assemblies logged as PETSc logs those of a SNES."""
+    """The same problem with its assemblies logged, as PETSc logs those of a SNES."""
 
     residual_event, tangent_event = "TutorialResidual", "TutorialTangent"
 

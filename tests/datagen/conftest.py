@@ -1,4 +1,4 @@
-"""Bodies that several tests solve on, built once."""
+"""Bodies and problems that several tests share."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
+from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
-from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.material import NeoHookean, Volumetric
 from datagen.solver.settings import SolverSettings
@@ -28,7 +28,7 @@ NodeFinder = Callable[..., int]
 @pytest.fixture(autouse=True)
 def _collect_garbage() -> Iterator[None]:
     yield
-    gc.collect()  # PETSc objects in reference cycles
+    gc.collect()  # frees PETSc objects in reference cycles
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +43,7 @@ def beam(beam_case: Case) -> Body:
 
 @pytest.fixture
 def make_problem() -> ProblemMaker:
-    """Build a problem on a box, clamped at x = 0."""
+    """Make a function that builds a problem on a box clamped at x = 0."""
 
     def make(
         elements: tuple[int, ...] = (3, 2),
@@ -75,7 +75,7 @@ def distorted(mesh: Mesh, size: NDArray[np.float64], amount: float) -> Mesh:
 
 @pytest.fixture
 def node_at() -> NodeFinder:
-    """Find the number of the node at a point."""
+    """Make a function that finds the number of the node at a point."""
 
     def find(coordinates: NDArray[np.float64], *point: float) -> int:
         distance = np.linalg.norm(coordinates - np.asarray(point), axis=1)

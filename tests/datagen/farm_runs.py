@@ -1,4 +1,4 @@
-"""Running `datagen` as its users do, under mpirun or not, and comparing the datasets it makes."""
+"""Helpers that run `datagen` as its users do, with or without mpirun, and compare datasets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
 
-TIMES = {"samples/wall_time"}  # the one thing that may differ
+TIMES = {"samples/wall_time"}  # the only array that may differ
 ENVIRONMENT = os.environ | {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
@@ -71,12 +71,12 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen[Any]) ->
 
 
 def recorded(folder: Path) -> int:
-    """How many shards the journal of a run counts as finished."""
+    """Number of shards that the journal of a run records as finished."""
     return len(list((folder / ".journal").glob("shard-*.json")))
 
 
 def pids_of(out: Path) -> list[int]:
-    """The processes of datagen that write to a folder, mpirun itself apart."""
+    """Find the processes of datagen that write to a folder, without mpirun itself."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:
@@ -89,7 +89,7 @@ def pids_of(out: Path) -> list[int]:
 
 
 def assert_same(one: Path, other: Path) -> None:
-    """Every array of every shard equal to the last bit, times apart."""
+    """Assert that every array of every shard is equal to the last bit, except times."""
     shards = [entry.file for entry in read_manifest(one).shards]
     assert shards == [entry.file for entry in read_manifest(other).shards]
     for name in shards:
@@ -100,7 +100,7 @@ def assert_same(one: Path, other: Path) -> None:
 
 
 def assert_near(one: Path, other: Path) -> None:
-    """The same mesh, numbers and loads; displacements equal to 1e-10 m."""
+    """Assert that mesh, sample numbers and loads are equal, and displacements equal to 1e-10 m."""
     assert check_dataset(other) == []
     for path in sorted(one.glob("shard-*.h5")):
         a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")

@@ -1,4 +1,4 @@
-"""A disk that a test may fill up or make read-only: a tmpfs in a mount namespace of its own."""
+"""A disk that a test can fill or make read-only: a tmpfs in a separate mount namespace."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import pytest
 
 
 class SmallDisk:
-    """A disk that only commands entering its namespace see; it is gone with `close`.
+    """A disk that only commands in its mount namespace see; `close` removes it.
 
     Parameters
     ----------
     folder : Path
-        Where these commands see it.
+        Mount point in the namespace.
     options : str
-        Of tmpfs, such as ``size=1m`` or ``nr_inodes=9``.
+        Options of tmpfs, such as ``size=1m`` or ``nr_inodes=9``.
 
     Attributes
     ----------
     folder : Path
+        Mount point in the namespace.
     seen : Path
-        The same, as seen from everywhere else.
+        Path of the same folder outside the namespace.
     """
 
     def __init__(self, folder: Path, options: str) -> None:
@@ -33,7 +34,7 @@ class SmallDisk:
         held = ["sh", "-c", f"mount -t tmpfs -o {options} tmpfs '{folder}' && echo made && cat"]
         self._holder = subprocess.Popen(
             ["unshare", *user, "--mount", *held],
-            stdin=subprocess.PIPE,  # whose end ends it
+            stdin=subprocess.PIPE,  # the process ends when this pipe is closed
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -46,11 +47,11 @@ class SmallDisk:
         self.seen = Path(f"/proc/{self._holder.pid}/root{folder}")
 
     def words(self, words: list[str]) -> list[str]:
-        """The command that runs another where the disk is."""
+        """Command that runs another command in the namespace."""
         return [*self._enter, *words]
 
     def remount(self, options: str) -> None:
-        """Change its options; waits while a file is open that ``ro`` would forbid."""
+        """Change the options; wait while an open file prevents ``ro``."""
         remount = ["mount", "-o", f"remount,{options}", "tmpfs", str(self.folder)]
         for _ in range(1000):
             done = subprocess.run(self.words(remount), capture_output=True, check=False)
@@ -59,5 +60,5 @@ class SmallDisk:
         pytest.fail(f"could not remount with {options}")
 
     def close(self) -> None:
-        """End it, with all that is on it."""
+        """Remove the disk with its content."""
         self._holder.communicate(timeout=60)

@@ -1,4 +1,4 @@
-"""The benchmark pages are what their committed results give."""
+"""The pages of the benchmarks are those made from the committed results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_page_is_made_from_the_results(name: str) -> None:
 
 
 def test_parts_of_a_load_case_add_up() -> None:
-    """No part is negative (no time counted twice), and their sum is the whole, in rounded ms."""
+    """No part is negative, so none counts twice; the parts add up to the whole, in rounded ms."""
     for result in results_of("equilibrium")["parts"]:
         assert min(result["parts_ms"].values()) >= 0
         assert sum(result["parts_ms"].values()) == pytest.approx(result["whole_ms"], abs=1e-3)

@@ -1,4 +1,4 @@
-"""The environment: Debian's own NumPy and h5py, which dolfinx and PETSc are built beside."""
+"""The environment has Debian's NumPy and h5py, which match its dolfinx and PETSc."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def test_debians_libraries_are_in_place() -> None:
-    """pip's h5py brings an HDF5 of its own, which clashes with PETSc's in one process."""
+    """The h5py of pip brings its own HDF5, which conflicts with PETSc's in one process."""
     assert np.__version__.startswith("1.24")
     for module in (np, h5py):
         assert module.__file__ is not None

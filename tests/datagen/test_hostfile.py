@@ -1,8 +1,8 @@
-"""Ranks on two nodes of a hostfile: two daemons of Open MPI here, that meet over loopback.
+"""Ranks on two nodes of a hostfile: two daemons of Open MPI on this machine, linked by loopback.
 
-In the place of ssh stands a shell that starts a node's daemon on this machine. Daemons do not know
-of each other's memory, so ranks exchange messages as from one machine to another, by TCP. Each has
-a folder of its own for what it shares among its ranks.
+A shell script replaces ssh and starts the daemon of a node on this machine. The daemons do not know
+that they share its memory, so the ranks exchange messages by TCP, as between two machines. Each
+daemon has its own folder for the shared memory of its ranks.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Start = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What one process makes, beside the case."""
+    """Dataset made by one process, in the folder of its case file."""
     folder = tmp_path_factory.mktemp("serial")
     run(read_case(str(write_case(folder, 40, 10))), folder / "nodal", MPI.COMM_SELF)
     return folder / "nodal"
@@ -46,7 +46,7 @@ def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def on_two_nodes(serial: Path, tmp_path: Path) -> Start:
-    """`datagen run` by a rank on each of two nodes."""
+    """Make a function that runs `datagen run` by one rank on each of two nodes."""
     agent, hosts = tmp_path / "agent", tmp_path / "hosts"
     agent.write_text(AGENT)
     agent.chmod(0o755)
@@ -67,7 +67,7 @@ def test_options_are_those_of_the_page() -> None:
 
 
 def ranks_by_node(said: str) -> dict[str, list[int]]:
-    """Where the ranks were, from the map that mpirun shows."""
+    """Ranks of each node, from the map that mpirun prints."""
     parts = re.split(r"Data for node: (\w+)", said)[1:]
     found = zip(parts[::2], parts[1::2], strict=True)
     return {node: [int(r) for r in re.findall(r"Process rank: (\d+)", m)] for node, m in found}

@@ -1,4 +1,4 @@
-"""What the README shows of the factory does what it says."""
+"""The examples of the README for the factory work as described."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ README = (Path(__file__).parents[2] / "README.md").read_text()
 
 
 def block(first_line: str) -> str:
-    """The code block that begins with a line."""
+    """Code block of the README that begins with a given line."""
     found = re.search(rf"```\w+\n({re.escape(first_line)}.*?)```", README, re.DOTALL)
     assert found is not None, first_line
     return found[1]
 
 
-def test_load_family_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every node of the free end under the same push of at most 0.5 N a component."""
+def test_load_family_of_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same push of at most 0.5 N per component acts on every node of the free end."""
     (tmp_path / "push.py").write_text(block("# push.py"))
     case = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
     case |= yaml.safe_load(block("# push.yaml")) | {"name": "push"}
@@ -52,8 +52,8 @@ def test_commands_are_those_that_there_are(capsys: pytest.CaptureFixture[str]) -
     capsys.readouterr()
 
 
-def test_a_mesh_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Loaded are the nodes of the free edge above 0.5 m: 1.6 m in 10 edges, 7 nodes."""
+def test_mesh_of_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loadable nodes are the 7 of the free edge, 1.6 m in 10 element edges, above 0.5 m."""
     (tmp_path / "plate2d.yaml").write_text(block("# plate2d.yaml"))
     script = SHIPPED / "plate_with_holes.geo"
     (tmp_path / script.name).write_bytes(script.read_bytes())

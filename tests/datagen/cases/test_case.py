@@ -1,4 +1,4 @@
-"""The case file: what ships, and what is refused in one line."""
+"""Case files: the shipped cases, and wrong ones, each refused in one line."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_missing_key(tmp_path: Path, content: Content) -> None:
 
 
 @pytest.mark.parametrize("text", ["[1, 2", "- a\n- b", "", "name: {"])
-def test_no_mapping(tmp_path: Path, text: str) -> None:
+def test_file_without_a_mapping(tmp_path: Path, text: str) -> None:
     path = tmp_path / "case.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=r"case\.yaml"):

@@ -1,4 +1,4 @@
-"""Each shipped family against what can be counted or integrated by hand."""
+"""Each shipped load family against counts and integrals by hand."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mpi4py import MPI
 
 from datagen.loads import LoadableNodes, LoadFamily, load_family
 from datagen.loads.traction import nodal_areas
+from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
-from datagen.mesh.geometries import Box
 from datagen.mesh.regions import Region
 
 
 def place(region: dict[str, Any], elements: tuple[int, ...] = (4, 2)) -> LoadableNodes:
-    """Nodes of a 4 x 1 (x 1) box in a region."""
+    """Loadable nodes of a 4 x 1 (x 1) box in a region."""
     upper = (4.0, 1.0, 1.0)[: len(elements)]
     lower = (0.0,) * len(elements)
     mesh = make_mesh(Box(lower=lower, upper=upper, elements=elements), MPI.COMM_SELF)
@@ -46,7 +46,7 @@ def test_random_nodes_differ_and_vary_in_number() -> None:
 
 
 def test_each_node_in_turn_from_the_top() -> None:
-    """The paper's free edge: node 1 is on the training line y = 1, the last at y = 0."""
+    """On the paper's free edge the first node is on the training line y = 1, the last at y = 0."""
     edge = place({"x": 4})
     each = family("each_node", force=[0, -1.5])
     heights = [float(edge.coordinates[each.draw(i, 0, edge).nodes[0], 1]) for i in range(4)]

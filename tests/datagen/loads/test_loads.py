@@ -75,7 +75,7 @@ def test_force_components_are_uniform() -> None:
     assert abs(np.corrcoef(forces.T)[0, 1]) < 5 / np.sqrt(2000)
 
 
-def test_a_family_of_ones_own(tmp_path: Path) -> None:
+def test_family_of_a_user(tmp_path: Path) -> None:
     path = tmp_path / "every_node.py"
     path.write_text(OWN_FAMILY)
     family = load_family({"family": f"{path}:EveryNode", "region": {"y": 1}, "newtons": 0.5})
@@ -96,6 +96,6 @@ def test_a_family_of_ones_own(tmp_path: Path) -> None:
         ({"region": {"y": "high"}}, "a comparison"),
     ],
 )
-def test_what_is_no_family(change: dict[str, Any], said: str) -> None:
+def test_invalid_families(change: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         load_family(RANDOM_NODE | change)

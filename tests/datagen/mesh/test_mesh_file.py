@@ -1,4 +1,4 @@
-"""Meshes of one's own, from gmsh and through other formats."""
+"""Mesh files of users: gmsh scripts and meshes, and other formats."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def mesh_at(path: Path) -> RawMesh:
 
 
 def volume(mesh: RawMesh) -> float:
-    """Sum of |det| over the simplices that every cell is cut into round its first corner."""
+    """Area or volume: sum of |det| over the simplices that every cell is divided into."""
     corners = mesh.coordinates[mesh.cells]
     cuts: dict[str, list[tuple[int, ...]]] = {
         "triangle": [(1, 2)],
@@ -82,7 +82,7 @@ def volume(mesh: RawMesh) -> float:
 
 @pytest.mark.parametrize("cell_type", SCRIPTS)
 def test_a_script_is_meshed(cell_type: str, tmp_path: Path) -> None:
-    """Area or volume 2; groups hold the nodes of their side, corners included."""
+    """The area or volume is 2; groups hold the nodes of their side, corners included."""
     (tmp_path / "own.geo").write_text(SCRIPTS[cell_type])
     mesh = mesh_at(tmp_path / "own.geo")
     assert mesh.cell_type == cell_type
@@ -124,9 +124,9 @@ def test_other_formats_hold_the_same_mesh(cell_type: str, suffix: str, tmp_path:
 
 @pytest.mark.parametrize("cell_type", SCRIPTS)
 def test_a_patch_under_uniform_tension(cell_type: str, tmp_path: Path) -> None:
-    """Linear fields are equilibria of every mesh: u = (s x, −t y[, −t z]), no force inside.
+    """A linear field u = (s x, −t y[, −t z]) is an equilibrium of every mesh.
 
-    Nodal forces that keep it: f_int vanishes at the inner nodes, and the sides' forces balance.
+    The internal forces vanish at the inner nodes, and those of the sides balance.
     """
     body = body_of(read_case(write_case(tmp_path, SCRIPTS[cell_type])))
     x = body.mesh.coordinates
@@ -155,7 +155,7 @@ def test_reactions_balance_the_load(cell_type: str, tmp_path: Path) -> None:
 
 
 def test_finer_triangles_come_near_the_quadrilaterals(tmp_path: Path) -> None:
-    """Cantilever under a transverse load over its free side: two types of cells, one answer."""
+    """The tip of a cantilever under an end load moves equally with both types of cells."""
     tips = []
     for cell_type, fine in (("quad", " = 4;"), ("triangle", "0.3")):
         script = SCRIPTS[cell_type].replace(fine, {" = 4;": " = 33;", "0.3": "0.03"}[fine])
@@ -172,7 +172,7 @@ def test_finer_triangles_come_near_the_quadrilaterals(tmp_path: Path) -> None:
 
 
 def test_two_groups_of_cells_are_one_body(tmp_path: Path) -> None:
-    """Where cells are in physical groups, only those are the mesh; nodes of others are left out."""
+    """If cells are in physical groups, the mesh consists of these cells and their nodes only."""
     script = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 1, 1};
     Rectangle(2) = {1, 0, 0, 1, 1}; Rectangle(3) = {5, 0, 0, 1, 1}; Coherence;
     Physical Surface("body") = {1, 2}; Mesh.MeshSizeMax = 0.5;
@@ -219,7 +219,7 @@ def test_unfit_meshes_are_named(change: dict[str, Any], words: str) -> None:
 
 
 def test_neighbours_of_corners_are_right_handed() -> None:
-    """Cells in VTK order that are not turned over have positive Jacobians at every corner."""
+    """Cells in VTK order have positive Jacobians at every corner, unless they are turned over."""
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     cells: dict[str, Any] = {
         "triangle": [[0, 0], [1, 0], [0, 1]],
@@ -257,7 +257,7 @@ Change = Callable[[Path], str]
         ),
     ],
 )
-def test_what_is_wrong_with_a_case_is_named(change: Change, words: str, tmp_path: Path) -> None:
+def test_errors_of_a_case_are_named(change: Change, words: str, tmp_path: Path) -> None:
     path = change(tmp_path)
     with pytest.raises(InputError, match=words):
         body_of(read_case(path))
@@ -296,8 +296,8 @@ def test_the_shipped_plate() -> None:
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell_type", ["triangle", "tetra"])
-def test_ranks_share_a_mesh_of_ones_own(cell_type: str, tmp_path: Path) -> None:
-    """Distributed over two ranks, groups and numbers are the same; displacements to 1e-10 m."""
+def test_two_ranks_share_a_mesh_from_a_file(cell_type: str, tmp_path: Path) -> None:
+    """On two ranks groups and sample numbers are the same; displacements agree to 1e-10 m."""
     path = write_case(tmp_path, SCRIPTS[cell_type])
     run(read_case(path), tmp_path / "one", MPI.COMM_SELF)
     result = execute(2, Path(path), tmp_path / "two", "--ranks-per-solve", "2")

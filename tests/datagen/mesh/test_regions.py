@@ -31,14 +31,14 @@ def test_selection(region: dict[str, Any], count: int) -> None:
 
 
 def test_rounding_does_not_move_a_node_over_the_border() -> None:
-    """The comparison has a margin of 1e-6 of the mesh's size on the exclusive side."""
+    """Comparisons have a tolerance of 1e-6 of the size of the mesh."""
     noisy = GRID + 1e-9
     assert Region(x="> 0").select(noisy).sum() == 4
     assert Region(x="<= 2").select(noisy).sum() == 6
 
 
 @pytest.mark.parametrize("text", ["0 <", "> one", "near 0", "== 1", ">"])
-def test_what_is_no_condition(text: str) -> None:
+def test_invalid_conditions(text: str) -> None:
     with pytest.raises(ValidationError, match="a comparison such as '> 0'"):
         Region(x=text)
 
@@ -49,7 +49,7 @@ def test_unknown_axis() -> None:
 
 
 def test_group_and_coordinates_together() -> None:
-    """The nodes of the group that meet the other conditions as well."""
+    """The region has the nodes of the group that also meet the other conditions."""
     groups = {"side": np.array([0, 1, 4])}
     assert np.flatnonzero(Region(group="side").select(GRID, groups)).tolist() == [0, 1, 4]
     assert np.flatnonzero(Region(group="side", x=0).select(GRID, groups)).tolist() == [0, 1]

@@ -1,4 +1,4 @@
-"""Which samples are shown, what the panels say, and which input is wrong."""
+"""Choice of the samples, text of the panels, and wrong input of `datagen plot`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from datagen.farm.farm import run
 from datagen.output.dataset_figure import draw
 from datagen.output.nodal_samples import NodalSamples
 from shared_schema.shard import read_shard
+from tests.datagen.refusal import refusal
 
 STARTS = {"png": b"\x89PNG\r\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 
@@ -26,8 +27,8 @@ def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_samples_are_spread_over_the_displacement(beam: Path) -> None:
-    """Of ten, those of rank ⌈10 k / 4⌉: the 3rd, 5th, 8th and 10th."""
+def test_samples_are_chosen_evenly_by_displacement(beam: Path) -> None:
+    """Of ten samples those of rank ⌈10 k / 4⌉ by displacement: the 3rd, 5th, 8th and 10th."""
     samples = NodalSamples(beam)
     shard = read_shard(beam / "shard-00000.h5", "nodal")
     moved = np.linalg.norm(shard["samples/displacement"], axis=2).max(axis=1)
@@ -46,7 +47,7 @@ def test_a_sample_is_that_of_the_shard(beam: Path) -> None:
 
 
 def test_panels(beam: Path) -> None:
-    """The mesh, a panel for each sample with number, displacement and force, and the key."""
+    """The mesh, a panel for each sample with number, displacement and force, and the legend."""
     dataset = NodalSamples(beam)
     samples = [dataset[number] for number in (3, 0, 8)]
     mesh, *panels, key = draw(dataset, samples).axes
@@ -87,7 +88,7 @@ def test_info_draws_the_same_figure(
 
 
 def test_in_space(tmp_path: Path) -> None:
-    """A dataset in space, with fewer samples than are shown by default."""
+    """A 3D dataset with fewer samples than the default number of panels."""
     case = read_case("beam3d", samples=2)
     geometry = case.mesh.model_copy(update={"elements": (4, 2, 2)})
     run(case.model_copy(update={"mesh": geometry}), tmp_path / "nodal", MPI.COMM_SELF)
@@ -111,10 +112,8 @@ def test_wrong_samples(
     beam: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], samples: str, said: str
 ) -> None:
     out = str(tmp_path / "a.png")
-    assert main(["plot", str(beam), "--out", out, f"--samples={samples}"]) == 2
-    error = capsys.readouterr().err
+    error = refusal(["plot", str(beam), "--out", out, f"--samples={samples}"], capsys)
     assert f"--samples '{samples}': {said}" in error
-    assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 

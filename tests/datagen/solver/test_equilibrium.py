@@ -1,4 +1,4 @@
-"""Equilibria against closed forms, patch tests, and what Newton's method must do."""
+"""Equilibria against closed forms, patch tests, and the convergence of Newton's method."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_uniaxial_stretch(
 ) -> None:
     """ν = 0: W = μ/2 (I_c − 3 − 2 ln J), no lateral strain, P₁₁ = μ (a − 1/a) with μ = E/2.
 
-    The end force is shared among the nodes as the trapezoidal rule says; u = (a − 1) X.
+    The trapezoidal rule divides the end force among the nodes; u = (a − 1) X.
     """
     elements = (4, 2, 2)[: len(upper)]
     problem = make_problem(elements, upper, poisson_ratio=0.0)
@@ -111,7 +111,7 @@ def test_reactions_balance_the_load(
 
 
 def test_newton_converges_quadratically(beam: Body, node_at: NodeFinder) -> None:
-    """Close to the solution ‖R_{k+1}‖ ≤ C ‖R_k‖² with C of order 1 per newton."""
+    """Close to the solution ‖R_{k+1}‖ ≤ C ‖R_k‖² with C of order 1/N."""
     norms: list[float] = []
     beam.problem.snes.setMonitor(lambda snes, iteration, norm: norms.append(norm))
     tip = node_at(beam.mesh.coordinates, 4.0, 1.0)
@@ -125,7 +125,7 @@ def test_newton_converges_quadratically(beam: Body, node_at: NodeFinder) -> None
 
 
 def test_no_iteration_is_skipped_on_reuse(beam: Body, node_at: NodeFinder) -> None:
-    """A solver that is used again converges on the new load, not on the old."""
+    """A second solve with the same solver converges to the new load, not to the old one."""
     tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
     solutions = []
     for force in ((0.0, -2.0), (0.0, 2.0), (0.0, -2.0)):
@@ -138,9 +138,9 @@ def test_no_iteration_is_skipped_on_reuse(beam: Body, node_at: NodeFinder) -> No
 
 @pytest.mark.slow
 def test_mesh_refinement_converges(make_problem: ProblemMaker, node_at: NodeFinder) -> None:
-    """Differences between successive meshes shrink, at order 2 or less for the clamped corners.
+    """Differences between successive meshes shrink; singular corners keep the order below 2.
 
-    The load is spread over the end, since the displacement under a point force has no limit.
+    The load is distributed over the end, since the displacement under a point force has no limit.
     """
     tips = []
     for n in (1, 2, 4, 8):
@@ -158,7 +158,7 @@ def test_mesh_refinement_converges(make_problem: ProblemMaker, node_at: NodeFind
 
 
 def test_failed_steps_are_cut_back(beam: Body, node_at: NodeFinder) -> None:
-    """40 N at the corner invert elements in one step; in several they lead to an equilibrium."""
+    """40 N at the corner invert elements in one load step, and are solved in several steps."""
     tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
     force = np.array([[0.0, -40.0]])
     report = solve_load_case(beam.problem, tip, force, SETTINGS)
@@ -172,7 +172,7 @@ def test_failed_steps_are_cut_back(beam: Body, node_at: NodeFinder) -> None:
 
 
 def test_inverted_elements_are_refused(beam: Body) -> None:
-    """A state with J < 0 is no equilibrium candidate, even where the residual is finite."""
+    """A state with J < 0 is not accepted, even if its residual is finite."""
     x = beam.mesh.coordinates
     beam.problem.set_load(np.array([0]), np.zeros((1, 2)))
     beam.problem.set_displacement(np.stack((-2.0 * x[:, 0], np.zeros(len(x))), axis=1))
@@ -181,7 +181,7 @@ def test_inverted_elements_are_refused(beam: Body) -> None:
     assert result.explanation == INVERTED
 
 
-def test_a_hopeless_load_fails_with_its_reason(beam: Body, node_at: NodeFinder) -> None:
+def test_a_load_without_equilibrium_fails_with_its_reason(beam: Body, node_at: NodeFinder) -> None:
     tip = np.array([node_at(beam.mesh.coordinates, 4.0, 1.0)])
     report = solve_load_case(beam.problem, tip, np.array([[0.0, -1e6]]), SETTINGS)
     assert not report.solved
@@ -193,7 +193,7 @@ def test_a_hopeless_load_fails_with_its_reason(beam: Body, node_at: NodeFinder) 
 def test_volumetric_terms_differ_as_measured(
     make_problem: ProblemMaker, node_at: NodeFinder
 ) -> None:
-    """The two terms agree to first order and part at large strain: U''' is −λ and 0.
+    """The two terms agree for small strains and differ for large ones: U'''(1) is −λ and 0.
 
     For the corner load of 2.5 N the displacements differ by 1e-4 to 1e-2 of their size.
     """

@@ -1,4 +1,4 @@
-"""Multigrid against the direct solver, and the modes that it is told of."""
+"""Multigrid against LU, and the rigid-body modes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
 from datagen.solver.linear_solver import rigid_body_modes
 from datagen.solver.load_stepping import solve_load_case
 
@@ -26,7 +26,7 @@ def body(linear_solver: str) -> tuple[Case, Body]:
 
 @pytest.mark.slow
 def test_multigrid_and_lu_find_the_same_equilibria() -> None:
-    """Residuals of 1e-8 N on a body of stiffness about 1 N/m at its softest: 1e-7 m."""
+    """Residuals of 1e-8 N, over the smallest stiffness of about 1 N/m: within 1e-7 m."""
     solutions = []
     for name in ("lu", "multigrid"):
         case, beam = body(name)
@@ -50,7 +50,7 @@ BUCKLING = np.array([[-6.0, 0.0, 0.0]])  # near Euler's load π² E I / 4 L² = 
 def test_where_the_tangent_is_not_positive_definite(
     node_at: Callable[..., int], gives_up: bool
 ) -> None:
-    """A force along the beam: the equilibrium of LU, by multigrid or, if it gives up, directly."""
+    """Force along the beam: multigrid, or LU after multigrid has failed, finds LU's equilibrium."""
     found = []
     for name in ("lu", "multigrid"):
         case, beam = body(name)
@@ -66,7 +66,7 @@ def test_where_the_tangent_is_not_positive_definite(
 
 @pytest.mark.slow
 def test_a_solve_does_not_depend_on_those_before_it() -> None:
-    """The same sample first and after others: equal to the last bit."""
+    """The same sample, solved first and after others, is equal to the last bit."""
     case, beam = body("multigrid")
     loads = [case.load.draw(n, 0, beam.loadable_nodes) for n in (3, 20, 40, 3)]
     found = []

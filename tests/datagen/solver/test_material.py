@@ -1,4 +1,4 @@
-"""The strain energies against the stress that their closed-form derivative gives."""
+"""Strain energies against the closed form of their derivative, the stress."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from datagen.solver.material import NeoHookean, Volumetric
 Matrix = NDArray[np.float64]
 ProblemMaker = Callable[..., EquilibriumProblem]
 
-GRADIENT_2D = np.array([[0.21, -0.13], [0.34, 0.09]])
-GRADIENT_3D = np.array([[0.21, -0.13, 0.05], [0.34, 0.09, -0.2], [0.1, 0.07, -0.15]])
+MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
+GRADIENTS = {
+    2: np.array([[0.21, -0.13], [0.34, 0.09]]),
+    3: np.array([[0.21, -0.13, 0.05], [0.34, 0.09, -0.2], [0.1, 0.07, -0.15]]),
+}
 BOTH = pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
-PLANE_AND_SPACE = pytest.mark.parametrize(
-    ("elements", "upper", "gradient"),
-    [((1, 1), (2.0, 1.0), GRADIENT_2D), ((1, 1, 1), (2.0, 1.0, 1.5), GRADIENT_3D)],
-)
 
 
 def first_piola_kirchhoff(f: Matrix, lam: float, mu: float, volumetric: Volumetric) -> Matrix:
@@ -36,7 +35,7 @@ def first_piola_kirchhoff(f: Matrix, lam: float, mu: float, volumetric: Volumetr
 
 
 def energy_density(f: Matrix, lam: float, mu: float, volumetric: Volumetric) -> float:
-    """W(F) as printed in the module, with F₃₃ = 1 in plane strain."""
+    """W(F) as in the docstring of the module, with F₃₃ = 1 in plane strain."""
     full = np.eye(3)
     full[: len(f), : len(f)] = f
     j = np.linalg.det(full)
@@ -53,43 +52,34 @@ def energy_of(problem: EquilibriumProblem, gradient: Matrix) -> float:
 
 def test_lame_parameters() -> None:
     """E = 500 Pa, ν = 0.4: λ = 200 / (1.4 · 0.2) = 714.2857… Pa, μ = 500 / 2.8 = 178.571… Pa."""
-    material = NeoHookean(young_modulus=500, poisson_ratio=0.4)
-    assert material.lame_lambda == pytest.approx(714.2857142857, rel=1e-12)
-    assert material.lame_mu == pytest.approx(178.5714285714, rel=1e-12)
+    assert MATERIAL.lame_lambda == pytest.approx(714.2857142857, rel=1e-12)
+    assert MATERIAL.lame_mu == pytest.approx(178.5714285714, rel=1e-12)
+
+
+@pytest.fixture(params=[(2.0, 1.0), (2.0, 1.0, 1.5)])
+def element(request: pytest.FixtureRequest, make_problem: ProblemMaker) -> ProblemMaker:
+    """Make a function that builds the problem of one element, in the plane and in space."""
+    upper = request.param
+    return lambda volumetric: make_problem((1,) * len(upper), upper, volumetric=volumetric)
 
 
 @BOTH
-@PLANE_AND_SPACE
-def test_energy_of_a_homogeneous_state(
-    make_problem: ProblemMaker,
-    volumetric: Volumetric,
-    elements: tuple[int, ...],
-    upper: tuple[float, ...],
-    gradient: Matrix,
-) -> None:
-    problem = make_problem(elements, upper, volumetric=volumetric)
-    material = NeoHookean(young_modulus=500, poisson_ratio=0.4)
-    f = np.eye(len(upper)) + gradient
-    expected = energy_density(f, material.lame_lambda, material.lame_mu, volumetric)
+def test_energy_of_a_homogeneous_state(element: ProblemMaker, volumetric: Volumetric) -> None:
+    problem = element(volumetric)
+    gradient = GRADIENTS[problem.dimension]
+    f = np.eye(problem.dimension) + gradient
+    expected = energy_density(f, MATERIAL.lame_lambda, MATERIAL.lame_mu, volumetric)
     assert energy_of(problem, gradient) == pytest.approx(expected, rel=1e-12)
 
 
 @BOTH
-@PLANE_AND_SPACE
-def test_energy_derivative_is_the_stress(
-    make_problem: ProblemMaker,
-    volumetric: Volumetric,
-    elements: tuple[int, ...],
-    upper: tuple[float, ...],
-    gradient: Matrix,
-) -> None:
+def test_energy_derivative_is_the_stress(element: ProblemMaker, volumetric: Volumetric) -> None:
     """Central differences of W against the closed-form P, component by component."""
-    problem = make_problem(elements, upper, volumetric=volumetric)
-    material = NeoHookean(young_modulus=500, poisson_ratio=0.4)
-    d, step = len(upper), 1e-5
-    stress = first_piola_kirchhoff(
-        np.eye(d) + gradient, material.lame_lambda, material.lame_mu, volumetric
-    )
+    problem = element(volumetric)
+    d, step = problem.dimension, 1e-5
+    gradient = GRADIENTS[d]
+    f = np.eye(d) + gradient
+    stress = first_piola_kirchhoff(f, MATERIAL.lame_lambda, MATERIAL.lame_mu, volumetric)
     differences = np.empty((d, d))
     for i, k in np.ndindex(d, d):
         change = np.zeros((d, d))
@@ -125,7 +115,7 @@ def test_internal_forces_derive_from_the_energy(
 def test_tangent_is_the_derivative_of_the_internal_forces(
     make_problem: ProblemMaker, volumetric: Volumetric
 ) -> None:
-    """K v = d f_int(u + s v)/ds in the free rows, by central differences."""
+    """K v = d f_int(u + s v)/ds in the rows of free nodes, by central differences."""
     problem = make_problem((4, 3), volumetric=volumetric, distortion=0.08)
     free = problem.mesh.coordinates[:, 0] > 1e-9
     random = np.random.default_rng(1)

@@ -1,4 +1,4 @@
-"""Memory stays flat, over load cases and over bodies."""
+"""Memory use does not grow with the number of load cases or bodies."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from mpi4py import MPI
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
 from datagen.solver.load_stepping import solve_load_case
 
-BOUND = 1024  # kB; measured are 0 kB over 1000 load cases and 4 kB over 90 bodies
+BOUND = 1024  # kB; measured: 0 kB over 1000 load cases and 4 kB over 90 bodies
 
 
 @pytest.fixture(params=["beam2d", "beam3d"])
 def case(request: pytest.FixtureRequest) -> Case:
-    """The 2D beam, solved directly, or a coarse 3D beam, solved by multigrid."""
+    """The 2D beam, solved by LU, or a coarse 3D beam, solved by multigrid."""
     case = read_case(request.param)
     if request.param == "beam2d":
         return case
@@ -30,7 +30,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 
 def resident() -> int:
-    """Resident set of this process in kB."""
+    """Resident set size of this process in kB."""
     found = re.search(r"VmRSS:\s+(\d+) kB", Path("/proc/self/status").read_text())
     assert found is not None
     return int(found[1])
@@ -53,7 +53,7 @@ def test_a_thousand_load_cases(case: Case) -> None:
 
 @pytest.mark.slow
 def test_thirty_bodies(case: Case) -> None:
-    """As a long-lived process makes them; without `close` a 3D one leaves 240 kB behind."""
+    """As in a long-lived process; without `close` each 3D body would leak 240 kB."""
 
     def make_and_drop() -> None:
         body = make_body(case, MPI.COMM_SELF)

@@ -1,6 +1,6 @@
-"""The same equilibria by another finite-element library (scikit-fem), its tangent by hand.
+"""The same equilibria by another finite-element library, scikit-fem, with a tangent by hand.
 
-P = μ (F − F⁻ᵀ) + p F⁻ᵀ and its derivative
+The stress is P = μ (F − F⁻ᵀ) + p F⁻ᵀ and its derivative
 
     dP = μ dF + (μ − p) F⁻ᵀ dFᵀ F⁻ᵀ + p' (F⁻ᵀ : dF) F⁻ᵀ
 
@@ -35,8 +35,8 @@ from skfem.io.meshio import from_meshio
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
+from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.mesh.geometries import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.material import NeoHookean, Volumetric
@@ -54,7 +54,7 @@ LOAD_STEPS = 4
 def by_scikit_fem(
     mesh: Mesh, clamped: NDArray[np.bool_], material: NeoHookean, node: int, force: Vector
 ) -> Vector:
-    """Displacements, (n_nodes, d) in m, of a body under a force at one node."""
+    """Solve for the displacement, (n_nodes, d) in m, of a body under a force at one node."""
     d = mesh.coordinates.shape[1]
     theirs = from_meshio(meshio.Mesh(mesh.coordinates, {mesh.cell_type: mesh.cells}))
     assert np.array_equal(theirs.p.T, mesh.coordinates)
@@ -101,7 +101,7 @@ def by_scikit_fem(
 
 
 def coarser(case: Case, elements: tuple[int, ...]) -> Case:
-    """The case with another number of elements along each axis."""
+    """Copy a case with another number of elements along each axis."""
     assert isinstance(case.mesh, Box)
     return case.model_copy(update={"mesh": case.mesh.model_copy(update={"elements": elements})})
 
@@ -109,7 +109,7 @@ def coarser(case: Case, elements: tuple[int, ...]) -> Case:
 def assert_same_displacements(
     case: Case, point: tuple[float, ...], force: tuple[float, ...], largest: float
 ) -> None:
-    """Equal to 1e-8 m at every node, where the loaded one moves by `largest` m."""
+    """Assert displacements equal to 1e-8 m at every node; the loaded node moves by `largest` m."""
     solver = case.solver.model_copy(update={"tolerance": 1e-10})
     body: Body = make_body(case.model_copy(update={"solver": solver}), MPI.COMM_SELF)
     node = int(np.linalg.norm(body.mesh.coordinates - point, axis=1).argmin())
@@ -138,7 +138,7 @@ def test_boxes(
     largest: float,
     volumetric: Volumetric,
 ) -> None:
-    """Where the body moves as far as in the paper's examples."""
+    """Boxes that move as far as in the paper's examples."""
     case = coarser(read_case(name, volumetric=volumetric), elements)
     assert_same_displacements(case, point, force, largest)
 
@@ -146,7 +146,7 @@ def test_boxes(
 @pytest.mark.slow
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
 def test_lshape(volumetric: Volumetric) -> None:
-    """Where the tip moves by 2.39 m, as in the paper's example of the L-shape."""
+    """The tip moves by 2.39 m, as in the paper's example of the L-shape."""
     case = read_case("lshape2d", volumetric=volumetric)
     assert_same_displacements(case, (6.0, 2.0), (-0.07, -1.0), 2.39)
 
@@ -169,7 +169,7 @@ def test_simplices(
     largest: float,
     volumetric: Volumetric,
 ) -> None:
-    """Beams of triangles and tetrahedra, read from a file; the inner nodes stand at random."""
+    """Beams of triangles and tetrahedra, read from a file, with inner nodes moved at random."""
     kind, counts = mesh
     lines = [np.linspace(0, end, n) for end, n in zip((4, 1, 1), counts, strict=False)]
     regular = kind.init_tensor(*lines)

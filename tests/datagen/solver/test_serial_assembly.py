@@ -1,4 +1,4 @@
-"""The loop in C against dolfinx's own assembly."""
+"""Assembly by the loop in C against dolfinx's own assembly."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_same_matrix_as_dolfinx(
     upper: tuple[float, ...],
     volumetric: Volumetric,
 ) -> None:
-    """Every entry equal up to the order of summation, clamped rows those of the identity."""
+    """Entries are equal up to the order of summation; clamped rows are those of the identity."""
     problem = make_problem(elements, upper, volumetric=volumetric, distortion=0.05)
     random = np.random.default_rng(0)
     for scale in (0.0, 0.03):
@@ -31,6 +31,6 @@ def test_same_matrix_as_dolfinx(
             random.normal(scale=scale, size=shape) if scale else np.zeros(shape)
         )
         ours = problem.tangent()
-        theirs = fem_petsc.assemble_matrix(problem.tangent_form, bcs=problem.supports)
+        theirs = fem_petsc.assemble_matrix(problem.forms.tangent, bcs=problem.supports)
         theirs.assemble()
         assert np.abs(ours[:, :] - theirs[:, :]).max() < 1e-12 * theirs.norm()

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from datagen.cases.body import Body
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.material import NeoHookean, Volumetric

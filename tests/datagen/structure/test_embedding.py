@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import SHIPPED, read_case
 from datagen.farm.farm import run
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.structure.embedding import element_size, embed, locate, multilinear, shape_functions

@@ -8,7 +8,7 @@ from datagen import __version__
 
 
 def software_versions() -> dict[str, str]:
-    """Names and versions, as the manifest keeps them."""
+    """Versions by name of software, as the manifest stores them."""
     import dolfinx
     import gmsh
     import h5py

@@ -1,17 +1,16 @@
-"""Meshes against what can be counted, and numbering against coordinates."""
+"""Meshes of boxes against counts and positions known beforehand."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from datagen.mesh.distributed_mesh import make_mesh, node_numbering
-from datagen.mesh.geometries import Box
+from datagen.mesh.box import Box
+from datagen.mesh.distributed_mesh import make_mesh
 
 
 @pytest.mark.parametrize(
@@ -34,7 +33,7 @@ def test_box(elements: tuple[int, ...], upper: tuple[float, ...], cell_type: str
 
 @pytest.mark.parametrize(("elements", "upper"), [((3, 2), (3.0, 2.0)), ((2, 2, 2), (1.0,) * 3)])
 def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, ...]) -> None:
-    """VTK goes round the bottom face, then round the top: neighbours differ along one axis."""
+    """VTK order goes around the bottom face, then the top: neighbours differ along one axis."""
     mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     corners = mesh.coordinates[mesh.cells]
     for face in (corners[:, :4], corners[:, 4:]):
@@ -43,22 +42,6 @@ def test_cells_are_in_vtk_order(elements: tuple[int, ...], upper: tuple[float, .
     if len(upper) == 3:
         upward = corners[:, 4:] - corners[:, :4]
         assert np.all((np.abs(upward) > 1e-9).sum(axis=2) == 1)
-
-
-@pytest.mark.parametrize(
-    ("elements", "upper"), [((4, 3), (2.0, 1.0)), ((3, 2, 2), (2.0, 1.0, 1.0))]
-)
-def test_numbering_leads_from_degrees_of_freedom_to_nodes(
-    elements: tuple[int, ...], upper: tuple[float, ...]
-) -> None:
-    mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
-    space = dolfinx.fem.VectorFunctionSpace(mesh.domain, ("Lagrange", 1))
-    numbering = node_numbering(mesh, space)
-    at = space.tabulate_dof_coordinates()[:, : len(upper)]
-    assert at == pytest.approx(mesh.coordinates[numbering.node_of_block])
-    nodes = np.array([5, 0, 7])
-    positions, blocks = numbering.owned_blocks(nodes)
-    assert np.array_equal(numbering.node_of_block[blocks], nodes[positions])
 
 
 @pytest.mark.parametrize(
@@ -71,7 +54,7 @@ def test_numbering_leads_from_degrees_of_freedom_to_nodes(
         {"thickness": 1},
     ],
 )
-def test_what_is_no_box(wrong: dict[str, Any]) -> None:
+def test_invalid_boxes(wrong: dict[str, Any]) -> None:
     right: dict[str, Any] = {"lower": (0, 0), "upper": (4, 1), "elements": (15, 3)}
     Box.model_validate(right)
     with pytest.raises(ValidationError):

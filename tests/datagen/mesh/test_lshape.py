@@ -1,4 +1,4 @@
-"""The shipped geometries against what the paper and its authors' scripts say of them."""
+"""The shipped L-shape against the paper and its authors' scripts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import read_case
-from datagen.mesh.geometries import Arm, Block, LShape
+from datagen.mesh.lshape import Arm, Block, LShape
 from shared_schema.grid_map import GridMap
 
 
@@ -41,7 +41,7 @@ def test_lshape_grid(lshape: Body) -> None:
 
 
 def test_lshape_area(lshape: Body) -> None:
-    """Arm 4.8 · 6/7 and block 1.2 · 2 m², by the shoelace formula of every cell."""
+    """Arm 4.8 · 6/7 m² and block 1.2 · 2 m², by the shoelace formula for every cell."""
     corners = lshape.mesh.coordinates[lshape.mesh.cells]
     following = np.roll(corners, -1, axis=1)
     cross = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
@@ -50,8 +50,8 @@ def test_lshape_area(lshape: Body) -> None:
     assert areas == pytest.approx(np.full(57, 0.4 * 2 / 7))
 
 
-def test_lshape_parts_share_a_side(lshape: Body) -> None:
-    """No two nodes at one place."""
+def test_arm_and_block_share_a_side(lshape: Body) -> None:
+    """No two nodes have the same position."""
     x = lshape.mesh.coordinates
     distance = np.linalg.norm(x[:, None] - x[None, :], axis=2) + np.eye(len(x))
     assert distance.min() > 0.28

@@ -1,0 +1,75 @@
+"""Map between the node numbers of a mesh and the degrees of freedom of a vector space on it.
+
+dolfinx renumbers the nodes when it distributes a mesh. Everything that enters or leaves the solver
+uses the numbers of the source mesh ("node numbers"); `NodeNumbering` converts between the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.mesh.distributed_mesh import Mesh
+
+
+@dataclass(frozen=True)
+class NodeNumbering:
+    """Node numbers of the degrees of freedom of a P1 or Q1 vector space, on one rank.
+
+    The d degrees of freedom of a node form a block. Each block is owned by one rank; ranks that
+    share a cell with it hold a copy (ghost).
+
+    Attributes
+    ----------
+    node_of_block : array of int, (n_local_blocks,)
+        Node number of each block on this rank: owned blocks first, ghosts after them.
+    owned : int
+        Number of blocks that this rank owns.
+    total : int
+        Number of nodes of the whole mesh.
+    """
+
+    node_of_block: NDArray[np.int64]
+    owned: int
+    total: int
+
+    def owned_blocks(self, nodes: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Find the blocks of given nodes that this rank owns.
+
+        Parameters
+        ----------
+        nodes : array of int, (n,)
+            Node numbers.
+
+        Returns
+        -------
+        positions : array of int, (n_owned_here,)
+            Positions in `nodes` of the nodes that this rank owns.
+        blocks : array of int, (n_owned_here,)
+            Local block numbers of these nodes.
+        """
+        block_of_node = np.full(self.total, -1, dtype=np.intp)
+        block_of_node[self.node_of_block[: self.owned]] = np.arange(self.owned)
+        blocks = block_of_node[nodes]
+        positions = np.flatnonzero(blocks >= 0)
+        return positions, blocks[positions]
+
+
+def node_numbering(mesh: Mesh, space: Any) -> NodeNumbering:
+    """Number the blocks of a space by the nodes of its mesh, on this rank.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    space : dolfinx function space
+        P1 or Q1 vectors on `mesh`.
+    """
+    geometry = mesh.domain.geometry
+    number = np.asarray(geometry.input_global_indices, dtype=np.int64)
+    index_map = space.dofmap.index_map
+    node_of_block = np.empty(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    node_of_block[space.dofmap.list.array] = number[geometry.dofmap.array]
+    return NodeNumbering(node_of_block, index_map.size_local, index_map.size_global)
