@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid_map import GridMap
-from shared_schema.shard import Arrays
+from shared_schema.layout import Arrays
 
 Grid = GridMap | EmbeddedGrid
 

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Container
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 SCHEMA_VERSION = 1
 
 Kind = Literal["nodal", "structured"]  # of datasets
 FileKind = Literal["nodal", "structured", "stiffness"]
+Arrays = dict[str, NDArray[Any]]  # of a shard, by path
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 
 STIFFNESS_FILE = "stiffness.h5"
 ASYMMETRY = 1e-9  # largest of an entry, as a part of the largest entry

@@ -25,7 +25,8 @@ from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 
 POLL = 0.05  # seconds between two looks at the others' progress, when rank 0 has nothing to do
 

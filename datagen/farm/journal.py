@@ -19,15 +19,18 @@ from typing import Any
 
 from datagen.cases.case import Case
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
+from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
     ShardEntry,
     digest_of,
     read_manifest,
 )
-from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
+from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_writer import write_shard
 
 JOURNAL = ".journal"
 LOCK_WAIT = 3.0  # seconds that the last rank of a killed run may take to be gone

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.checker import require_intact
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import Arrays, read_shard
+from shared_schema.shard_reader import read_shard
 
 Row = tuple[str, str]
 

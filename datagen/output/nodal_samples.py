@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import Arrays, read_attributes, read_shard
+from shared_schema.shard_reader import read_attributes, read_shard
 
 
 @dataclass(frozen=True)

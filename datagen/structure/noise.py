@@ -15,8 +15,10 @@ from datagen.structure.new_folder import require_free
 from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, read_manifest, write_manifest
-from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_writer import write_shard
 
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
 

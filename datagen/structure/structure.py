@@ -20,6 +20,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.grid_map import GridMap
+from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
     ComponentStatistics,
@@ -31,7 +32,8 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
 
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads

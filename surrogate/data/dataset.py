@@ -14,7 +14,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
-from shared_schema.shard import read_attributes, read_shard
+from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples, scatter

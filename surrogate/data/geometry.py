@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.grid import Grid, grid_arrays, grid_of
-from shared_schema.shard import Arrays
+from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
 

@@ -12,7 +12,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
 from shared_schema.grid_map import NO_NODE
 from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 
 Array = NDArray[np.float64]
 

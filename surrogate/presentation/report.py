@@ -13,7 +13,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from surrogate.evaluation.published import PUBLISHED
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder

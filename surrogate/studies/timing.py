@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from surrogate.inference.prediction import Surrogate
 
 Array = NDArray[np.float64]

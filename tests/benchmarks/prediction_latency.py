@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo, read_manifest
-from shared_schema.shard import read_attributes, read_shard
+from shared_schema.shard_reader import read_attributes, read_shard
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import scatter
 from surrogate.inference.export import NodalFunction, export

@@ -10,7 +10,10 @@ import pytest
 
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import grid_arrays, grid_of, grid_problems
-from shared_schema.shard import Arrays, array_problems, read_shard, write_shard
+from shared_schema.layout import Arrays
+from shared_schema.shard_problems import array_problems
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 
 # nodes 0 (0,0), 1 (1,0), 2 (1,1), 3 (0,1); triangles 0 1 2 and 0 2 3
 COORDINATES = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

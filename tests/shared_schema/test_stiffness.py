@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset, require_intact
+from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import sha256
 from shared_schema.stiffness import (
     STIFFNESS_FILE,
     Stiffness,

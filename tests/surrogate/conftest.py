@@ -16,6 +16,7 @@ import pytest
 import torch
 
 from shared_schema.grid_map import GridMap
+from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     ComponentStatistics,
     Manifest,
@@ -24,7 +25,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard import Arrays, write_shard
+from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.networks.unet import UNetConfig

@@ -21,7 +21,7 @@ from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from tests.datagen.farm_runs import (
     ENVIRONMENT,
     assert_near,

@@ -22,7 +22,7 @@ from datagen.solver.stiffness import stiffness_of
 from datagen.structure.structure import structure
 from shared_schema.checker import check_dataset
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import read_stiffness, stiffness_problems
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)

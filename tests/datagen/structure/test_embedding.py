@@ -23,7 +23,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import grid_of
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 
 CUBE = """SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 2, 1, 1}};
 Cylinder(2) = {{1, 0, 0.5, 0, 1, 0, 0.3}};

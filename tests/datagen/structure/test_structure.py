@@ -14,8 +14,10 @@ from datagen.structure.structure import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.grid_map import GridMap
+from shared_schema.layout import Arrays
 from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
-from shared_schema.shard import Arrays, read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 
 SAMPLES = 45
 

@@ -16,7 +16,8 @@ from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import grid_arrays
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
