@@ -150,11 +150,33 @@ def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
             lowest = 0 if name == "mesh/cells" else NO_NODE
             if arrays[name].min() < lowest or arrays[name].max() >= nodes:
                 problems.append(f"dataset '{name}' names a node outside 0 … {nodes - 1}")
+    if not problems:
+        for group in ("samples", "failed"):
+            if f"{group}/loaded_nodes" in arrays:
+                problems += _load_problems(arrays, group)
     if manifest.structured is None:
         return problems
     if ("grid/sources" in arrays) != (manifest.structured.embedding is not None):
         problems.append("the grid is embedded, or not, against what the manifest says")
     return problems + grid_problems(arrays, manifest.structured.grid_shape)
+
+
+def _load_problems(arrays: Arrays, group: str) -> list[str]:
+    """Name padding before a loaded node or under force, clamped loaded nodes, and repeated ones."""
+    force = "samples/nodal_force" if "samples/nodal_force" in arrays else f"{group}/force"
+    name, nodes = f"{group}/loaded_nodes", arrays[f"{group}/loaded_nodes"]
+    is_padding = nodes == NO_NODE
+    problems = []
+    if np.any(is_padding[:, :-1] & ~is_padding[:, 1:]):
+        problems.append(f"dataset '{name}' has padding before a loaded node")
+    if np.any(arrays[force][is_padding]):
+        problems.append(f"dataset '{force}' is not zero where '{name}' is padding")
+    if np.any(arrays["mesh/clamped"][nodes[~is_padding]]):
+        problems.append(f"dataset '{name}' names a clamped node")
+    ordered = np.sort(nodes, axis=1)
+    if np.any((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_NODE)):
+        problems.append(f"dataset '{name}' names a node twice in one load case")
+    return problems
 
 
 def _damage(path: Path) -> str:

@@ -14,6 +14,7 @@ from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
+from shared_schema.common.nodal_forces import sum_per_node
 from shared_schema.grid_map import NO_NODE
 from shared_schema.layout import Arrays
 
@@ -128,9 +129,11 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
 
 
 def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
+    """Loaded nodes, each once a load case, and their forces, padded to `width` entries."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
     for row, load in enumerate(loads):
-        nodes[row, : len(load.nodes)] = load.nodes
-        force[row, : len(load.nodes)] = load.forces
+        distinct, summed = sum_per_node(load.nodes, load.forces)
+        nodes[row, : len(distinct)] = distinct
+        force[row, : len(distinct)] = summed
     return nodes, force

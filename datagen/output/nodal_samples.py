@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, read_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
@@ -89,9 +90,8 @@ class NodalSamples:
         """Read a solved sample; samples of one shard in turn read it once."""
         self._load(self._shard_of[number])
         row = self._arrays["samples/number"].tolist().index(number)
-        nodes = self._arrays["samples/loaded_nodes"][row]
-        force = np.zeros_like(self.coordinates)
-        np.add.at(force, nodes[nodes >= 0], self._arrays["samples/force"][row][nodes >= 0])
+        nodes, loads = (self._arrays[f"samples/{name}"][row] for name in ("loaded_nodes", "force"))
+        force = scatter_forces(nodes, loads, len(self.coordinates))
         return Sample(number, force, self._arrays["samples/displacement"][row])
 
     def _load(self, path: Path) -> None:

@@ -27,6 +27,7 @@ from datagen.solver.linear_solver import INEXACT_TOLERANCE, set_up_direct, set_u
 from datagen.solver.material import NeoHookean, deformation_gradient, strain_energy
 from datagen.solver.serial_assembly import ElementLoop, SerialAssembly
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.nodal_forces import sum_per_node
 
 COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
@@ -159,10 +160,11 @@ class EquilibriumProblem:
         Parameters
         ----------
         nodes : array of int, (n_loads,)
-            Loaded nodes, by node number; the same on every rank.
+            Loaded nodes, by node number; the same on every rank. Forces on one node add up.
         forces : array, (n_loads, d)
             Force vector at each of them, in N.
         """
+        nodes, forces = sum_per_node(nodes, forces)
         positions, blocks = self.numbering.owned_blocks(nodes)
         self._load_dofs = self._dofs_of(blocks)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()

@@ -17,6 +17,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.grid_map import GridMap
@@ -219,11 +220,8 @@ def round_trip_errors(grid: Grid, displacement: NDArray[np.float64]) -> NDArray[
 
 def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:
     """Force at every node, (N, n_nodes, d) in N, from the loaded nodes of a shard's samples."""
-    force = np.zeros_like(nodal["samples/displacement"])
-    sample, load = np.nonzero(nodal["samples/loaded_nodes"] >= 0)
-    nodes = nodal["samples/loaded_nodes"][sample, load]
-    force[sample, nodes] = nodal["samples/force"][sample, load]
-    return force
+    nodes, loads = nodal["samples/loaded_nodes"], nodal["samples/force"]
+    return scatter_forces(nodes, loads, len(nodal["mesh/coordinates"]))
 
 
 class RunningStatistics:

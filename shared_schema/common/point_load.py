@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 
 RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
 
@@ -72,7 +73,8 @@ def nodal_forces(
     InputError
         If a load is not well formed, stands where no node is, or stands on a clamped node.
     """
-    forces = np.zeros_like(coordinates)
+    nodes: list[int] = []
+    vectors: list[tuple[float, ...]] = []
     tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
     for text in loads:
         load = PointLoad.parse(text, coordinates.shape[1])
@@ -83,5 +85,7 @@ def nodal_forces(
             raise InputError(f"--load '{text}': no node stands there, the nearest is at {nearest}")
         if clamped[node]:
             raise InputError(f"--load '{text}': the node is clamped, expected a free one")
-        forces[node] += load.force
-    return forces
+        nodes.append(node)
+        vectors.append(load.force)
+    forces = np.array(vectors).reshape(-1, coordinates.shape[1])
+    return scatter_forces(np.array(nodes, dtype=np.int64), forces, len(coordinates))

@@ -11,13 +11,14 @@ from torch import Tensor
 
 from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.grid import Grid
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import NodalSamples, scatter
+from surrogate.data.nodal_dataset import NodalSamples
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def read_dataset(folder: Path) -> Dataset:
         nodes, loads = (
             joined(f"samples/{name}")[order] for name in ("loaded_nodes", "nodal_force")
         )
-        force = scatter(nodes, loads, len(geometry.coordinates))
+        force = scatter_forces(nodes, loads, len(geometry.coordinates))
         chosen = is_test.numpy()
         nodal_train, nodal_test = (
             NodalSamples(force[rows].astype(np.float64), displacement[rows].astype(np.float64))

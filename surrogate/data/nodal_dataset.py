@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import NO_NODE
+from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.manifest import Manifest, read_manifest
 from shared_schema.shard_reader import read_shard
 
@@ -51,14 +51,6 @@ class NodalDataset:
     samples: NodalSamples
 
 
-def scatter(loaded_nodes: NDArray[np.int64], loads: Array, n_nodes: int) -> Array:
-    """Forces on all nodes from those on the loaded ones: (N, L), (N, L, d) → (N, n_nodes, d)."""
-    force = np.zeros((len(loads), n_nodes, loads.shape[-1]))
-    sample, load = np.nonzero(loaded_nodes != NO_NODE)
-    np.add.at(force, (sample, loaded_nodes[sample, load]), loads[sample, load])
-    return force
-
-
 def read_nodal_dataset(folder: Path) -> NodalDataset:
     """Read the solved samples of a nodal dataset.
 
@@ -79,6 +71,6 @@ def read_nodal_dataset(folder: Path) -> NodalDataset:
         return np.concatenate([shard[name] for shard in shards])[order]
 
     nodes = joined("samples/loaded_nodes").astype(np.int64)
-    force = scatter(nodes, joined("samples/force"), len(coordinates))
+    force = scatter_forces(nodes, joined("samples/force"), len(coordinates))
     samples = NodalSamples(force, joined("samples/displacement"))
     return NodalDataset(manifest, coordinates, samples)

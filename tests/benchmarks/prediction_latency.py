@@ -26,11 +26,11 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.grid_map import GridMap
 from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo, read_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import scatter
 from surrogate.inference.export import NodalFunction, export
 from surrogate.inference.prediction import PASSES, Surrogate, load
 from surrogate.networks.unet import UNetConfig, parameter_count
@@ -97,7 +97,7 @@ def read_body(folder: Path) -> Body:
     )
     nodes, loads = arrays["samples/loaded_nodes"][:1], arrays["samples/force"][:1]
     wall = np.concatenate([shard["samples/wall_time"] for shard in shards])
-    force = scatter(nodes, loads, len(coordinates))
+    force = scatter_forces(nodes, loads, len(coordinates))
     return Body(manifest, geometry, force, 1e3 * float(np.median(wall)))
 
 

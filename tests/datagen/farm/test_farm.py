@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.farm.farm import run
 from datagen.farm.journal import Journal
 from datagen.farm.work_plan import shard_count, shard_samples
+from datagen.loads.family import LoadCase
+from datagen.loads.random_node import RandomNode
 from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
@@ -242,6 +245,31 @@ def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> No
     with pytest.raises(InputError, match="holds something else"):
         run(case, tmp_path, MPI.COMM_SELF)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_node_that_is_drawn_twice_is_written_once(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A family may draw a node twice; solver and shard hold the sum of both forces."""
+    draw = RandomNode.draw
+
+    def draw_halves(family: RandomNode, *of: Any) -> LoadCase:
+        load = draw(family, *of)
+        return LoadCase(np.repeat(load.nodes, 2), np.repeat(load.forces / 2, 2, axis=0))
+
+    few = case.model_copy(update={"dataset": case.dataset.model_copy(update={"samples": 5})})
+    run(few, tmp_path / "once", MPI.COMM_SELF)
+    monkeypatch.setattr(RandomNode, "draw", draw_halves)
+    monkeypatch.setattr(RandomNode, "loads_per_sample", lambda *_: 2)
+    run(few, tmp_path / "twice", MPI.COMM_SELF)
+    assert check_dataset(tmp_path / "twice") == []
+    once, twice = (
+        read_shard(tmp_path / name / "shard-00000.h5", "nodal") for name in ("once", "twice")
+    )
+    assert np.array_equal(twice["samples/loaded_nodes"][:, 0], once["samples/loaded_nodes"][:, 0])
+    assert np.all(twice["samples/loaded_nodes"][:, 1] == -1)
+    assert np.array_equal(twice["samples/force"][:, :1], once["samples/force"])
+    assert np.array_equal(twice["samples/displacement"], once["samples/displacement"])
 
 
 def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
