@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
-from shared_schema.layout import Arrays
-from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import ShardEntry
 
 
 @dataclass(frozen=True)
@@ -63,20 +61,17 @@ class NodalSamples:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.manifest: Manifest = read_manifest(folder, "nodal")
-        require_intact(folder, self.manifest)
+        self._reader = DatasetReader(folder, "nodal")
+        self.manifest = self._reader.manifest
         if self.manifest.samples == 0:
             raise InputError(f"{folder}: no solved sample, expected 1 at least")
-        paths = [folder / entry.file for entry in self.manifest.shards]
-        self._loaded: Path | None = None
-        self._arrays: Arrays = {}
-        self._shard_of: dict[int, Path] = {}
+        self._entry_of: dict[int, ShardEntry] = {}
         largest: dict[int, float] = {}
-        for path in paths:
-            self._load(path)
-            numbers = self._arrays["samples/number"].tolist()
-            moved = np.linalg.norm(self._arrays["samples/displacement"], axis=2).max(axis=1)
-            self._shard_of |= dict.fromkeys(numbers, path)
+        for entry, arrays in self._reader:
+            numbers = arrays["samples/number"].tolist()
+            moved = np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1)
+            self._entry_of |= dict.fromkeys(numbers, entry)
+            self._loaded, self._arrays = entry, arrays
             largest |= dict(zip(numbers, moved.tolist(), strict=True))
         self.numbers = np.array(sorted(largest))
         self.largest = np.array([largest[number] for number in sorted(largest)])
@@ -84,19 +79,17 @@ class NodalSamples:
         self.cells: NDArray[np.int64] = self._arrays["mesh/cells"]
         self.clamped: NDArray[np.bool_] = self._arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = self._arrays["mesh/loadable"]
-        self.cell_type = str(read_attributes(paths[0], "nodal")["cell_type"])
+        self.cell_type = self._reader.cell_type
 
     def __getitem__(self, number: int) -> Sample:
         """Read a solved sample; samples of one shard in turn read it once."""
-        self._load(self._shard_of[number])
+        entry = self._entry_of[number]
+        if entry != self._loaded:
+            self._loaded, self._arrays = entry, self._reader.shard(entry)
         row = self._arrays["samples/number"].tolist().index(number)
         nodes, loads = (self._arrays[f"samples/{name}"][row] for name in ("loaded_nodes", "force"))
         force = scatter_forces(nodes, loads, len(self.coordinates))
         return Sample(number, force, self._arrays["samples/displacement"][row])
-
-    def _load(self, path: Path) -> None:
-        if path != self._loaded:
-            self._loaded, self._arrays = path, read_shard(path, "nodal")
 
     def named(self, text: str) -> list[int]:
         """Read the solved samples that ``--samples N,N,…`` names, in its order.
@@ -112,7 +105,7 @@ class NodalSamples:
         if len(set(numbers)) < len(numbers):
             raise InputError(f"--samples '{text}': expected each sample number once")
         for number in numbers:
-            if number not in self._shard_of:
+            if number not in self._entry_of:
                 raise InputError(
                     f"--samples '{text}': no sample {number} was solved, expected numbers of "
                     f"solved ones, {self.numbers[0]} to {self.numbers[-1]}"

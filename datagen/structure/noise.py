@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.structure.new_folder import require_free
-from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
-from shared_schema.manifest import Manifest, read_manifest, write_manifest
-from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.manifest import Manifest, write_manifest
 from shared_schema.shard_writer import write_shard
 
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
@@ -55,8 +54,8 @@ def add_noise(
         raise InputError(f"--relative {relative}: expected a number between 0 and 1")
     if not threshold > 0:
         raise InputError(f"--threshold {threshold}: expected a positive number of newtons")
-    manifest = read_manifest(source, "nodal")
-    require_intact(source, manifest)
+    reader = DatasetReader(source, "nodal")
+    manifest = reader.manifest
     step: dict[str, Any] = {
         "name": "noise",
         "relative": relative,
@@ -69,12 +68,12 @@ def add_noise(
     progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
     entries, done = [], 0
     folder.mkdir(parents=True, exist_ok=True)
-    for entry in manifest.shards:
-        arrays = read_shard(source / entry.file, "nodal")
+    for entry, arrays in reader:
         factor = noise_factor(arrays, seed, relative, threshold)
         arrays["samples/displacement"] = arrays["samples/displacement"] * factor[:, None, None]
-        cell_type = str(read_attributes(source / entry.file, "nodal")["cell_type"])
-        digest = write_shard(folder / entry.file, "nodal", arrays, manifest.case_digest, cell_type)
+        digest = write_shard(
+            folder / entry.file, "nodal", arrays, manifest.case_digest, reader.cell_type
+        )
         entries.append(entry.model_copy(update={"sha256": digest}))
         done += entry.samples
         progress.update(done)

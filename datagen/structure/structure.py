@@ -18,6 +18,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.grid_map import GridMap
@@ -33,7 +34,6 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
 
@@ -72,14 +72,14 @@ def structure(
         If the source is no intact nodal dataset, order or shape do not fit its mesh, or the folder
         holds something else.
     """
-    manifest = read_manifest(source, "nodal")
+    reader = DatasetReader(source, "nodal")
+    manifest = reader.manifest
     case = validate(Case, manifest.case, str(source / MANIFEST))
-    require_intact(source, manifest)
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    first = read_shard(source / manifest.shards[0].file, "nodal")
-    cell_type = str(read_attributes(source / manifest.shards[0].file, "nodal")["cell_type"])
-    grid = _grid_of(first, cell_type, shape, order, order_seed)
+    x, cells = reader.body["mesh/coordinates"], reader.body["mesh/cells"]
+    mesh = RawMesh(x, cells, reader.cell_type)
+    grid = _grid_of(mesh, shape, order, order_seed)
     made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
@@ -91,8 +91,7 @@ def structure(
     entries: list[ShardEntry] = []
     start = 0
     folder.mkdir(parents=True, exist_ok=True)
-    for entry in manifest.shards:
-        nodal = read_shard(source / entry.file, "nodal")
+    for entry, nodal in reader:
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
         start = stop
@@ -101,12 +100,11 @@ def structure(
         displacement.add(arrays["samples/displacement"][train][..., grid.mask])
         round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
         digest = write_shard(
-            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
+            folder / entry.file, "structured", arrays, manifest.case_digest, mesh.cell_type
         )
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
-    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
     stiffness = stiffness_of(mesh, case.material)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
@@ -122,7 +120,7 @@ def structure(
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
         if isinstance(grid, EmbeddedGrid)
         else None,
-        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
+        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, mesh.cell_type),
     )
     update: dict[str, Any] = {
         "kind": "structured",
@@ -151,14 +149,10 @@ def _already_made(
 
 
 def _grid_of(
-    nodal: Arrays,
-    cell_type: str,
-    shape: tuple[int, ...] | None,
-    order: NodeOrder,
-    order_seed: int,
+    mesh: RawMesh, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
 ) -> Grid:
     """The mesh's own grid with its nodes in the order asked for, or an embedded one."""
-    x = nodal["mesh/coordinates"]
+    x = mesh.coordinates
     if shape is None:
         try:
             return in_order(GridMap.from_coordinates(x), order, order_seed)
@@ -171,7 +165,7 @@ def _grid_of(
         raise InputError(
             f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
         )
-    return embed(x, nodal["mesh/cells"], cell_type, shape)
+    return embed(x, mesh.cells, mesh.cell_type, shape)
 
 
 def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:

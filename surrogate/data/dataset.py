@@ -9,16 +9,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.grid_map import GridMap
-from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
-from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
+
+ON_GRID = ("samples/is_test", "samples/force", "samples/displacement")
+AT_NODES = ("samples/loaded_nodes", "samples/nodal_force", "samples/nodal_displacement")
 
 
 @dataclass(frozen=True)
@@ -95,31 +97,23 @@ def read_dataset(folder: Path) -> Dataset:
     InputError
         If there is none, it is of another kind, or any byte of it has changed.
     """
-    manifest = read_manifest(folder, "structured")
-    require_intact(folder, manifest)
+    reader = DatasetReader(folder, "structured")
+    manifest = reader.manifest
     if manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    shards = [read_shard(folder / entry.file, "structured") for entry in manifest.shards]
-    cell_type = str(read_attributes(folder / manifest.shards[0].file, "structured")["cell_type"])
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([shard[name] for shard in shards])
-
-    order = np.argsort(joined("samples/number"))
-    is_test = torch.from_numpy(joined("samples/is_test")[order])
+    geometry = Geometry.from_arrays(reader.body, reader.cell_type)
+    on_grid = isinstance(geometry.grid, GridMap)
+    arrays = reader.joined(ON_GRID if on_grid else (*ON_GRID, *AT_NODES))
+    is_test = torch.from_numpy(arrays["samples/is_test"])
     samples = Samples(
-        torch.from_numpy(joined("samples/force")[order]),
-        torch.from_numpy(joined("samples/displacement")[order]),
+        torch.from_numpy(arrays["samples/force"]),
+        torch.from_numpy(arrays["samples/displacement"]),
     )
-    geometry = Geometry.from_shard(shards[0], cell_type)
     train, test = samples[~is_test], samples[is_test]
-    if isinstance(geometry.grid, GridMap):
+    if on_grid:
         dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
     else:
-        displacement = joined("samples/nodal_displacement")[order]
-        nodes, loads = (
-            joined(f"samples/{name}")[order] for name in ("loaded_nodes", "nodal_force")
-        )
+        nodes, loads, displacement = (arrays[name] for name in AT_NODES)
         force = scatter_forces(nodes, loads, len(geometry.coordinates))
         chosen = is_test.numpy()
         nodal_train, nodal_test = (

@@ -38,7 +38,7 @@ class Geometry:
     grid: Grid
 
     @classmethod
-    def from_shard(cls, arrays: Arrays, cell_type: str) -> Geometry:
+    def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
         """Take the geometry from the arrays of a structured shard."""
         return cls(
             arrays["mesh/coordinates"],

@@ -9,11 +9,9 @@ from typing import Any
 
 import yaml
 
-from shared_schema.checker import require_intact
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.published import PUBLISHED
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
@@ -222,13 +220,13 @@ def _table(rows: list[Row]) -> str:
 
 
 def _solving(nodal: Path, description: RunDescription) -> str:
-    manifest = read_manifest(nodal, "nodal")
+    reader = DatasetReader(nodal, "nodal")
+    manifest = reader.manifest
     if manifest.digest != description.data.info.source_digest:
         raise InputError(f"{nodal}: not the dataset that the run's data was made from")
-    require_intact(nodal, manifest)
     wall = 0.0
-    for entry in manifest.shards:
-        wall += float(read_shard(nodal / entry.file, "nodal")["samples/wall_time"].sum())
+    for _, arrays in reader:
+        wall += float(arrays["samples/wall_time"].sum())
     return (
         f"Equilibria: {manifest.samples} solved, {manifest.failed} failed, {wall:.1f} core seconds "
         f"({1e3 * wall / max(manifest.samples, 1):.2f} ms each); dolfinx "

@@ -38,6 +38,7 @@ LAYERS = {  # packages and modules of the root, from the ground up
         "grid",
         "stiffness",
         "checker",
+        "dataset_reader",
         "drawing",
     ],
     "datagen": [
