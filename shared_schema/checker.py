@@ -13,9 +13,8 @@ import numpy as np
 from shared_schema.cells import CELL_TYPES
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
-from shared_schema.grid import grid_problems
-from shared_schema.grid_map import NO_NODE
-from shared_schema.layout import Arrays
+from shared_schema.grid_arrays import grid_problems
+from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest, StructuredInfo, digest_of, read_manifest
 from shared_schema.shard_problems import array_problems
 from shared_schema.shard_reader import Attributes, read_arrays, read_attributes

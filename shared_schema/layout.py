@@ -17,6 +17,7 @@ from typing import Any, Literal
 from numpy.typing import NDArray
 
 SCHEMA_VERSION = 1
+NO_NODE = -1  # in place of a node number: padding of loaded nodes, a grid point without value
 
 Kind = Literal["nodal", "structured"]  # of datasets
 FileKind = Literal["nodal", "structured", "stiffness"]

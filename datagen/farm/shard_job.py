@@ -15,8 +15,7 @@ from datagen.cases.case import Case
 from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.common.nodal_forces import sum_per_node
-from shared_schema.grid_map import NO_NODE
-from shared_schema.layout import Arrays
+from shared_schema.layout import NO_NODE, Arrays
 
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from datagen.mesh.distributed_mesh import UFL_NAMES
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid_map import NO_NODE
+from shared_schema.grid import Grid
+from shared_schema.layout import NO_NODE
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def embed(
     cells: NDArray[np.int64],
     cell_type: str,
     shape: tuple[int, ...] | None = None,
-) -> EmbeddedGrid:
+) -> Grid:
     """Embed a grid on a mesh.
 
     Parameters
@@ -56,7 +56,7 @@ def embed(
     has_value = used | (outside <= ROUNDING)
     sources = np.where(has_value[:, None], cells[cell], NO_NODE)
     source_weights = np.where(has_value[:, None], weights, 0.0)
-    return EmbeddedGrid(
+    return Grid(
         sources.reshape(*shape, -1), source_weights.reshape(*shape, -1), points, point_weights
     )
 

@@ -19,9 +19,8 @@ from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid import Grid, grid_arrays
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_arrays
 from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
@@ -118,7 +117,7 @@ def structure(
         displacement=displacement.result(),
         source_digest=manifest.digest,
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
-        if isinstance(grid, EmbeddedGrid)
+        if not grid.points_are_nodes
         else None,
         stiffness=write_stiffness(folder, stiffness, manifest.case_digest, mesh.cell_type),
     )
@@ -142,8 +141,7 @@ def _already_made(
         return None
     info = made.structured
     assert info is not None
-    embedded = isinstance(grid, EmbeddedGrid)
-    wanted = (source.digest, order, order_seed, grid.shape, embedded)
+    wanted = (source.digest, order, order_seed, grid.shape, not grid.points_are_nodes)
     found = (info.source_digest, info.order, info.order_seed, info.grid_shape)
     return made if (*found, info.embedding is not None) == wanted else None
 
@@ -155,7 +153,7 @@ def _grid_of(
     x = mesh.coordinates
     if shape is None:
         try:
-            return in_order(GridMap.from_coordinates(x), order, order_seed)
+            return in_order(Grid.from_coordinates(x), order, order_seed)
         except ValueError as error:
             if order != "preferred":
                 raise InputError(f"--order {order}: {error}") from None
@@ -168,7 +166,7 @@ def _grid_of(
     return embed(x, mesh.cells, mesh.cell_type, shape)
 
 
-def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:
+def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
     """Put the nodes on the grid points in the order asked for."""
     if order == "preferred":
         return grid
@@ -198,7 +196,7 @@ def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> 
         "samples/force": grid.forces_to_grid(force).astype(np.float32),
         "samples/displacement": grid.to_grid(displacement).astype(np.float32),
     }
-    if isinstance(grid, EmbeddedGrid):
+    if not grid.points_are_nodes:
         arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]
         arrays["samples/nodal_force"] = nodal["samples/force"].astype(np.float32)
         arrays["samples/nodal_displacement"] = displacement.astype(np.float32)

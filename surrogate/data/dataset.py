@@ -13,7 +13,6 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
-from shared_schema.grid_map import GridMap
 from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
@@ -102,7 +101,7 @@ def read_dataset(folder: Path) -> Dataset:
     if manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
     geometry = Geometry.from_arrays(reader.body, reader.cell_type)
-    on_grid = isinstance(geometry.grid, GridMap)
+    on_grid = geometry.grid.points_are_nodes
     arrays = reader.joined(ON_GRID if on_grid else (*ON_GRID, *AT_NODES))
     is_test = torch.from_numpy(arrays["samples/is_test"])
     samples = Samples(

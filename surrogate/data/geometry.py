@@ -9,7 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.grid import Grid, grid_arrays, grid_of
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
@@ -27,7 +28,7 @@ class Geometry:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
-    grid : GridMap or EmbeddedGrid
+    grid : Grid
     """
 
     coordinates: NDArray[np.float64]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.grid import Grid
-from shared_schema.grid_map import GridMap
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 
@@ -42,22 +42,22 @@ class WeightedSums(nn.Module):
 class NodalNetwork(nn.Module):
     """Nodal forces in N to nodal displacements in m.
 
-    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f, whatever
-    the kind of grid (`shared_schema.embedded_grid`).
+    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f
+    (`shared_schema.grid`).
 
     Parameters
     ----------
     network : FieldNetwork
-    grid : GridMap or EmbeddedGrid
+    grid : Grid
     """
 
     def __init__(self, network: FieldNetwork, grid: Grid) -> None:
         super().__init__()
-        points, weights = interpolation(grid)
         self.network = network
         self.shape = grid.shape
-        self.to_nodes = WeightedSums(points, weights)
-        self.to_grid = WeightedSums(*transposed(points, weights, int(np.prod(grid.shape))))
+        self.to_nodes = WeightedSums(grid.points, grid.point_weights)
+        count = int(np.prod(grid.shape))
+        self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
     def forward(self, force: Tensor, passes: int = 1) -> Prediction:
         """Predict with one pass, or with several that were drawn (`probabilistic.passes`).
@@ -99,15 +99,6 @@ class NodalNetwork(nn.Module):
         return network.aleatoric_factor**weight, network.epistemic_factor**weight
 
 
-def interpolation(grid: Grid) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Grid points that the value at a node is made of, and their weights: (n_nodes, k) each."""
-    if not isinstance(grid, GridMap):
-        return grid.points, grid.point_weights
-    points = np.empty((grid.nodes, 1), dtype=np.int64)
-    points[grid.node_at[grid.mask], 0] = np.flatnonzero(grid.mask)
-    return points, np.ones_like(points, dtype=np.float64)
-
-
 def transposed(
     sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -125,13 +116,16 @@ def transposed(
     sources, weights : array, (n_in, m)
         Rows shorter than the longest are filled up by weights of zero.
     """
-    rows, places = np.nonzero(weights)
-    column = sources[rows, places]
-    order = np.argsort(column, kind="stable")
-    counts = np.bincount(column, minlength=columns)
-    position = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-    shape = (columns, max(1, int(counts.max())))
-    new_sources, new_weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-    new_sources[column[order], position] = rows[order]
-    new_weights[column[order], position] = weights[rows, places][order]
+    starts = np.arange(0, sources.size + 1, sources.shape[1])
+    shape = (len(sources), columns)
+    matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
+    matrix.eliminate_zeros()
+    matrix = matrix.tocsc()  # column by column, the rows ascending in each
+    counts = np.diff(matrix.indptr)
+    column = np.repeat(np.arange(columns), counts)
+    position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
+    new_shape = (columns, max(1, int(counts.max())))
+    new_sources, new_weights = np.zeros(new_shape, dtype=np.int64), np.zeros(new_shape)
+    new_sources[column, position] = matrix.indices
+    new_weights[column, position] = matrix.data
     return new_sources, new_weights

@@ -6,7 +6,6 @@ import torch
 from torch import nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
 from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.baselines.pod import PODNetwork
 from surrogate.data.dataset import Dataset, Samples
@@ -47,7 +46,7 @@ def require_suitable(config: RunConfig, dataset: Dataset, train: Samples) -> Non
     """Raise InputError unless the data are what the model needs."""
     where = f"config '{config.name}': key"
     if config.model == "linear":
-        if not isinstance(dataset.geometry.grid, GridMap):
+        if not dataset.geometry.grid.points_are_nodes:
             raise InputError(
                 f"{where} 'model' = 'linear': the dataset's grid is embedded on its mesh, expected "
                 "one whose points are nodes"
@@ -78,7 +77,6 @@ def start_from_data(
     inner, geometry = network.network, dataset.geometry
     if isinstance(inner, LinearMap):
         assert dataset.stiffness is not None
-        assert isinstance(geometry.grid, GridMap)
         compliance = compliance_of(dataset.stiffness, geometry.grid, geometry.clamped)
         inner.start_at(compliance, network.force_scale, network.displacement_scale)
     elif isinstance(inner, PODNetwork):

@@ -10,14 +10,12 @@ from numpy.typing import ArrayLike
 
 from shared_schema.drawing.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
 from shared_schema.drawing.mesh_drawing import make_drawing
-from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
 
 
 @styled
 def draw_padding(geometry: Geometry) -> Figure:
     """Left the numbered nodes of a plane mesh, right the same on its grid; circles stay zero."""
-    assert isinstance(geometry.grid, GridMap)
     figure = make_figure(9.6, 3.0)
     places = GridSpec(1, 2, figure=figure, width_ratios=(2, 3))
     drawing = make_drawing(figure, geometry, places[0, 0])

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import NodalFunction, export
@@ -91,7 +91,7 @@ def read_body(folder: Path) -> Body:
         reader.cell_type,
         arrays["mesh/clamped"],
         arrays["mesh/loadable"],
-        GridMap.from_coordinates(coordinates),
+        Grid.from_coordinates(coordinates),
     )
     names = ("samples/loaded_nodes", "samples/force", "samples/wall_time")
     samples = reader.joined(names)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     ComponentStatistics,
@@ -119,7 +119,7 @@ def build(
     displacement = np.stack([solve(coordinates, n, f) for n, f in zip(nodes, forces, strict=True)])
     is_test = np.zeros(SAMPLES, dtype=bool)
     is_test[rng.permutation(SAMPLES)[:TEST]] = True
-    grid = GridMap.from_coordinates(coordinates)
+    grid = Grid.from_coordinates(coordinates)
     nodal_force = np.zeros_like(displacement)
     nodal_force[np.arange(SAMPLES), nodes] = forces
     force32, displacement32 = nodal_force.astype(np.float32), displacement.astype(np.float32)

@@ -13,7 +13,7 @@ from datagen.farm.farm import run
 from datagen.structure.structure import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
 from shared_schema.shard_reader import read_shard
@@ -54,7 +54,7 @@ def test_both_datasets_are_intact(nodal: Path, structured: Path) -> None:
 def test_nodal_structured_nodal_is_exact(nodal: Path, structured: Path) -> None:
     """Equal to the last bit after the one rounding to float32."""
     shard = read_shard(structured / "shard-00000.h5", "structured")
-    grid = GridMap(shard["grid/node_at"])
+    grid = Grid.of_nodes(shard["grid/node_at"])
     back = grid.to_nodes(joined(structured, "structured", "samples/displacement"))
     there = joined(nodal, "nodal", "samples/displacement")
     assert np.array_equal(back, there.astype(np.float32))
@@ -99,7 +99,7 @@ def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrde
     assert (info.order, info.order_seed) == (order, 3)
     assert check_dataset(folder) == []
     shard = read_shard(folder / "shard-00000.h5", "structured")
-    grid = GridMap(shard["grid/node_at"])
+    grid = Grid.of_nodes(shard["grid/node_at"])
     back = grid.to_nodes(shard["samples/displacement"])
     there = read_shard(nodal / "shard-00000.h5", "nodal")["samples/displacement"]
     assert np.array_equal(back, there.astype(np.float32))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 
@@ -18,7 +18,7 @@ L_SHAPE = Geometry(
     cell_type="quad",
     clamped=np.arange(8) < 3,
     loadable=np.isin(np.arange(8), (4, 5, 7)),
-    grid=GridMap(NODE_AT),
+    grid=Grid.of_nodes(NODE_AT),
 )
 
 
@@ -53,5 +53,5 @@ def test_difference_is_seen(name: str, index: Any, value: Any) -> None:
 
 
 def test_difference_of_the_grid_is_seen() -> None:
-    assert L_SHAPE.differs_from(replace(L_SHAPE, grid=GridMap(NODE_AT.T.copy())))
-    assert L_SHAPE.differs_from(replace(L_SHAPE, grid=GridMap(NODE_AT[:, :2])))
+    assert L_SHAPE.differs_from(replace(L_SHAPE, grid=Grid.of_nodes(NODE_AT.T.copy())))
+    assert L_SHAPE.differs_from(replace(L_SHAPE, grid=Grid.of_nodes(NODE_AT[:, [0, 2, 1]])))

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.manifest import ComponentStatistics, StructuredInfo
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
@@ -20,7 +20,7 @@ GEOMETRY = Geometry(
     cell_type="quad",
     clamped=np.arange(8) < 3,
     loadable=np.arange(8) > 2,
-    grid=GridMap(NODE_AT),
+    grid=Grid.of_nodes(NODE_AT),
 )
 
 
