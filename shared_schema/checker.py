@@ -15,7 +15,7 @@ from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.grid_arrays import grid_problems
 from shared_schema.layout import NO_NODE, Arrays
-from shared_schema.manifest import Manifest, StructuredInfo, digest_of, read_manifest
+from shared_schema.manifest import Manifest, digest_of, read_manifest
 from shared_schema.shard_problems import array_problems
 from shared_schema.shard_reader import Attributes, read_arrays, read_attributes
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
@@ -80,20 +80,20 @@ def check_dataset(folder: Path) -> list[str]:
     info = manifest.structured
     if info is not None and not problems and test != info.test:
         problems.append(f"manifest: 'test' is {info.test}, the shards hold {test}")
-    if info is not None and info.stiffness is not None:
+    if manifest.stiffness_checksum is not None:
         dofs = mesh["mesh/coordinates"].size if mesh else None
         problems += [
-            f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, info, dofs)
+            f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, manifest, dofs)
         ]
     return problems
 
 
-def _stiffness_problems(folder: Path, info: StructuredInfo, dofs: int | None) -> list[str]:
+def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> list[str]:
     """What is wrong with the stiffness file; its size is that of the mesh, if that is known."""
     path = folder / STIFFNESS_FILE
     if not path.is_file():
         return ["missing"]
-    if sha256(path) != info.stiffness:
+    if sha256(path) != manifest.stiffness_checksum:
         return [_damage(path)]
     try:
         stiffness = read_stiffness(folder)
@@ -129,10 +129,12 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
         if path.name not in listed:
             problems.append(f"{path.name}: not in the manifest")
     info = manifest.structured
-    if (info is None or info.stiffness is None) and (folder / STIFFNESS_FILE).exists():
+    if manifest.stiffness_checksum is None and (folder / STIFFNESS_FILE).exists():
         problems.append(f"{STIFFNESS_FILE}: not in the manifest")
     if (manifest.kind == "structured") != (info is not None):
         problems.append(f"manifest: 'structured' does not fit the kind '{manifest.kind}'")
+    elif info is not None and manifest.stiffness is not None:
+        problems.append("manifest: 'stiffness' does not fit the kind 'structured'")
     elif info is not None and info.train + info.test != manifest.samples:
         problems.append(
             f"manifest: train {info.train} + test {info.test} is not samples {manifest.samples}"
@@ -186,8 +188,8 @@ def _damage(path: Path) -> str:
 def require_intact(folder: Path, manifest: Manifest) -> None:
     """Raise InputError at the first file of a dataset that is missing or damaged."""
     files = {entry.file: entry.sha256 for entry in manifest.shards}
-    if manifest.structured is not None and manifest.structured.stiffness is not None:
-        files[STIFFNESS_FILE] = manifest.structured.stiffness
+    if manifest.stiffness_checksum is not None:
+        files[STIFFNESS_FILE] = manifest.stiffness_checksum
     for file, checksum in files.items():
         path = folder / file
         if not path.is_file():

@@ -94,7 +94,7 @@ class StructuredInfo(Frozen):
     embedding : EmbeddingInfo or None
         Only if the mesh has no structured order.
     stiffness : str or None
-        SHA-256 of the stiffness file; not written of a dataset that has none.
+        SHA-256 of the stiffness file; absent from the file if the dataset has none.
     """
 
     grid_shape: tuple[int, ...]
@@ -142,6 +142,9 @@ class Manifest(Frozen):
         Steps that changed the samples after they were solved (noise), with all their settings.
     shards : tuple of ShardEntry
     structured : StructuredInfo or None
+    stiffness : str or None
+        SHA-256 of the stiffness file of a nodal dataset; absent from the file if it has none. A
+        structured dataset has it in `structured`.
     digest : str
         SHA-256 of everything above.
     """
@@ -160,7 +163,20 @@ class Manifest(Frozen):
     transforms: tuple[dict[str, Any], ...] = ()
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
+    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     digest: str = ""
+
+    @model_serializer(mode="wrap")
+    def _without_absent_stiffness(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if self.stiffness is None:
+            del content["stiffness"]
+        return content
+
+    @property
+    def stiffness_checksum(self) -> str | None:
+        """SHA-256 of the stiffness file of either kind of dataset; None if it has none."""
+        return self.stiffness if self.structured is None else self.structured.stiffness
 
     def sealed(self) -> Manifest:
         """Return the manifest with its own digest filled in."""

@@ -21,12 +21,15 @@ from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
 from datagen.farm.software import software_versions
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
+from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
+from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import write_stiffness
 
 POLL = 0.05  # seconds between two looks at the others' progress, when rank 0 has nothing to do
 
@@ -35,7 +38,7 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     """Make the nodal dataset of a case in `folder`, going on with what is there (collective).
 
     Each group of ranks solves on a mesh of its own, and its leader writes its shards; rank 0
-    writes the manifest.
+    assembles and writes the stiffness of the undeformed body, and last the manifest.
 
     Parameters
     ----------
@@ -198,23 +201,32 @@ def _body(case: Case, group: RankGroup) -> Body:
 
 
 def _finish(case: Case, journal: Journal) -> Manifest:
+    """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
     entries = journal.entries()
     shards = tuple(entries[shard_name(k)] for k in range(shard_count(case)))
-    first = read_shard(journal.folder / shards[0].file, "nodal")
-    manifest = write_manifest(
-        journal.folder,
-        Manifest(
-            kind="nodal",
-            name=case.name,
-            case=case.plain(),
-            case_digest=case.digest(),
-            seed=case.dataset.seed,
-            software=software_versions(),
-            dimension=first["mesh/coordinates"].shape[1],
-            samples=sum(entry.samples for entry in shards),
-            failed=sum(entry.failed for entry in shards),
-            shards=shards,
-        ),
-    )
+    manifest = journal.complete_manifest(shards)
+    if manifest is None:
+        manifest = write_manifest(journal.folder, _manifest(case, journal.folder, shards))
     journal.remove()
     return manifest
+
+
+def _manifest(case: Case, folder: Path, shards: tuple[ShardEntry, ...]) -> Manifest:
+    """Assemble and write the stiffness of the shards' mesh; make the manifest of the dataset."""
+    path = folder / shards[0].file
+    first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
+    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
+    stiffness = stiffness_of(mesh, case.material)
+    return Manifest(
+        kind="nodal",
+        name=case.name,
+        case=case.plain(),
+        case_digest=case.digest(),
+        seed=case.dataset.seed,
+        software=software_versions(),
+        dimension=first["mesh/coordinates"].shape[1],
+        samples=sum(entry.samples for entry in shards),
+        failed=sum(entry.failed for entry in shards),
+        shards=shards,
+        stiffness=write_stiffness(folder, stiffness, case.digest(), cell_type),
+    )

@@ -23,14 +23,10 @@ from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
-from shared_schema.manifest import (
-    MANIFEST,
-    ShardEntry,
-    digest_of,
-    read_manifest,
-)
+from shared_schema.manifest import MANIFEST, Manifest, ShardEntry, digest_of, read_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 
 JOURNAL = ".journal"
 LOCK_WAIT = 3.0  # seconds that the last rank of a killed run may take to be gone
@@ -123,6 +119,22 @@ class Journal:
             if (self.folder / entry.file).is_file()
             and sha256(self.folder / entry.file) == entry.sha256
         }
+
+    def complete_manifest(self, shards: tuple[ShardEntry, ...]) -> Manifest | None:
+        """Manifest of the folder, if it lists these shards and its stiffness is intact, or absent.
+
+        Parameters
+        ----------
+        shards : tuple of ShardEntry
+            All shards of the dataset, as `entries` found them intact.
+        """
+        if not (self.folder / MANIFEST).is_file():
+            return None
+        manifest, path = read_manifest(self.folder), self.folder / STIFFNESS_FILE
+        found = sha256(path) if path.is_file() else None
+        if manifest.shards != shards or found != manifest.stiffness:
+            return None
+        return manifest
 
     def record(self, entry: ShardEntry) -> None:
         """Count a shard as finished; its file is in place already."""

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.structure.new_folder import require_free
+from datagen.structure.claim_folder import claim_folder
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, write_manifest
 from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import read_stiffness, write_stiffness
 
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
 
@@ -64,7 +65,7 @@ def add_noise(
         "source_digest": manifest.digest,
     }
     noisy = manifest.model_copy(update={"transforms": (*manifest.transforms, step)})
-    require_free(folder, noisy)
+    claim_folder(folder, noisy)
     progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
     entries, done = [], 0
     folder.mkdir(parents=True, exist_ok=True)
@@ -78,7 +79,13 @@ def add_noise(
         done += entry.samples
         progress.update(done)
     progress.close()
-    return write_manifest(folder, noisy.model_copy(update={"shards": tuple(entries)}))
+    update: dict[str, Any] = {"shards": tuple(entries)}
+    if manifest.stiffness is not None:
+        stiffness = read_stiffness(source)
+        update["stiffness"] = write_stiffness(
+            folder, stiffness, manifest.case_digest, reader.cell_type
+        )
+    return write_manifest(folder, noisy.model_copy(update=update))
 
 
 def noise_factor(

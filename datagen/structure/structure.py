@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from datagen.cases.case import Case
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.stiffness import stiffness_of
+from datagen.structure.claim_folder import claim_folder
 from datagen.structure.embedding import embed
-from datagen.structure.new_folder import require_free
 from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
@@ -34,7 +34,7 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard_writer import write_shard
-from shared_schema.stiffness import write_stiffness
+from shared_schema.stiffness import read_stiffness, write_stiffness
 
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
@@ -82,7 +82,7 @@ def structure(
     made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
-    require_free(folder, manifest.model_copy(update={"kind": "structured"}))
+    claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(case, manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
@@ -104,7 +104,10 @@ def structure(
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
-    stiffness = stiffness_of(mesh, case.material)
+    if manifest.stiffness is not None:
+        stiffness = read_stiffness(source)
+    else:  # written by a version whose `datagen run` did not assemble it
+        stiffness = stiffness_of(mesh, case.material)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
@@ -126,6 +129,7 @@ def structure(
         "failed": 0,
         "shards": tuple(entries),
         "structured": info,
+        "stiffness": None,  # it is in `structured`
     }
     return write_manifest(folder, manifest.model_copy(update=update))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -23,8 +24,9 @@ from datagen.loads.random_node import RandomNode
 from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import read_manifest
+from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.shard_reader import read_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
     ENVIRONMENT,
     assert_near,
@@ -211,6 +213,56 @@ def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path)
     assert check_dataset(folder) != []
     run(case, folder, MPI.COMM_SELF)
     assert check_dataset(folder) == []
+    assert_same(serial, folder)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"half"])
+def test_a_damaged_stiffness_is_made_again(
+    case: Case, serial: Path, tmp_path: Path, content: bytes | None
+) -> None:
+    """The same bytes; no shard is touched."""
+    folder = shutil.copytree(serial, tmp_path / "nodal")
+    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")}
+    path = folder / STIFFNESS_FILE
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content)
+    assert check_dataset(folder) != []
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
+    assert_same(serial, folder)
+
+
+def test_an_older_dataset_without_stiffness_is_left_alone(
+    case: Case, serial: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(serial, tmp_path / "nodal")
+    (folder / STIFFNESS_FILE).unlink()
+    older = write_manifest(folder, read_manifest(folder).model_copy(update={"stiffness": None}))
+    assert run(case, folder, MPI.COMM_SELF) == older
+    assert not (folder / STIFFNESS_FILE).exists()
+    assert check_dataset(folder) == []
+
+
+def test_killed_between_stiffness_and_manifest(
+    case: Case, serial: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "nodal"
+
+    def kill(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("datagen.farm.farm.write_manifest", kill)
+        with pytest.raises(KeyboardInterrupt):
+            run(case, folder, MPI.COMM_SELF)
+    assert (folder / STIFFNESS_FILE).is_file()
+    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")}
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
     assert_same(serial, folder)
 
 
