@@ -1,7 +1,7 @@
-"""The checker: everything that can be wrong with a dataset, named.
+"""Check a dataset against the contract and name every violation.
 
-It reads every byte: the manifest against its digest, every shard against its checksum, and every
-array against the layout. It never stops at the first problem.
+The checker reads every byte: it holds the manifest against its digest, every shard against its
+checksum, and every array against the layout. It does not stop at the first problem.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def check_dataset(folder: Path) -> list[str]:
         if not path.is_file():
             problems.append(f"{entry.file}: missing")
             continue
-        if sha256(path) != entry.sha256:  # HDF5 must not be let loose on a damaged file
+        if sha256(path) != entry.sha256:  # a damaged file must not reach the HDF5 library
             problems.append(f"{entry.file}: {_damage(path)}")
             continue
         try:
@@ -89,7 +89,7 @@ def check_dataset(folder: Path) -> list[str]:
 
 
 def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> list[str]:
-    """What is wrong with the stiffness file; its size is that of the mesh, if that is known."""
+    """List what is wrong with the stiffness file; its size is checked if the mesh is known."""
     path = folder / STIFFNESS_FILE
     if not path.is_file():
         return ["missing"]
@@ -143,7 +143,7 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
 
 
 def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
-    """What shapes and types cannot tell: node numbers in range, a grid map that is one."""
+    """List what is wrong with the values: node numbers, load cases, the grid."""
     problems = []
     nodes = len(arrays["mesh/coordinates"])
     for name in ("mesh/cells", "samples/loaded_nodes", "failed/loaded_nodes"):

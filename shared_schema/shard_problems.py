@@ -1,4 +1,4 @@
-"""Name what a shard holds against its layout: attributes, links, datasets, shapes, types, NaN."""
+"""Violations of the layout in one shard: attributes, links, datasets, shapes, types, NaN."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def array_problems(
     kind : {"nodal", "structured", "stiffness"}
     arrays : mapping of str to array
     lengths : dict
-        Axis lengths known so far (see `shared_schema.layout.shape_problem`); extended.
+        Known lengths of axes (see `shared_schema.layout.shape_problem`); new ones are added.
     """
     layouts = layout_for(kind, arrays)
     known = {layout.path for layout in layouts}
@@ -52,7 +52,7 @@ def array_problems(
 
 
 def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
-    """List what is wrong with attributes, links and datasets of an open file, data unread."""
+    """List what is wrong with attributes, links and datasets of an open file; reads no data."""
     problems = []
     for name in SHARD_ATTRIBUTES:
         if name not in file.attrs:
@@ -96,7 +96,7 @@ def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
 
 
 def dataset_paths(file: h5py.File) -> set[str]:
-    """Paths of what stands in the groups of a file; no link to elsewhere is followed."""
+    """Paths of the members of a file's groups; no link to elsewhere is followed."""
     return {
         f"{name}/{member}"
         for name in file
@@ -107,7 +107,7 @@ def dataset_paths(file: h5py.File) -> set[str]:
 
 
 def _link_problems(group: h5py.Group, prefix: str, known: set[str]) -> list[str]:
-    """What is wrong with the members of a group: links to elsewhere, and unknown ones."""
+    """List what is wrong with the members of a group: links to elsewhere, unknown names."""
     problems = []
     for name in group:
         path = prefix + name
@@ -119,5 +119,5 @@ def _link_problems(group: h5py.Group, prefix: str, known: set[str]) -> list[str]
 
 
 def plain(value: Any) -> Any:
-    """Turn a NumPy scalar into Python's own."""
+    """Turn a NumPy scalar into a Python one."""
     return value.item() if isinstance(value, np.generic) else value

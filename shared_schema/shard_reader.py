@@ -38,12 +38,12 @@ def read_shard(path: Path, kind: FileKind) -> Arrays:
 
 
 def read_arrays(path: Path, kind: FileKind) -> Arrays:
-    """Read a shard's datasets as they are, having seen that they are there and inside the file.
+    """Read a shard's datasets, which must exist inside the file; values are not checked.
 
     Raises
     ------
     InputError
-        As `read_shard`, but for shapes, types and values, which are not looked at.
+        As `read_shard`, except for wrong shapes, types and values.
     """
     with _open(path, kind) as file, _damage_named(path):
         return {
@@ -78,7 +78,7 @@ def _open(path: Path, kind: FileKind) -> h5py.File:
 
 @contextmanager
 def _damage_named(path: Path) -> Iterator[None]:
-    """Turn whatever h5py raises on a damaged file into one InputError."""
+    """Turn every exception that h5py raises on a damaged file into one InputError."""
     try:
         yield
     except InputError:

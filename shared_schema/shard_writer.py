@@ -27,12 +27,12 @@ def write_shard(
     Parameters
     ----------
     path : Path
-        Where the shard shall appear.
+        Path of the shard.
     kind : {"nodal", "structured", "stiffness"}
     arrays : mapping of str to array
         Every dataset of the kind's layout, by path, of the layout's shape and type.
     case_digest : str
-        SHA-256 of the case configuration that the samples were made from.
+        SHA-256 of the case configuration.
     cell_type : str
         meshio's name of the cells.
 

@@ -50,14 +50,14 @@ class NodalSamples:
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
     numbers : array of int, (n_samples,)
-        Of the solved samples, from low to high.
+        Numbers of the solved samples, ascending.
     largest : array, (n_samples,)
         Largest displacement of a node in each of them, in m.
 
     Raises
     ------
     InputError
-        If the folder holds no intact nodal dataset, or one without a solved sample.
+        If the folder holds no intact nodal dataset, or no sample of it is solved.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -82,7 +82,7 @@ class NodalSamples:
         self.cell_type = self._reader.cell_type
 
     def __getitem__(self, number: int) -> Sample:
-        """Read a solved sample; samples of one shard in turn read it once."""
+        """Read a solved sample; consecutive samples of one shard read the shard once."""
         entry = self._entry_of[number]
         if entry != self._loaded:
             self._loaded, self._arrays = entry, self._reader.shard(entry)
@@ -92,12 +92,12 @@ class NodalSamples:
         return Sample(number, force, self._arrays["samples/displacement"][row])
 
     def named(self, text: str) -> list[int]:
-        """Read the solved samples that ``--samples N,N,…`` names, in its order.
+        """Parse ``--samples N,N,…``, the numbers of solved samples; keep their order.
 
         Raises
         ------
         InputError
-            If it is no list of different sample numbers, or one of them has no equilibrium.
+            If the text is no list of different sample numbers, or one of them was not solved.
         """
         if not re.fullmatch(r"\d{1,15}(,\d{1,15})*", text, re.ASCII):
             raise InputError(f"--samples '{text}': expected sample numbers N,N,…")
@@ -113,12 +113,12 @@ class NodalSamples:
         return numbers
 
     def within(self, text: str) -> list[int]:
-        """Read the solved samples in the half-open range that ``--samples A:B`` names.
+        """Parse ``--samples A:B``, a half-open range, into the numbers of its solved samples.
 
         Raises
         ------
         InputError
-            If it is no such range, reaches beyond the last sample, or none of it was solved.
+            If the text is no such range, reaches beyond the last sample, or holds no solved sample.
         """
         match = re.fullmatch(r"(\d{1,15}):(\d{1,15})", text, re.ASCII)
         end = self.manifest.samples + self.manifest.failed
@@ -130,11 +130,11 @@ class NodalSamples:
             raise InputError(f"--samples '{text}': none of these load cases was solved")
         return [int(number) for number in numbers]
 
-    def spread(self, count: int) -> list[int]:
-        """Choose up to `count` samples evenly over the order of largest displacement.
+    def evenly_by_displacement(self, count: int) -> list[int]:
+        """Choose up to `count` samples at equal steps in the order of largest displacement.
 
-        The k-th of n is the one that k/n of all samples do not move farther than; so the last is
-        the one that moves most.
+        k/n of all samples have no larger displacement than the k-th of n chosen ones; so the last
+        one has the largest displacement of all.
         """
         order = np.argsort(self.largest, kind="stable")
         count = min(count, len(order))

@@ -1,4 +1,4 @@
-"""Noise on displacements, as in the paper's section on noisy data: a step between datasets.
+"""Add noise to the displacements of a dataset, as in the paper's section on noisy data.
 
 Where ‖f‖₂ ≤ threshold, u → (1 + γ) u with one γ ~ U(−relative, relative) a sample.
 """
@@ -37,9 +37,9 @@ def add_noise(
     source : Path
         Nodal dataset.
     folder : Path
-        Where the noisy one shall be.
+        Folder of the noisy dataset.
     seed : int
-        With the sample number, it determines γ.
+        Seed of γ, together with the sample number.
     relative : float
         Largest |γ|.
     threshold : float
@@ -48,8 +48,8 @@ def add_noise(
     Raises
     ------
     InputError
-        If the source is no intact nodal dataset, a number is out of range, or the folder holds
-        something else.
+        If the source is not an intact nodal dataset, a number is out of range, or the folder
+        holds something else.
     """
     if not 0 < relative < 1:
         raise InputError(f"--relative {relative}: expected a number between 0 and 1")

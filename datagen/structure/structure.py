@@ -1,4 +1,4 @@
-"""From a nodal dataset to a structured one: fields on the grid, split, statistics, stiffness."""
+"""Make a structured dataset from a nodal one: fields on the grid, split, statistics, stiffness."""
 
 from __future__ import annotations
 
@@ -46,30 +46,32 @@ def structure(
     order_seed: int = 0,
     shape: tuple[int, ...] | None = None,
 ) -> Manifest:
-    """Lay a nodal dataset on its grid, or on one that is embedded on a mesh that has none.
+    """Lay a nodal dataset on the grid of its mesh, or on a grid embedded on the mesh.
 
-    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact, and
-    with an embedded grid the nodal samples are kept beside those on the grid.
+    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact. With
+    an embedded grid the nodal samples are kept beside those on the grid. The stiffness is that of
+    the nodal dataset.
 
     Parameters
     ----------
     source : Path
         Nodal dataset.
     folder : Path
-        Where the structured one shall be; made new, or made again from the same source.
+        Folder of the structured dataset: new, or written by this step from the same source.
     order : {"preferred", "gmsh", "random"}
-        Which node stands at a grid point. Convolutions need the preferred order, in which
-        neighbours in space are neighbours on the grid; the others are for the study of that.
+        Order of the nodes on the grid points. Convolutions need the preferred order, in which
+        neighbours in space are neighbours on the grid; the others are for the study of it.
     order_seed : int
-        Of the random order.
+        Seed of the random order.
     shape : tuple of d ints, optional
-        Grid points along each axis: embeds a grid, even on a mesh that has one of its own.
+        Number of grid points along each axis; a shape embeds a grid on any mesh, even on one that
+        has a structured order.
 
     Raises
     ------
     InputError
-        If the source is no intact nodal dataset, order or shape do not fit its mesh, or the folder
-        holds something else.
+        If the source is not an intact nodal dataset, order or shape do not fit its mesh, or the
+        folder holds something else.
     """
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
@@ -137,7 +139,7 @@ def structure(
 def _already_made(
     folder: Path, source: Manifest, grid: Grid, order: NodeOrder, order_seed: int
 ) -> Manifest | None:
-    """The manifest of an intact dataset that this step made before from the same source."""
+    """Manifest of an intact dataset that this step wrote earlier from the same source, if any."""
     try:
         made = read_manifest(folder, "structured")
         require_intact(folder, made)
@@ -153,7 +155,7 @@ def _already_made(
 def _grid_of(
     mesh: RawMesh, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
 ) -> Grid:
-    """The mesh's own grid with its nodes in the order asked for, or an embedded one."""
+    """Grid of the mesh with its nodes in the given order, or an embedded one."""
     x = mesh.coordinates
     if shape is None:
         try:
@@ -171,7 +173,7 @@ def _grid_of(
 
 
 def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
-    """Put the nodes on the grid points in the order asked for."""
+    """Put the nodes on the grid points in the given order."""
     if order == "preferred":
         return grid
     nodes = np.arange(grid.nodes)
@@ -230,7 +232,7 @@ class RunningStatistics:
         self._max: Any = 0.0
 
     def add(self, values: NDArray[np.float32]) -> None:
-        """Take in values of shape (N, d, n_nodes)."""
+        """Add values of shape (N, d, n_nodes)."""
         if values.size == 0:
             return
         exact = values.astype(np.float64)
@@ -240,7 +242,7 @@ class RunningStatistics:
         self._max = np.maximum(self._max, np.abs(exact).max(axis=(0, 2)))
 
     def result(self) -> ComponentStatistics:
-        """Statistics of everything taken in."""
+        """Statistics of all values so far."""
         mean = self._sum / self._count
         std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
         return ComponentStatistics(

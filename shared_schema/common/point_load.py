@@ -1,4 +1,4 @@
-"""Loads as a user writes them: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at the node at a point."""
+"""Loads in the notation of the command line: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at a node."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class PointLoad:
 def nodal_forces(
     loads: Sequence[str], coordinates: NDArray[np.float64], clamped: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Turn loads as a user writes them into nodal forces; loads at one node add up.
+    """Turn loads in the notation of the command line into nodal forces; loads at one node add up.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def nodal_forces(
     Raises
     ------
     InputError
-        If a load is not well formed, stands where no node is, or stands on a clamped node.
+        If a load is malformed, stands at no node, or stands at a clamped node.
     """
     nodes: list[int] = []
     vectors: list[tuple[float, ...]] = []

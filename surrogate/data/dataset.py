@@ -57,13 +57,13 @@ class Dataset:
     manifest : Manifest
     geometry : Geometry
     train, test : Samples
-        In ascending order of the sample number.
+        Samples of each split, in ascending order of their number.
     nodal_test : NodalSamples
         The test split by nodes.
     embedded_train : NodalSamples or None
-        The training split by nodes, of an embedded grid, which does not give it back.
+        The training split by nodes, if the grid is embedded and does not hold it exactly.
     stiffness : Stiffness or None
-        Of the undeformed body without supports, if the dataset has it.
+        Stiffness of the undeformed body without supports, if the dataset has it.
     """
 
     manifest: Manifest
@@ -75,7 +75,7 @@ class Dataset:
     stiffness: Stiffness | None = None
 
     def nodal_train(self, rows: Tensor) -> NodalSamples:
-        """Some samples of the training split by nodes."""
+        """Samples of the training split by nodes, given their rows."""
         if self.embedded_train is None:
             return at_nodes(self.geometry.grid, self.train[rows])
         whole, chosen = self.embedded_train, rows.numpy()
@@ -83,7 +83,7 @@ class Dataset:
 
     @property
     def info(self) -> StructuredInfo:
-        """What the manifest says of the grid, the split and the statistics."""
+        """Grid, split and statistics from the manifest."""
         assert self.manifest.structured is not None
         return self.manifest.structured
 
@@ -94,22 +94,22 @@ def read_dataset(folder: Path) -> Dataset:
     Raises
     ------
     InputError
-        If there is none, it is of another kind, or any byte of it has changed.
+        If there is no dataset, it is of another kind, or any byte of it has changed.
     """
     reader = DatasetReader(folder, "structured")
     manifest = reader.manifest
     if manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
     geometry = Geometry.from_arrays(reader.body, reader.cell_type)
-    on_grid = geometry.grid.points_are_nodes
-    arrays = reader.joined(ON_GRID if on_grid else (*ON_GRID, *AT_NODES))
+    is_exact = geometry.grid.points_are_nodes
+    arrays = reader.joined(ON_GRID if is_exact else (*ON_GRID, *AT_NODES))
     is_test = torch.from_numpy(arrays["samples/is_test"])
     samples = Samples(
         torch.from_numpy(arrays["samples/force"]),
         torch.from_numpy(arrays["samples/displacement"]),
     )
     train, test = samples[~is_test], samples[is_test]
-    if on_grid:
+    if is_exact:
         dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
     else:
         nodes, loads, displacement = (arrays[name] for name in AT_NODES)
@@ -126,7 +126,7 @@ def read_dataset(folder: Path) -> Dataset:
 
 
 def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
-    """Samples on a grid whose points are nodes, by nodes."""
+    """Take samples from an exact grid to the nodes."""
     force, displacement = (
         grid.to_nodes(field.numpy()).astype(np.float64)
         for field in (samples.force, samples.displacement)

@@ -18,7 +18,7 @@ PREFIX = "geometry."
 
 @dataclass(frozen=True)
 class Geometry:
-    """Mesh, supports and grid map of a case.
+    """Mesh, supports and grid of a case.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Geometry:
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, Tensor], cell_type: str) -> Geometry:
-        """Take the geometry from what `tensors` made."""
+        """Take the geometry from the result of `tensors`."""
         arrays = {
             name.removeprefix(PREFIX): tensor.numpy()
             for name, tensor in tensors.items()
@@ -90,7 +90,7 @@ class Geometry:
         return int(candidates[distance.argmax()])
 
     def differs_from(self, other: Geometry) -> bool:
-        """Tell whether the two are not the same mesh, supports and grid."""
+        """True if mesh, supports or grid are not the same."""
         ours, theirs = self.tensors(), other.tensors()
         return ours.keys() != theirs.keys() or not all(
             torch.equal(ours[name], theirs[name]) for name in ours

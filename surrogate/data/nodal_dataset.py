@@ -1,4 +1,4 @@
-"""Samples by nodes, as the finite elements have them."""
+"""Samples by nodes, with the numbering of the finite-element mesh."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class NodalDataset:
     coordinates : array, (n_nodes, d)
         In m.
     samples : NodalSamples
-        In ascending order of the sample number.
+        Solved samples, in ascending order of their number.
     """
 
     manifest: Manifest
@@ -56,7 +56,7 @@ def read_nodal_dataset(folder: Path) -> NodalDataset:
     Raises
     ------
     InputError
-        If there is none, it is of another kind, or any byte of it has changed.
+        If there is no dataset, it is of another kind, or any byte of it has changed.
     """
     reader = DatasetReader(folder, "nodal")
     if reader.manifest.samples == 0:

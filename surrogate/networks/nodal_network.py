@@ -1,4 +1,4 @@
-"""A network between fields, taken between the nodes of the mesh: grid map included."""
+"""A field network between the nodes of a mesh: the operators of the grid around the network."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from surrogate.probabilistic.likelihoods import Prediction
 
 
 class WeightedSums(nn.Module):
-    """A sparse linear map: every value a weighted sum of a few.
+    """A sparse linear map: every output is a weighted sum of a few inputs.
 
     Parameters
     ----------
     sources : array of int, (n_out, k)
-        Which values each is a sum of.
+        Inputs of each output.
     weights : array, (n_out, k)
+        Weights of these inputs.
     """
 
     sources: Tensor
@@ -32,7 +33,7 @@ class WeightedSums(nn.Module):
         self.register_buffer("weights", torch.from_numpy(weights.T.astype(np.float32)))
 
     def forward(self, values: Tensor) -> Tensor:
-        """Sum: (…, n_in) → (…, n_out)."""
+        """Apply the map: (…, n_in) → (…, n_out)."""
         terms = values.index_select(-1, self.sources)
         terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
         sums: Tensor = (terms * self.weights).sum(dim=-2)
@@ -40,7 +41,7 @@ class WeightedSums(nn.Module):
 
 
 class NodalNetwork(nn.Module):
-    """Nodal forces in N to nodal displacements in m.
+    """A network that maps nodal forces in N to nodal displacements in m.
 
     Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f
     (`shared_schema.grid`).
@@ -60,14 +61,14 @@ class NodalNetwork(nn.Module):
         self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
     def forward(self, force: Tensor, passes: int = 1) -> Prediction:
-        """Predict with one pass, or with several that were drawn (`probabilistic.passes`).
+        """Predict with one pass, or with several drawn passes (`probabilistic.passes`).
 
         Parameters
         ----------
         force : Tensor, (N, n_nodes, d)
             In N.
         passes : int
-            T, the number of those drawn.
+            Number of drawn passes T.
 
         Returns
         -------
@@ -86,9 +87,9 @@ class NodalNetwork(nn.Module):
         return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
 
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
-        r"""Factors on aleatoric and epistemic standard deviations, (N, 1, 1) each, of some forces.
+        r"""Factors on aleatoric and epistemic standard deviations for some forces, (N, 1, 1) each.
 
-        The factors that were fitted in the range of training, and beyond it 1 more and more:
+        Inside the range of training they are the fitted factors a and b; outside they tend to 1:
         :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, r being the largest force component
         over the largest in training.
         """
@@ -102,19 +103,19 @@ class NodalNetwork(nn.Module):
 def transposed(
     sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The transpose of a sparse map, in the same form.
+    """Transpose a sparse map.
 
     Parameters
     ----------
     sources : array of int, (n_out, k)
     weights : array, (n_out, k)
     columns : int
-        n_in.
+        Number of inputs n_in.
 
     Returns
     -------
     sources, weights : array, (n_in, m)
-        Rows shorter than the longest are filled up by weights of zero.
+        The transpose in the same form; shorter rows end in weights of zero.
     """
     starts = np.arange(0, sources.size + 1, sources.shape[1])
     shape = (len(sources), columns)

@@ -113,7 +113,7 @@ def test_out_of_time(job: Path) -> None:
     process.send_signal(signal.SIGTERM)
     code, said = finish(process)
     assert code == 1
-    assert "stopped; the same command goes on from here" in said
+    assert "stopped; resume with the same command" in said
     assert (job / "asked_of_slurm").read_text() == f"requeue {JOB}\n"
     assert not (nodal / "manifest.json").exists()
     kept = {path: path.stat().st_mtime_ns for path in nodal.glob("shard-*.h5")}

@@ -181,7 +181,7 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
         os.kill(pids_of(out)[0], signal.SIGTERM)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 1
-    assert "stopped; the same command goes on from here" in said
+    assert "stopped; resume with the same command" in said
     parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
     kept = np.concatenate([part["samples/wall_time"] for part in parts])
     assert 0 < len(kept) < 1000

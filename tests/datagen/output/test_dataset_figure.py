@@ -32,9 +32,9 @@ def test_samples_are_spread_over_the_displacement(beam: Path) -> None:
     shard = read_shard(beam / "shard-00000.h5", "nodal")
     moved = np.linalg.norm(shard["samples/displacement"], axis=2).max(axis=1)
     assert samples.largest == pytest.approx(moved)
-    assert samples.spread(4) == np.argsort(moved)[[2, 4, 7, 9]].tolist()
-    assert samples.spread(1) == [moved.argmax()]
-    assert samples.spread(99) == np.argsort(moved).tolist()
+    assert samples.evenly_by_displacement(4) == np.argsort(moved)[[2, 4, 7, 9]].tolist()
+    assert samples.evenly_by_displacement(1) == [moved.argmax()]
+    assert samples.evenly_by_displacement(99) == np.argsort(moved).tolist()
 
 
 def test_a_sample_is_that_of_the_shard(beam: Path) -> None:
