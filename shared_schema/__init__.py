@@ -1,6 +1,6 @@
 """The contract between the data factory (`datagen`) and the learner (`surrogate`).
 
-The two programs share nothing but files; this package says what is in them and is the only
+The two programs share nothing but files; this package defines their content and is the only
 code that both import. It needs h5py and numpy, and meshio for VTU files; no solver, no torch.
 """
 

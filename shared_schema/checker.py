@@ -1,7 +1,7 @@
-"""The checker: everything that can be wrong with a dataset, named.
+"""Check a dataset against the contract and name every violation.
 
-It reads every byte: the manifest against its digest, every shard against its checksum, and every
-array against the layout. It never stops at the first problem.
+The checker reads every byte: it holds the manifest against its digest, every shard against its
+checksum, and every array against the layout. It does not stop at the first problem.
 """
 
 from __future__ import annotations
@@ -11,18 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.cells import CELL_TYPES
+from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
-from shared_schema.grid import grid_problems
-from shared_schema.grid_map import NO_NODE
-from shared_schema.manifest import Manifest, StructuredInfo, digest_of, read_manifest
-from shared_schema.shard import (
-    Arrays,
-    Attributes,
-    array_problems,
-    read_arrays,
-    read_attributes,
-    sha256,
-)
+from shared_schema.grid_arrays import grid_problems
+from shared_schema.layout import NO_NODE, Arrays
+from shared_schema.manifest import Manifest, digest_of, read_manifest
+from shared_schema.shard_problems import array_problems
+from shared_schema.shard_reader import Attributes, read_arrays, read_attributes
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
 
@@ -53,7 +48,7 @@ def check_dataset(folder: Path) -> list[str]:
         if not path.is_file():
             problems.append(f"{entry.file}: missing")
             continue
-        if sha256(path) != entry.sha256:  # HDF5 must not be let loose on a damaged file
+        if sha256(path) != entry.sha256:  # a damaged file must not reach the HDF5 library
             problems.append(f"{entry.file}: {_damage(path)}")
             continue
         try:
@@ -85,20 +80,20 @@ def check_dataset(folder: Path) -> list[str]:
     info = manifest.structured
     if info is not None and not problems and test != info.test:
         problems.append(f"manifest: 'test' is {info.test}, the shards hold {test}")
-    if info is not None and info.stiffness is not None:
+    if manifest.stiffness_checksum is not None:
         dofs = mesh["mesh/coordinates"].size if mesh else None
         problems += [
-            f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, info, dofs)
+            f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, manifest, dofs)
         ]
     return problems
 
 
-def _stiffness_problems(folder: Path, info: StructuredInfo, dofs: int | None) -> list[str]:
-    """What is wrong with the stiffness file; its size is that of the mesh, if that is known."""
+def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> list[str]:
+    """List what is wrong with the stiffness file; its size is checked if the mesh is known."""
     path = folder / STIFFNESS_FILE
     if not path.is_file():
         return ["missing"]
-    if sha256(path) != info.stiffness:
+    if sha256(path) != manifest.stiffness_checksum:
         return [_damage(path)]
     try:
         stiffness = read_stiffness(folder)
@@ -134,10 +129,12 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
         if path.name not in listed:
             problems.append(f"{path.name}: not in the manifest")
     info = manifest.structured
-    if (info is None or info.stiffness is None) and (folder / STIFFNESS_FILE).exists():
+    if manifest.stiffness_checksum is None and (folder / STIFFNESS_FILE).exists():
         problems.append(f"{STIFFNESS_FILE}: not in the manifest")
     if (manifest.kind == "structured") != (info is not None):
         problems.append(f"manifest: 'structured' does not fit the kind '{manifest.kind}'")
+    elif info is not None and manifest.stiffness is not None:
+        problems.append("manifest: 'stiffness' does not fit the kind 'structured'")
     elif info is not None and info.train + info.test != manifest.samples:
         problems.append(
             f"manifest: train {info.train} + test {info.test} is not samples {manifest.samples}"
@@ -146,7 +143,7 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
 
 
 def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
-    """What shapes and types cannot tell: node numbers in range, a grid map that is one."""
+    """List what is wrong with the values: node numbers, load cases, the grid."""
     problems = []
     nodes = len(arrays["mesh/coordinates"])
     for name in ("mesh/cells", "samples/loaded_nodes", "failed/loaded_nodes"):
@@ -154,11 +151,33 @@ def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
             lowest = 0 if name == "mesh/cells" else NO_NODE
             if arrays[name].min() < lowest or arrays[name].max() >= nodes:
                 problems.append(f"dataset '{name}' names a node outside 0 … {nodes - 1}")
+    if not problems:
+        for group in ("samples", "failed"):
+            if f"{group}/loaded_nodes" in arrays:
+                problems += _load_problems(arrays, group)
     if manifest.structured is None:
         return problems
     if ("grid/sources" in arrays) != (manifest.structured.embedding is not None):
         problems.append("the grid is embedded, or not, against what the manifest says")
     return problems + grid_problems(arrays, manifest.structured.grid_shape)
+
+
+def _load_problems(arrays: Arrays, group: str) -> list[str]:
+    """Name padding before a loaded node or under force, clamped loaded nodes, and repeated ones."""
+    force = "samples/nodal_force" if "samples/nodal_force" in arrays else f"{group}/force"
+    name, nodes = f"{group}/loaded_nodes", arrays[f"{group}/loaded_nodes"]
+    is_padding = nodes == NO_NODE
+    problems = []
+    if np.any(is_padding[:, :-1] & ~is_padding[:, 1:]):
+        problems.append(f"dataset '{name}' has padding before a loaded node")
+    if np.any(arrays[force][is_padding]):
+        problems.append(f"dataset '{force}' is not zero where '{name}' is padding")
+    if np.any(arrays["mesh/clamped"][nodes[~is_padding]]):
+        problems.append(f"dataset '{name}' names a clamped node")
+    ordered = np.sort(nodes, axis=1)
+    if np.any((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_NODE)):
+        problems.append(f"dataset '{name}' names a node twice in one load case")
+    return problems
 
 
 def _damage(path: Path) -> str:
@@ -169,8 +188,8 @@ def _damage(path: Path) -> str:
 def require_intact(folder: Path, manifest: Manifest) -> None:
     """Raise InputError at the first file of a dataset that is missing or damaged."""
     files = {entry.file: entry.sha256 for entry in manifest.shards}
-    if manifest.structured is not None and manifest.structured.stiffness is not None:
-        files[STIFFNESS_FILE] = manifest.structured.stiffness
+    if manifest.stiffness_checksum is not None:
+        files[STIFFNESS_FILE] = manifest.stiffness_checksum
     for file, checksum in files.items():
         path = folder / file
         if not path.is_file():

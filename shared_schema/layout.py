@@ -1,4 +1,4 @@
-"""What is in a shard: one annotated tree for each kind of dataset, and one for the stiffness.
+"""Layout of a shard: one annotated tree for each kind of dataset, and one for the stiffness.
 
 Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
@@ -12,12 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Container
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 SCHEMA_VERSION = 1
+NO_NODE = -1  # in place of a node number: padding of loaded nodes, a grid point without value
 
 Kind = Literal["nodal", "structured"]  # of datasets
 FileKind = Literal["nodal", "structured", "stiffness"]
+Arrays = dict[str, NDArray[Any]]  # of a shard, by path
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class ArrayLayout:
     Attributes
     ----------
     path : str
-        Where it stands in the file.
+        Path in the file.
     dtype : str
         NumPy name of its type; ``str`` for UTF-8 text.
     axes : tuple of str
@@ -36,7 +40,7 @@ class ArrayLayout:
         SI unit, or ``1``.
     description : str
     sparse : bool
-        Mostly zeros: stored compressed.
+        True if most values are zero; such a dataset is stored compressed.
     """
 
     path: str
@@ -232,7 +236,7 @@ SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
 
 
 def layout_for(kind: FileKind, paths: Container[str]) -> tuple[ArrayLayout, ...]:
-    """The layout of a shard that has datasets at some paths.
+    """Layout of a shard that has datasets at some paths.
 
     A structured shard that has ``grid/sources`` has a grid embedded on a mesh without a structured
     order, and with it the nodal samples, which such a grid does not hold exactly.
@@ -245,20 +249,20 @@ def layout_for(kind: FileKind, paths: Container[str]) -> tuple[ArrayLayout, ...]
 def shape_problem(
     layout: ArrayLayout, shape: tuple[int, ...], lengths: dict[str, tuple[int, ...]]
 ) -> str | None:
-    """Hold a shape against the named axes of its layout.
+    """Check a shape against the named axes of its layout.
 
     Parameters
     ----------
     layout : ArrayLayout
     shape : tuple of int
-        Shape found.
+        Shape of the array.
     lengths : dict
         Length of every axis seen so far (``*grid`` has several); new axes are added.
 
     Returns
     -------
     str or None
-        What is wrong, if anything.
+        Description of the problem, if there is one.
     """
     grid_rank = len(shape) - (len(layout.axes) - 1) if "*grid" in layout.axes else 0
     fits = grid_rank in (2, 3) if "*grid" in layout.axes else len(shape) == len(layout.axes)

@@ -1,4 +1,4 @@
-"""The manifest of a dataset: what it is, how it was made, and the checksum of everything in it.
+"""The manifest of a dataset: its kind, its origin, and the checksum of every file in it.
 
 ``manifest.json`` is written last and in one canonical spelling, so that its presence means a
 complete dataset and any changed byte is found.
@@ -23,7 +23,7 @@ UNITS = {"length": "m", "force": "N", "stress": "Pa", "time": "s"}
 
 
 class ShardEntry(Frozen):
-    """One shard of the dataset: its file, what it holds, and its checksum.
+    """One shard of the dataset: its file, its counts, and its checksum.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ NodeOrder = Literal["preferred", "gmsh", "random"]
 
 
 class EmbeddingInfo(Frozen):
-    """How well a grid that is embedded on a mesh holds its fields.
+    """Accuracy of a grid that is embedded on a mesh.
 
     Attributes
     ----------
     mean_error, max_error : float
-        ‖u_grid→nodes − u‖₂ / ‖u‖₂ of a sample's displacement, over the samples.
+        Mean and largest ‖u_grid→nodes − u‖₂ / ‖u‖₂ of a sample's displacement.
     """
 
     mean_error: float = Field(ge=0)
@@ -73,28 +73,27 @@ class EmbeddingInfo(Frozen):
 
 
 class StructuredInfo(Frozen):
-    """What a structured dataset says beyond a nodal one.
+    """Additional content of a structured dataset's manifest.
 
     Attributes
     ----------
     grid_shape : tuple of int
         (nx, ny[, nz]).
     order : {"preferred", "gmsh", "random"}
-        Which node stands at a grid point: the one that is there in space, or the next by gmsh's
-        number, or one at random.
+        Order of the nodes on the grid points: by position in space, by gmsh's number, or random.
     order_seed : int
-        Of the random order.
+        Seed of the random order.
     train, test : int
         Number of samples of each split.
     split_seed : int
     force, displacement : ComponentStatistics
-        Over the training split.
+        Statistics over the training split.
     source_digest : str
         Digest of the nodal dataset that it was made from.
     embedding : EmbeddingInfo or None
-        Only if the mesh has no structured order.
+        Only of a grid that is embedded on its mesh.
     stiffness : str or None
-        SHA-256 of the stiffness file; not written of a dataset that has none.
+        SHA-256 of the stiffness file; absent from the file if the dataset has none.
     """
 
     grid_shape: tuple[int, ...]
@@ -133,15 +132,18 @@ class Manifest(Frozen):
     seed : int
     units : dict
     software : dict
-        Versions of what made the dataset.
+        Versions of the software that made the dataset.
     dimension : int
         Number of space dimensions d.
     samples, failed : int
-        Over all shards.
+        Number of solved samples, and of failed load cases, over all shards.
     transforms : tuple of dict
         Steps that changed the samples after they were solved (noise), with all their settings.
     shards : tuple of ShardEntry
     structured : StructuredInfo or None
+    stiffness : str or None
+        SHA-256 of the stiffness file of a nodal dataset; absent from the file if it has none. A
+        structured dataset has it in `structured`.
     digest : str
         SHA-256 of everything above.
     """
@@ -160,18 +162,31 @@ class Manifest(Frozen):
     transforms: tuple[dict[str, Any], ...] = ()
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
+    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     digest: str = ""
 
+    @model_serializer(mode="wrap")
+    def _without_absent_stiffness(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if self.stiffness is None:
+            del content["stiffness"]
+        return content
+
+    @property
+    def stiffness_checksum(self) -> str | None:
+        """SHA-256 of the stiffness file of either kind of dataset; None if it has none."""
+        return self.stiffness if self.structured is None else self.structured.stiffness
+
     def sealed(self) -> Manifest:
-        """Return the manifest with its own digest filled in."""
+        """Return a copy with its own digest filled in."""
         return self.model_copy(update={"digest": digest_of(self._content())})
 
     def is_intact(self) -> bool:
-        """Tell whether the digest is that of the content."""
+        """True if the digest is that of the content."""
         return self.digest == digest_of(self._content())
 
     def spelled(self) -> str:
-        """The one spelling of the manifest as a file."""
+        """Text of the manifest file, in its one canonical spelling."""
         return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=True) + "\n"
 
     def _content(self) -> dict[str, Any]:
@@ -192,14 +207,14 @@ def write_manifest(folder: Path, manifest: Manifest) -> Manifest:
 
 
 def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
-    """Read the manifest of a dataset and hold it against its own digest.
+    """Read the manifest of a dataset and check it against its own digest.
 
     Parameters
     ----------
     folder : Path
         The dataset.
     kind : {"nodal", "structured"}, optional
-        The kind that is needed.
+        Kind that the caller needs.
 
     Raises
     ------

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 
 STIFFNESS_FILE = "stiffness.h5"
-ASYMMETRY = 1e-9  # largest of an entry, as a part of the largest entry
+ASYMMETRY = 1e-9  # allowed difference of mirrored entries, relative to the largest entry
 
 
 @dataclass(frozen=True)
@@ -24,11 +25,11 @@ class Stiffness:
     Attributes
     ----------
     data : array, (n_entries,)
-        In N/m.
+        Entries in N/m.
     indices : array of int, (n_entries,)
         Column of each entry.
     indptr : array of int, (n_dofs + 1,)
-        Where each row begins, and the last ends.
+        Start of each row in the entries, and the end of the last row.
     """
 
     data: NDArray[np.float64]
@@ -55,7 +56,7 @@ def read_stiffness(folder: Path) -> Stiffness:
 
 
 def stiffness_problems(stiffness: Stiffness, dofs: int) -> list[str]:
-    """What is wrong with the stiffness of a body with some degrees of freedom."""
+    """List what is wrong with a stiffness matrix of `dofs` degrees of freedom."""
     starts, count = stiffness.indptr, len(stiffness.data)
     if len(starts) != dofs + 1 or starts[0] != 0 or starts[-1] != count:
         return [f"dataset 'stiffness/indptr' is not that of {dofs} rows and {count} entries"]

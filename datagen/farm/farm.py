@@ -1,9 +1,9 @@
-"""The farm: every load case of a dataset solved, by all ranks, whatever happens on the way.
+"""Solve every load case of a dataset on all ranks; resume after any interruption.
 
-The samples are cut into shards once and for all. The ranks form groups, each with a mesh of its
-own; a group takes the next piece of work, a shard or at the end a part of one, solves its samples
-one after the other, and its leader writes them. So the dataset does not depend on the number of
-groups or restarts, nothing that is finished is ever done again, and all groups end together.
+The case determines which samples a shard holds. The ranks form groups, each with its own mesh. A
+group takes the next piece of work (a shard, near the end a part of one), solves its samples in
+turn, and its leader writes them. So the dataset does not depend on the number of groups or
+restarts, finished work is never repeated, and all groups end together.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
 from datagen.farm.software_versions import software_versions
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
+from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
+from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import write_stiffness
 
-POLL = 0.05  # seconds between two looks at the others' progress, when rank 0 has nothing to do
+POLL = 0.05  # seconds between two updates of the progress, while rank 0 waits for the others
 
 
 def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> Manifest:
-    """Make the nodal dataset of a case in `folder`, going on with what is there (collective).
+    """Make the nodal dataset of a case in `folder`, or resume it (collective).
 
-    Each group of ranks solves on a mesh of its own, and its leader writes its shards; rank 0
-    writes the manifest.
+    Each group of ranks solves on its own mesh, and its leader writes its shards; rank 0
+    assembles and writes the stiffness of the undeformed body, and last the manifest.
 
     Parameters
     ----------
@@ -53,15 +57,15 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     ------
     InputError
         On every rank, if the folder belongs to another case or run, the case fits no mesh, or
-        the ranks make no whole number of groups.
+        `ranks_per_solve` does not divide the number of ranks.
     StoppedError
-        On every rank, after SIGINT or SIGTERM to any; what was solved is kept.
+        On every rank, after SIGINT or SIGTERM to any of them; solved samples are kept.
     """
     group = RankGroup.of(comm, ranks_per_solve)
     journal = Journal(folder)
     body = None
     if on_rank_zero(comm, lambda: journal.is_new):
-        body = _body(case, group)  # wrong input shows here, before anything is written
+        body = _body(case, group)  # wrong input is found here, before anything is written
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
@@ -73,7 +77,7 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
 
 
 def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
-    """Sample numbers that are still to be solved, of each shard that is not complete."""
+    """Numbers of the unsolved samples of each shard that is not complete."""
     complete = journal.entries()
     remaining = {}
     for shard in range(shard_count(case)):
@@ -126,7 +130,7 @@ def _make_shards(
                 break
             try:
                 _make_piece(case, journal, body, pieces[position], group, count, stopped, is_last)
-            except InputError as error:  # on these ranks alone, so that it cannot be the run's
+            except InputError as error:  # raised on these ranks only
                 name = shard_name(pieces[position].shard)
                 raise WorkError(f"{name}: {error}") from error
         counters.add("ended", 1)
@@ -153,9 +157,9 @@ def _make_piece(
     stopped: Callable[[], bool],
     is_last: Callable[[Piece], bool],
 ) -> None:
-    """Solve a piece and keep it, or what there is of it if stopped (collective over the group).
+    """Solve a piece and keep its solved samples, even if stopped (collective over the group).
 
-    Whoever finishes the last piece of a shard puts the shard together and writes it.
+    The group that finishes the last piece of a shard merges the pieces and writes the shard.
     """
     job = ShardJob(case, body, piece.numbers)
     while not (job.is_complete or stopped()):
@@ -187,7 +191,7 @@ def _body(case: Case, group: RankGroup) -> Body:
     if group.number == 0:
         try:
             body = make_body(case, group.comm)
-        except InputError:  # which the other groups find as well
+        except InputError:  # the other groups raise it as well
             group.world.barrier()
             raise
     group.world.barrier()
@@ -197,23 +201,32 @@ def _body(case: Case, group: RankGroup) -> Body:
 
 
 def _finish(case: Case, journal: Journal) -> Manifest:
+    """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
     entries = journal.entries()
     shards = tuple(entries[shard_name(k)] for k in range(shard_count(case)))
-    first = read_shard(journal.folder / shards[0].file, "nodal")
-    manifest = write_manifest(
-        journal.folder,
-        Manifest(
-            kind="nodal",
-            name=case.name,
-            case=case.plain(),
-            case_digest=case.digest(),
-            seed=case.dataset.seed,
-            software=software_versions(),
-            dimension=first["mesh/coordinates"].shape[1],
-            samples=sum(entry.samples for entry in shards),
-            failed=sum(entry.failed for entry in shards),
-            shards=shards,
-        ),
-    )
+    manifest = journal.complete_manifest(shards)
+    if manifest is None:
+        manifest = write_manifest(journal.folder, _manifest(case, journal.folder, shards))
     journal.remove()
     return manifest
+
+
+def _manifest(case: Case, folder: Path, shards: tuple[ShardEntry, ...]) -> Manifest:
+    """Assemble and write the stiffness of the shards' mesh; make the manifest of the dataset."""
+    path = folder / shards[0].file
+    first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
+    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
+    stiffness = stiffness_of(mesh, case.material)
+    return Manifest(
+        kind="nodal",
+        name=case.name,
+        case=case.plain(),
+        case_digest=case.digest(),
+        seed=case.dataset.seed,
+        software=software_versions(),
+        dimension=first["mesh/coordinates"].shape[1],
+        samples=sum(entry.samples for entry in shards),
+        failed=sum(entry.failed for entry in shards),
+        shards=shards,
+        stiffness=write_stiffness(folder, stiffness, case.digest(), cell_type),
+    )

@@ -1,9 +1,9 @@
-"""What a run has done so far, so that it can be killed at any moment and gone on with.
+"""Record of a run's finished work; the run can be killed and resumed at any time.
 
-While a run is under way its folder holds ``.journal/``: the case, and an entry for each shard that
-is finished. A shard counts once its entry exists and its file has the entry's checksum. When all
-are there the manifest is written and the journal removed; a later start finds its entries in the
-manifest.
+During a run its folder holds ``.journal/``: the case, an entry for each finished shard, and the
+solved parts of unfinished ones. A shard is finished if its entry exists and its file has the
+entry's checksum. After the last shard the stiffness and the manifest are written and the journal is
+removed; a later start takes the entries from the manifest.
 """
 
 from __future__ import annotations
@@ -19,18 +19,17 @@ from typing import Any
 
 from datagen.cases.case import Case
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
+from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import (
-    MANIFEST,
-    ShardEntry,
-    digest_of,
-    read_manifest,
-)
-from shared_schema.shard import Arrays, read_attributes, read_shard, sha256, write_shard
+from shared_schema.layout import Arrays
+from shared_schema.manifest import MANIFEST, Manifest, ShardEntry, digest_of, read_manifest
+from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 
 JOURNAL = ".journal"
-LOCK_WAIT = 3.0  # seconds that the last rank of a killed run may take to be gone
+LOCK_WAIT = 3.0  # seconds that the ranks of a killed run may take to end
 
 
 class Journal:
@@ -39,7 +38,7 @@ class Journal:
     Parameters
     ----------
     folder : Path
-        The dataset's folder; made if it is not there.
+        Folder of the dataset; created if it does not exist.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -49,12 +48,12 @@ class Journal:
 
     @property
     def is_new(self) -> bool:
-        """Whether no run has begun in the folder; InputError if it cannot be written to."""
+        """True if no run has begun in the folder; InputError if the folder cannot be written to."""
         require_writable(self.folder)
         return not (self._journal.exists() or (self.folder / MANIFEST).exists())
 
     def open(self, case: Case) -> None:
-        """Lock the folder for this run and see that what is in it belongs to `case`.
+        """Lock the folder for this run and check that its content belongs to `case`.
 
         Raises
         ------
@@ -84,7 +83,7 @@ class Journal:
             raise
 
     def _case_found(self) -> dict[str, Any] | None:
-        """The case that the folder belongs to, if it says one that can be read."""
+        """Case of the folder, from the journal or the manifest; None if neither can be read."""
         content = _json(self._journal / "case.json")
         if isinstance(content, dict):
             return content
@@ -93,7 +92,7 @@ class Journal:
         return None
 
     def _require_shards_of(self, case: Case) -> None:
-        """See that what is there is of this case, where the journal's record of it is lost."""
+        """Raise InputError unless every shard and part is of this case."""
         kept = [self.folder / name for name in self.entries()]
         kept += [part for part in sorted(self._journal.glob("part-*.h5")) if _is_intact(part)]
         for path in kept:
@@ -106,7 +105,7 @@ class Journal:
     def entries(self) -> dict[str, ShardEntry]:
         """Entries of the finished shards whose files are intact, by file name.
 
-        An entry that cannot be read does not count: its shard is made again.
+        An unreadable entry does not count: its shard is solved again.
         """
         entries = []
         if (self.folder / MANIFEST).is_file():
@@ -121,20 +120,36 @@ class Journal:
             and sha256(self.folder / entry.file) == entry.sha256
         }
 
+    def complete_manifest(self, shards: tuple[ShardEntry, ...]) -> Manifest | None:
+        """Manifest of a complete dataset; None if shards or stiffness are not those it lists.
+
+        Parameters
+        ----------
+        shards : tuple of ShardEntry
+            All shards of the dataset, intact.
+        """
+        if not (self.folder / MANIFEST).is_file():
+            return None
+        manifest, path = read_manifest(self.folder), self.folder / STIFFNESS_FILE
+        found = sha256(path) if path.is_file() else None
+        if manifest.shards != shards or found != manifest.stiffness:
+            return None
+        return manifest
+
     def record(self, entry: ShardEntry) -> None:
-        """Count a shard as finished; its file is in place already."""
+        """Record a shard as finished; its file must be complete."""
         path = self._journal / f"{Path(entry.file).stem}.json"
         write_text(path, entry.model_dump_json() + "\n")
 
     def keep_part(self, shard: int, arrays: Arrays, case: Case, cell_type: str) -> None:
-        """Keep what there is of a shard that is not complete; it counts with its checksum."""
+        """Write the solved part of an unfinished shard, and then its checksum."""
         first = min([*arrays["samples/number"], *arrays["failed/number"]])
         path = self._journal / f"part-{shard:05d}-{first:08d}.h5"
         digest = write_shard(path, "nodal", arrays, case.digest(), cell_type)
         write_text(path.with_suffix(".sha256"), digest)
 
     def parts(self, shard: int) -> list[Arrays]:
-        """What is kept of a shard that is not complete, as far as it is intact."""
+        """Read the intact parts of an unfinished shard."""
         return [
             read_shard(path, "nodal")
             for path in sorted(self._journal.glob(f"part-{shard:05d}-*.h5"))
@@ -142,12 +157,12 @@ class Journal:
         ]
 
     def drop_parts(self, shard: int) -> None:
-        """Remove what was kept of a shard that is complete now."""
+        """Remove the parts of a finished shard."""
         for path in self._journal.glob(f"part-{shard:05d}-*"):
             path.unlink(missing_ok=True)
 
     def remove(self) -> None:
-        """Remove the journal of a dataset that is complete."""
+        """Remove the journal of a complete dataset."""
         shutil.rmtree(self._journal, ignore_errors=True)
 
     def close(self) -> None:
@@ -158,7 +173,7 @@ class Journal:
 
 
 def _locked(folder: Path) -> int:
-    """Lock a folder; InputError if another run does not give it free within `LOCK_WAIT`."""
+    """Lock a folder; raise InputError if another run holds the lock longer than `LOCK_WAIT`."""
     descriptor = os.open(folder, os.O_RDONLY)
     limit = time.monotonic() + LOCK_WAIT
     while True:
@@ -182,7 +197,7 @@ def _json(path: Path) -> Any:
 
 
 def _is_intact(part: Path) -> bool:
-    """Whether a part of a shard has the checksum that was written after it."""
+    """True if a part of a shard has the checksum that was written after it."""
     checksum = part.with_suffix(".sha256")
     return checksum.is_file() and checksum.read_bytes() == sha256(part).encode()
 

@@ -14,8 +14,8 @@ from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.grid_map import NO_NODE
-from shared_schema.shard import Arrays
+from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.layout import NO_NODE, Arrays
 
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
 
@@ -132,10 +132,11 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
 
 
 def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
-    """Loaded nodes (n, width) and forces (n, width, d); unused entries are NO_NODE and zero."""
+    """Loaded nodes (n, width), each once a load case, and forces (n, width, d); padded."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
     for row, load in enumerate(loads):
-        nodes[row, : len(load.nodes)] = load.nodes
-        force[row, : len(load.nodes)] = load.forces
+        distinct, summed = sum_per_node(load.nodes, load.forces)
+        nodes[row, : len(distinct)] = distinct
+        force[row, : len(distinct)] = summed
     return nodes, force

@@ -10,9 +10,9 @@ from pydantic import Field, PrivateAttr
 
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.shard import sha256
 
 OF_GMSH = (".geo", ".msh")
 

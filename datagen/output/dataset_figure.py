@@ -60,7 +60,7 @@ def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[in
         If there is no intact nodal dataset, or it lacks one of the samples.
     """
     dataset = NodalSamples(folder)
-    numbers = dataset.spread(SHOWN) if chosen is None else dataset.named(chosen)
+    numbers = dataset.evenly_by_displacement(SHOWN) if chosen is None else dataset.named(chosen)
     save(draw(dataset, [dataset[number] for number in numbers]), path)
     return numbers
 

@@ -7,11 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
-from shared_schema.checker import require_intact
-from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import Arrays, read_shard
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.layout import Arrays
+from shared_schema.manifest import Manifest
 
 Row = tuple[str, str]
+
+NODAL_ARRAYS = (
+    "samples/loaded_nodes",
+    "samples/force",
+    "samples/displacement",
+    "samples/load_steps",
+    "samples/cutbacks",
+    "samples/newton_iterations",
+    "samples/residual_norm",
+    "samples/wall_time",
+    "failed/reason",
+)
 
 
 def summary(folder: Path) -> str:
@@ -22,45 +34,41 @@ def summary(folder: Path) -> str:
     InputError
         If there is no intact dataset.
     """
-    manifest = read_manifest(folder)
-    require_intact(folder, manifest)
-    shards = [read_shard(folder / entry.file, manifest.kind) for entry in manifest.shards]
-    rows = _common(manifest, shards[0])
-    rows += _nodal(shards) if manifest.kind == "nodal" else _structured(manifest)
+    reader = DatasetReader(folder)
+    rows = _common(reader.manifest, reader.body)
+    rows += _nodal(reader) if reader.manifest.kind == "nodal" else _structured(reader.manifest)
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
 
-def _common(manifest: Manifest, shard: Arrays) -> list[Row]:
-    nodes, dimension = shard["mesh/coordinates"].shape
+def _common(manifest: Manifest, body: Arrays) -> list[Row]:
+    nodes, dimension = body["mesh/coordinates"].shape
     return [
         ("dataset", f"{manifest.name}, {manifest.kind}, schema version {manifest.schema_version}"),
         ("samples", f"{manifest.samples} solved, {manifest.failed} failed"),
         ("shards", str(len(manifest.shards))),
         ("seed", str(manifest.seed)),
-        ("mesh", f"{nodes} nodes, {len(shard['mesh/cells'])} cells, {nodes * dimension} DOFs"),
+        ("mesh", f"{nodes} nodes, {len(body['mesh/cells'])} cells, {nodes * dimension} DOFs"),
         (
             "clamped / loadable nodes",
-            f"{shard['mesh/clamped'].sum()} / {shard['mesh/loadable'].sum()}",
+            f"{body['mesh/clamped'].sum()} / {body['mesh/loadable'].sum()}",
         ),
         ("made by", ", ".join(f"{k} {v}" for k, v in manifest.software.items())),
         ("digest", manifest.digest),
     ]
 
 
-def _nodal(shards: list[Arrays]) -> list[Row]:
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([shard[name] for shard in shards])
-
-    reasons = Counter(str(reason) for shard in shards for reason in shard["failed/reason"])
+def _nodal(reader: DatasetReader) -> list[Row]:
+    arrays = reader.joined(NODAL_ARRAYS)
+    reasons = Counter(str(reason) for reason in arrays["failed/reason"])
     rows = [(f"failed: {reason}", str(count)) for reason, count in reasons.most_common()]
-    if sum(len(shard["samples/number"]) for shard in shards) == 0:
+    if reader.manifest.samples == 0:
         return rows
-    per_node = np.unique(joined("samples/loaded_nodes"), return_counts=True)[1]
-    magnitude = np.linalg.norm(joined("samples/displacement"), axis=2).max(axis=1)
-    wall = joined("samples/wall_time")
-    force = joined("samples/force")
-    residual = joined("samples/residual_norm").max()
+    per_node = np.unique(arrays["samples/loaded_nodes"], return_counts=True)[1]
+    magnitude = np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1)
+    wall = arrays["samples/wall_time"]
+    force = arrays["samples/force"]
+    residual = arrays["samples/residual_norm"].max()
     return [
         *rows,
         ("samples per loaded node", f"{per_node.min()} to {per_node.max()}"),
@@ -69,9 +77,9 @@ def _nodal(shards: list[Arrays]) -> list[Row]:
             "largest |u| of a sample",
             f"median {np.median(magnitude):.4g}, max {magnitude.max():.4g} m",
         ),
-        ("load steps", _mean_and_max(joined("samples/load_steps"))),
-        ("cutbacks", _mean_and_max(joined("samples/cutbacks"))),
-        ("Newton iterations", _mean_and_max(joined("samples/newton_iterations"))),
+        ("load steps", _mean_and_max(arrays["samples/load_steps"])),
+        ("cutbacks", _mean_and_max(arrays["samples/cutbacks"])),
+        ("Newton iterations", _mean_and_max(arrays["samples/newton_iterations"])),
         ("largest residual", f"{residual:.3g} N"),
         (
             "solve time",

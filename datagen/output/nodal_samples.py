@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import Arrays, read_attributes, read_shard
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import ShardEntry
 
 
 @dataclass(frozen=True)
@@ -50,31 +50,28 @@ class NodalSamples:
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
     numbers : array of int, (n_samples,)
-        Of the solved samples, from low to high.
+        Numbers of the solved samples, ascending.
     largest : array, (n_samples,)
         Largest displacement of a node in each of them, in m.
 
     Raises
     ------
     InputError
-        If the folder holds no intact nodal dataset, or one without a solved sample.
+        If the folder holds no intact nodal dataset, or no sample of it is solved.
     """
 
     def __init__(self, folder: Path) -> None:
-        self.manifest: Manifest = read_manifest(folder, "nodal")
-        require_intact(folder, self.manifest)
+        self._reader = DatasetReader(folder, "nodal")
+        self.manifest = self._reader.manifest
         if self.manifest.samples == 0:
             raise InputError(f"{folder}: no solved sample, expected 1 at least")
-        paths = [folder / entry.file for entry in self.manifest.shards]
-        self._loaded: Path | None = None
-        self._arrays: Arrays = {}
-        self._shard_of: dict[int, Path] = {}
+        self._entry_of: dict[int, ShardEntry] = {}
         largest: dict[int, float] = {}
-        for path in paths:
-            self._load(path)
-            numbers = self._arrays["samples/number"].tolist()
-            moved = np.linalg.norm(self._arrays["samples/displacement"], axis=2).max(axis=1)
-            self._shard_of |= dict.fromkeys(numbers, path)
+        for entry, arrays in self._reader:
+            numbers = arrays["samples/number"].tolist()
+            moved = np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1)
+            self._entry_of |= dict.fromkeys(numbers, entry)
+            self._loaded, self._arrays = entry, arrays
             largest |= dict(zip(numbers, moved.tolist(), strict=True))
         self.numbers = np.array(sorted(largest))
         self.largest = np.array([largest[number] for number in sorted(largest)])
@@ -82,28 +79,25 @@ class NodalSamples:
         self.cells: NDArray[np.int64] = self._arrays["mesh/cells"]
         self.clamped: NDArray[np.bool_] = self._arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = self._arrays["mesh/loadable"]
-        self.cell_type = str(read_attributes(paths[0], "nodal")["cell_type"])
+        self.cell_type = self._reader.cell_type
 
     def __getitem__(self, number: int) -> Sample:
-        """Read a solved sample; samples of one shard in turn read it once."""
-        self._load(self._shard_of[number])
+        """Read a solved sample; consecutive samples of one shard read the shard once."""
+        entry = self._entry_of[number]
+        if entry != self._loaded:
+            self._loaded, self._arrays = entry, self._reader.shard(entry)
         row = self._arrays["samples/number"].tolist().index(number)
-        nodes = self._arrays["samples/loaded_nodes"][row]
-        force = np.zeros_like(self.coordinates)
-        np.add.at(force, nodes[nodes >= 0], self._arrays["samples/force"][row][nodes >= 0])
+        nodes, loads = (self._arrays[f"samples/{name}"][row] for name in ("loaded_nodes", "force"))
+        force = scatter_forces(nodes, loads, len(self.coordinates))
         return Sample(number, force, self._arrays["samples/displacement"][row])
 
-    def _load(self, path: Path) -> None:
-        if path != self._loaded:
-            self._loaded, self._arrays = path, read_shard(path, "nodal")
-
     def named(self, text: str) -> list[int]:
-        """Read the solved samples that ``--samples N,N,…`` names, in its order.
+        """Parse ``--samples N,N,…``, the numbers of solved samples; keep their order.
 
         Raises
         ------
         InputError
-            If it is no list of different sample numbers, or one of them has no equilibrium.
+            If the text is no list of different sample numbers, or one of them was not solved.
         """
         if not re.fullmatch(r"\d{1,15}(,\d{1,15})*", text, re.ASCII):
             raise InputError(f"--samples '{text}': expected sample numbers N,N,…")
@@ -111,7 +105,7 @@ class NodalSamples:
         if len(set(numbers)) < len(numbers):
             raise InputError(f"--samples '{text}': expected each sample number once")
         for number in numbers:
-            if number not in self._shard_of:
+            if number not in self._entry_of:
                 raise InputError(
                     f"--samples '{text}': no sample {number} was solved, expected numbers of "
                     f"solved ones, {self.numbers[0]} to {self.numbers[-1]}"
@@ -119,12 +113,12 @@ class NodalSamples:
         return numbers
 
     def within(self, text: str) -> list[int]:
-        """Read the solved samples in the half-open range that ``--samples A:B`` names.
+        """Parse ``--samples A:B``, a half-open range, into the numbers of its solved samples.
 
         Raises
         ------
         InputError
-            If it is no such range, reaches beyond the last sample, or none of it was solved.
+            If the text is no such range, reaches beyond the last sample, or holds no solved sample.
         """
         match = re.fullmatch(r"(\d{1,15}):(\d{1,15})", text, re.ASCII)
         end = self.manifest.samples + self.manifest.failed
@@ -136,11 +130,11 @@ class NodalSamples:
             raise InputError(f"--samples '{text}': none of these load cases was solved")
         return [int(number) for number in numbers]
 
-    def spread(self, count: int) -> list[int]:
-        """Choose up to `count` samples evenly over the order of largest displacement.
+    def evenly_by_displacement(self, count: int) -> list[int]:
+        """Choose up to `count` samples at equal steps in the order of largest displacement.
 
-        The k-th of n is the one that k/n of all samples do not move farther than; so the last is
-        the one that moves most.
+        k/n of all samples have no larger displacement than the k-th of n chosen ones; so the last
+        one has the largest displacement of all.
         """
         order = np.argsort(self.largest, kind="stable")
         count = min(count, len(order))

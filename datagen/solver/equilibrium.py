@@ -39,6 +39,7 @@ from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.serial_assembly import SerialAssembly
 from datagen.solver.settings import SolverSettings
 from datagen.solver.weak_form import weak_form
+from shared_schema.common.nodal_forces import sum_per_node
 
 INVERTED = "inverted element (J <= 0)"
 
@@ -165,10 +166,11 @@ class EquilibriumProblem:
         Parameters
         ----------
         nodes : array of int, (n_loads,)
-            Loaded nodes, by node number; the same on every rank.
+            Loaded nodes, by node number; the same on every rank. Forces on one node add up.
         forces : array, (n_loads, d)
             Force vector at each of them, in N; the same on every rank.
         """
+        nodes, forces = sum_per_node(nodes, forces)
         positions, blocks = self.numbering.owned_blocks(nodes)
         self._load_dofs = self._dofs_of(blocks)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()

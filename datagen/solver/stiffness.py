@@ -1,4 +1,4 @@
-"""The stiffness of the undeformed body: the tangent of linear elasticity, for linear surrogates."""
+"""Assemble the stiffness of the undeformed body, the tangent of linear elasticity."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Steps from one dataset to the next: nodal fields onto grids, noise."""
+"""Steps from one dataset to the next: nodal fields on grids, noise."""

@@ -1,8 +1,9 @@
-"""Embedding a structured grid on any mesh (the remark of Deshpande et al. 2022 on such meshes).
+"""Embed a structured grid on any mesh (the remark of Deshpande et al. 2022 on such meshes).
 
-The grid spans the mesh's bounding box. A grid point inside the body takes the finite-element field
-there; one outside that a node beside it needs takes the field of the nearest element, continued
-linearly. Both ways reproduce linear fields exactly.
+The grid spans the mesh's bounding box. The value at a grid point inside the body is that of the
+finite-element field. The value at a grid point outside, if a node of the mesh depends on it, is
+that of the nearest element's field, continued linearly. Both operators reproduce linear fields
+exactly.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from datagen.mesh.distributed_mesh import UFL_NAMES
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid_map import NO_NODE
+from shared_schema.grid import Grid
+from shared_schema.layout import NO_NODE
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def embed(
     cells: NDArray[np.int64],
     cell_type: str,
     shape: tuple[int, ...] | None = None,
-) -> EmbeddedGrid:
+) -> Grid:
     """Embed a grid on a mesh.
 
     Parameters
@@ -41,7 +42,7 @@ def embed(
     cell_type : str
         meshio's name.
     shape : tuple of d ints, optional
-        Grid points along each axis, at least 2; chosen after the elements' size if not given.
+        Number of grid points along each axis, at least 2; by default after the elements' size.
     """
     lower, extent = coordinates.min(axis=0), np.ptp(coordinates, axis=0)
     if shape is None:
@@ -56,7 +57,7 @@ def embed(
     has_value = used | (outside <= ROUNDING)
     sources = np.where(has_value[:, None], cells[cell], NO_NODE)
     source_weights = np.where(has_value[:, None], weights, 0.0)
-    return EmbeddedGrid(
+    return Grid(
         sources.reshape(*shape, -1), source_weights.reshape(*shape, -1), points, point_weights
     )
 
@@ -68,12 +69,12 @@ def element_size(coordinates: Array, cells: NDArray[np.int64]) -> float:
 
 
 def multilinear(position: Array, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], Array]:
-    """Interpolate between the corners of the grid cells that some positions lie in.
+    """Interpolate multilinearly between the corners of the grid cells that hold some positions.
 
     Parameters
     ----------
     position : array, (n, d)
-        In steps of the grid.
+        Positions in units of the grid's steps.
     shape : tuple of d ints
 
     Returns
@@ -109,9 +110,9 @@ def locate(
     -------
     cell : array of int, (n,)
     weights : array, (n, n_corners)
-        Of the element's nodes; outside of it those of the linear continuation.
+        Weights of the element's nodes; outside of it those of the linear continuation.
     outside : array, (n,)
-        How far outside of the element, as a part of its size; 0 inside.
+        Distance outside of the element, relative to its size; 0 inside.
     """
     corners = coordinates[cells]
     size = np.ptp(corners, axis=1).max(axis=1)
@@ -143,7 +144,7 @@ def interpolation(positions: Array, corners: Array, cell_type: str) -> tuple[Arr
     positions : array, (n, d)
         In m.
     corners : array, (n, n_corners, d)
-        Of one element for each position.
+        Corners of one element for each position, in m.
 
     Returns
     -------

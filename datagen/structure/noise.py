@@ -1,4 +1,4 @@
-"""Noise on displacements, as in the paper's section on noisy data: a step between datasets.
+"""Add noise to the displacements of a dataset, as in the paper's section on noisy data.
 
 Where ‖f‖₂ ≤ threshold, u → (1 + γ) u with one γ ~ U(−relative, relative) a sample.
 """
@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.structure.new_folder import require_free
-from shared_schema.checker import require_intact
+from datagen.structure.claim_folder import claim_folder
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import Manifest, read_manifest, write_manifest
-from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.layout import Arrays
+from shared_schema.manifest import Manifest, write_manifest
+from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import read_stiffness, write_stiffness
 
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
 
@@ -35,9 +37,9 @@ def add_noise(
     source : Path
         Nodal dataset.
     folder : Path
-        Where the noisy one shall be.
+        Folder of the noisy dataset.
     seed : int
-        With the sample number, it determines γ.
+        Seed of γ, together with the sample number.
     relative : float
         Largest |γ|.
     threshold : float
@@ -46,15 +48,15 @@ def add_noise(
     Raises
     ------
     InputError
-        If the source is no intact nodal dataset, a number is out of range, or the folder holds
-        something else.
+        If the source is not an intact nodal dataset, a number is out of range, or the folder
+        holds something else.
     """
     if not 0 < relative < 1:
         raise InputError(f"--relative {relative}: expected a number between 0 and 1")
     if not threshold > 0:
         raise InputError(f"--threshold {threshold}: expected a positive number of newtons")
-    manifest = read_manifest(source, "nodal")
-    require_intact(source, manifest)
+    reader = DatasetReader(source, "nodal")
+    manifest = reader.manifest
     step: dict[str, Any] = {
         "name": "noise",
         "relative": relative,
@@ -63,21 +65,27 @@ def add_noise(
         "source_digest": manifest.digest,
     }
     noisy = manifest.model_copy(update={"transforms": (*manifest.transforms, step)})
-    require_free(folder, noisy)
+    claim_folder(folder, noisy)
     progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
     entries, done = [], 0
     folder.mkdir(parents=True, exist_ok=True)
-    for entry in manifest.shards:
-        arrays = read_shard(source / entry.file, "nodal")
+    for entry, arrays in reader:
         factor = noise_factor(arrays, seed, relative, threshold)
         arrays["samples/displacement"] = arrays["samples/displacement"] * factor[:, None, None]
-        cell_type = str(read_attributes(source / entry.file, "nodal")["cell_type"])
-        digest = write_shard(folder / entry.file, "nodal", arrays, manifest.case_digest, cell_type)
+        digest = write_shard(
+            folder / entry.file, "nodal", arrays, manifest.case_digest, reader.cell_type
+        )
         entries.append(entry.model_copy(update={"sha256": digest}))
         done += entry.samples
         progress.update(done)
     progress.close()
-    return write_manifest(folder, noisy.model_copy(update={"shards": tuple(entries)}))
+    update: dict[str, Any] = {"shards": tuple(entries)}
+    if manifest.stiffness is not None:
+        stiffness = read_stiffness(source)
+        update["stiffness"] = write_stiffness(
+            folder, stiffness, manifest.case_digest, reader.cell_type
+        )
+    return write_manifest(folder, noisy.model_copy(update=update))
 
 
 def noise_factor(

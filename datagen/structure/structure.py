@@ -1,4 +1,4 @@
-"""From a nodal dataset to a structured one: fields on the grid, split, statistics, stiffness."""
+"""Make a structured dataset from a nodal one: fields on the grid, split, statistics, stiffness."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from datagen.cases.case import Case
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.stiffness import stiffness_of
+from datagen.structure.claim_folder import claim_folder
 from datagen.structure.embedding import embed
-from datagen.structure.new_folder import require_free
 from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid import Grid, grid_arrays
-from shared_schema.grid_map import GridMap
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_arrays
+from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
     ComponentStatistics,
@@ -31,8 +33,8 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.shard import Arrays, read_attributes, read_shard, write_shard
-from shared_schema.stiffness import write_stiffness
+from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import read_stiffness, write_stiffness
 
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
@@ -44,43 +46,45 @@ def structure(
     order_seed: int = 0,
     shape: tuple[int, ...] | None = None,
 ) -> Manifest:
-    """Lay a nodal dataset on its grid, or on one that is embedded on a mesh that has none.
+    """Lay a nodal dataset on the grid of its mesh, or on a grid embedded on the mesh.
 
-    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact, and
-    with an embedded grid the nodal samples are kept beside those on the grid.
+    Displacements are rounded to float32; apart from that nodal → structured → nodal is exact. With
+    an embedded grid the nodal samples are kept beside those on the grid. The stiffness is that of
+    the nodal dataset.
 
     Parameters
     ----------
     source : Path
         Nodal dataset.
     folder : Path
-        Where the structured one shall be; made new, or made again from the same source.
+        Folder of the structured dataset: new, or written by this step from the same source.
     order : {"preferred", "gmsh", "random"}
-        Which node stands at a grid point. Convolutions need the preferred order, in which
-        neighbours in space are neighbours on the grid; the others are for the study of that.
+        Order of the nodes on the grid points. Convolutions need the preferred order, in which
+        neighbours in space are neighbours on the grid; the others are for the study of it.
     order_seed : int
-        Of the random order.
+        Seed of the random order.
     shape : tuple of d ints, optional
-        Grid points along each axis: embeds a grid, even on a mesh that has one of its own.
+        Number of grid points along each axis; a shape embeds a grid on any mesh, even on one that
+        has a structured order.
 
     Raises
     ------
     InputError
-        If the source is no intact nodal dataset, order or shape do not fit its mesh, or the folder
-        holds something else.
+        If the source is not an intact nodal dataset, order or shape do not fit its mesh, or the
+        folder holds something else.
     """
-    manifest = read_manifest(source, "nodal")
+    reader = DatasetReader(source, "nodal")
+    manifest = reader.manifest
     case = validate(Case, manifest.case, str(source / MANIFEST))
-    require_intact(source, manifest)
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    first = read_shard(source / manifest.shards[0].file, "nodal")
-    cell_type = str(read_attributes(source / manifest.shards[0].file, "nodal")["cell_type"])
-    grid = _grid_of(first, cell_type, shape, order, order_seed)
+    x, cells = reader.body["mesh/coordinates"], reader.body["mesh/cells"]
+    mesh = RawMesh(x, cells, reader.cell_type)
+    grid = _grid_of(mesh, shape, order, order_seed)
     made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
-    require_free(folder, manifest.model_copy(update={"kind": "structured"}))
+    claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(case, manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
@@ -88,8 +92,7 @@ def structure(
     entries: list[ShardEntry] = []
     start = 0
     folder.mkdir(parents=True, exist_ok=True)
-    for entry in manifest.shards:
-        nodal = read_shard(source / entry.file, "nodal")
+    for entry, nodal in reader:
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
         start = stop
@@ -98,13 +101,15 @@ def structure(
         displacement.add(arrays["samples/displacement"][train][..., grid.mask])
         round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
         digest = write_shard(
-            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
+            folder / entry.file, "structured", arrays, manifest.case_digest, mesh.cell_type
         )
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
-    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
-    stiffness = stiffness_of(mesh, case.material)
+    if manifest.stiffness is not None:
+        stiffness = read_stiffness(source)
+    else:  # written by a version whose `datagen run` did not assemble it
+        stiffness = stiffness_of(mesh, case.material)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
@@ -117,15 +122,16 @@ def structure(
         displacement=displacement.result(),
         source_digest=manifest.digest,
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
-        if isinstance(grid, EmbeddedGrid)
+        if not grid.points_are_nodes
         else None,
-        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
+        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, mesh.cell_type),
     )
     update: dict[str, Any] = {
         "kind": "structured",
         "failed": 0,
         "shards": tuple(entries),
         "structured": info,
+        "stiffness": None,  # it is in `structured`
     }
     return write_manifest(folder, manifest.model_copy(update=update))
 
@@ -133,7 +139,7 @@ def structure(
 def _already_made(
     folder: Path, source: Manifest, grid: Grid, order: NodeOrder, order_seed: int
 ) -> Manifest | None:
-    """The manifest of an intact dataset that this step made before from the same source."""
+    """Manifest of an intact dataset that this step wrote earlier from the same source, if any."""
     try:
         made = read_manifest(folder, "structured")
         require_intact(folder, made)
@@ -141,24 +147,19 @@ def _already_made(
         return None
     info = made.structured
     assert info is not None
-    embedded = isinstance(grid, EmbeddedGrid)
-    wanted = (source.digest, order, order_seed, grid.shape, embedded)
+    wanted = (source.digest, order, order_seed, grid.shape, not grid.points_are_nodes)
     found = (info.source_digest, info.order, info.order_seed, info.grid_shape)
     return made if (*found, info.embedding is not None) == wanted else None
 
 
 def _grid_of(
-    nodal: Arrays,
-    cell_type: str,
-    shape: tuple[int, ...] | None,
-    order: NodeOrder,
-    order_seed: int,
+    mesh: RawMesh, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
 ) -> Grid:
-    """The mesh's own grid with its nodes in the order asked for, or an embedded one."""
-    x = nodal["mesh/coordinates"]
+    """Grid of the mesh with its nodes in the given order, or an embedded one."""
+    x = mesh.coordinates
     if shape is None:
         try:
-            return in_order(GridMap.from_coordinates(x), order, order_seed)
+            return in_order(Grid.from_coordinates(x), order, order_seed)
         except ValueError as error:
             if order != "preferred":
                 raise InputError(f"--order {order}: {error}") from None
@@ -168,11 +169,11 @@ def _grid_of(
         raise InputError(
             f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
         )
-    return embed(x, nodal["mesh/cells"], cell_type, shape)
+    return embed(x, mesh.cells, mesh.cell_type, shape)
 
 
-def in_order(grid: GridMap, order: NodeOrder, seed: int) -> GridMap:
-    """Put the nodes on the grid points in the order asked for."""
+def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
+    """Put the nodes on the grid points in the given order."""
     if order == "preferred":
         return grid
     nodes = np.arange(grid.nodes)
@@ -201,7 +202,7 @@ def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> 
         "samples/force": grid.forces_to_grid(force).astype(np.float32),
         "samples/displacement": grid.to_grid(displacement).astype(np.float32),
     }
-    if isinstance(grid, EmbeddedGrid):
+    if not grid.points_are_nodes:
         arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]
         arrays["samples/nodal_force"] = nodal["samples/force"].astype(np.float32)
         arrays["samples/nodal_displacement"] = displacement.astype(np.float32)
@@ -217,11 +218,8 @@ def round_trip_errors(grid: Grid, displacement: NDArray[np.float64]) -> NDArray[
 
 def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:
     """Force at every node, (N, n_nodes, d) in N, from the loaded nodes of a shard's samples."""
-    force = np.zeros_like(nodal["samples/displacement"])
-    sample, load = np.nonzero(nodal["samples/loaded_nodes"] >= 0)
-    nodes = nodal["samples/loaded_nodes"][sample, load]
-    force[sample, nodes] = nodal["samples/force"][sample, load]
-    return force
+    nodes, loads = nodal["samples/loaded_nodes"], nodal["samples/force"]
+    return scatter_forces(nodes, loads, len(nodal["mesh/coordinates"]))
 
 
 class RunningStatistics:
@@ -234,7 +232,7 @@ class RunningStatistics:
         self._max: Any = 0.0
 
     def add(self, values: NDArray[np.float32]) -> None:
-        """Take in values of shape (N, d, n_nodes)."""
+        """Add values of shape (N, d, n_nodes)."""
         if values.size == 0:
             return
         exact = values.astype(np.float64)
@@ -244,7 +242,7 @@ class RunningStatistics:
         self._max = np.maximum(self._max, np.abs(exact).max(axis=(0, 2)))
 
     def result(self) -> ComponentStatistics:
-        """Statistics of everything taken in."""
+        """Statistics of all values so far."""
         mean = self._sum / self._count
         std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
         return ComponentStatistics(

@@ -1,1 +1,1 @@
-"""What both programs need and is no contract: errors, configuration, command line, files."""
+"""Code of both programs beside the contract: errors, configuration, command line, loads, files."""

@@ -1,4 +1,4 @@
-"""Files that appear complete under their name, or not at all, and seeing first that they can."""
+"""Write files that appear complete or not at all; check first that a path can be written to."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ REFUSALS = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ENAMETO
 
 @contextmanager
 def complete_or_absent(path: Path) -> Iterator[Path]:
-    """Write to the path that is given; it takes its name, on the disk, when all went well.
+    """Yield a path to write to; on success move the file, synchronised, to its name.
 
     File and folder are synchronised with the disk, so that a power cut afterwards loses nothing.
 
     Parameters
     ----------
     path : Path
-        Name that the file shall have.
+        Final name of the file.
 
     Yields
     ------
     Path
-        Where to write, beside it and with the same ending.
+        Path to write to, in the same folder and with the same ending.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def complete_or_absent(path: Path) -> Iterator[Path]:
 
 
 def _synchronise(folder: Path) -> None:
-    """Put the names of a folder's files on the disk, where the file system can be told to."""
+    """Synchronise a folder with the disk, if the file system supports it."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -71,15 +71,15 @@ def write_text(path: Path, text: str) -> None:
 
 
 def remove_partial_files(folder: Path) -> None:
-    """Remove what killed processes left behind in a folder."""
+    """Remove the partial files that killed processes left in a folder."""
     for partial in folder.glob(f"{PARTIAL}*"):
         partial.unlink(missing_ok=True)
 
 
 def require_writable(out: Path) -> None:
-    """See that a file or folder `out` can be made, before there is anything to write.
+    """Raise InputError unless a file or folder `out` can be created.
 
-    A nameless file is made and dropped in the folder, or the nearest one above it that exists.
+    Creates and removes an unnamed file in the folder, or in the nearest existing one above it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What both command lines have in common: running a command, exit codes, progress."""
+"""Common code of both command lines: running a command, exit codes, progress."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
     Parameters
     ----------
     program : str
-        Its name, which the line begins with.
+        Name of the program, the first word of the line.
     command : callable
     speaks : bool
-        Print the line of what all of many ranks meet alike (wrong input, a stop); one should.
+        Print errors that every rank raises (wrong input, a stop); true on one rank only.
     """
     try:
         command()
@@ -42,7 +42,7 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         return FAILED
     except (StoppedError, KeyboardInterrupt):
         if speaks:
-            print(f"{program}: stopped; the same command goes on from here", file=sys.stderr)
+            print(f"{program}: stopped; resume with the same command", file=sys.stderr)
         return FAILED
     return DONE
 
@@ -53,9 +53,9 @@ class Progress:
     Parameters
     ----------
     total : int
-        Units of work in all.
+        Total number of units of work.
     done : int
-        Units done before this start.
+        Number of units done before this start.
     unit : str
         Name of a unit, for the rate.
     title : str
@@ -78,7 +78,7 @@ class Progress:
         )
 
     def update(self, done: int, note: str = "") -> None:
-        """Say how many units are done in all, with a note such as the current loss."""
+        """Show the total number of units done, with a note such as the current loss."""
         advanced = done - self._done
         self._done = done
         if self._bar is not None:

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 
 
 class Frozen(BaseModel):
-    """Base of every configuration model: immutable, and refusing keys that it does not know."""
+    """Base of every configuration model: immutable; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -26,7 +26,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file is missing, is no YAML, or holds anything but a mapping.
+        If the file is missing, is not valid YAML, or does not hold a mapping.
     """
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -42,16 +42,16 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str]:
-    """Read a YAML file, or one of those that are shipped, by its name.
+    """Read a YAML file by its path, or a shipped one by its name.
 
     Parameters
     ----------
     name : str
         Path of a file, or name of a shipped one without its ending.
     shipped : Path
-        Folder of the shipped ones.
+        Folder of the shipped files.
     what : str
-        What it is, for the message.
+        Kind of file, for the error message.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str
     Raises
     ------
     InputError
-        If there is neither, or it is no mapping.
+        If neither exists, or the file holds no mapping.
     """
     path = Path(name)
     if not path.is_file():
@@ -81,9 +81,9 @@ def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str)
     model : type or TypeAdapter
         Configuration model, or adapter of a union of some.
     content : Any
-        What was read, usually a dictionary.
+        Content that was read, usually a dictionary.
     source : str
-        Where it came from, for the message.
+        Origin of the content, for the error message.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str)
 
 
 def first_problem(error: ValidationError) -> str:
-    """Say the first problem of a pydantic error in one line: key, value, expectation.
+    """Describe the first problem of a pydantic error in one line: key, value, expectation.
 
     The tag of a tagged union, written in parentheses, stands behind the message.
     """

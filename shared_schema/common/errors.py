@@ -24,7 +24,7 @@ class InputError(Exception):
 
 
 class StoppedError(Exception):
-    """The work was stopped on request, and can be gone on with (exit code 1)."""
+    """The work was stopped on request and can be resumed (exit code 1)."""
 
 
 class WorkError(Exception):

@@ -1,4 +1,4 @@
-"""Loads as a user writes them: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at the node at a point."""
+"""Loads in the notation of the command line: ``"X,Y[,Z]:FX,FY[,FZ]"``, a force at a node."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
 
 RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
 
@@ -52,7 +53,7 @@ class PointLoad:
 def nodal_forces(
     loads: Sequence[str], coordinates: NDArray[np.float64], clamped: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Turn loads as a user writes them into nodal forces; loads at one node add up.
+    """Turn loads in the notation of the command line into nodal forces; loads at one node add up.
 
     Parameters
     ----------
@@ -70,9 +71,10 @@ def nodal_forces(
     Raises
     ------
     InputError
-        If a load is not well formed, stands where no node is, or stands on a clamped node.
+        If a load is malformed, stands at no node, or stands at a clamped node.
     """
-    forces = np.zeros_like(coordinates)
+    nodes: list[int] = []
+    vectors: list[tuple[float, ...]] = []
     tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
     for text in loads:
         load = PointLoad.parse(text, coordinates.shape[1])
@@ -83,5 +85,7 @@ def nodal_forces(
             raise InputError(f"--load '{text}': no node stands there, the nearest is at {nearest}")
         if clamped[node]:
             raise InputError(f"--load '{text}': the node is clamped, expected a free one")
-        forces[node] += load.force
-    return forces
+        nodes.append(node)
+        vectors.append(load.force)
+    forces = np.array(vectors).reshape(-1, coordinates.shape[1])
+    return scatter_forces(np.array(nodes, dtype=np.int64), forces, len(coordinates))

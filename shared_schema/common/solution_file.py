@@ -1,7 +1,7 @@
 """Files that hold one solution: ``.npz`` for programs, ``.vtu`` (and ``.xdmf``) for ParaView.
 
-``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and whatever further
-nodal fields are given, under their names.
+``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and any further nodal
+fields under their names.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ DPI = 200
 
 
 def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Make a function draw in the style of this module, whatever the user's settings are."""
+    """Make a function draw in the style of this module, independent of the user's settings."""
 
     @wraps(draw)
     def wrapper(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -42,13 +42,13 @@ def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
 
 
 def make_figure(width: float, height: float) -> Figure:
-    """Make an empty figure, `width` by `height` inches, whose parts keep clear of each other."""
+    """Make an empty figure of `width` by `height` inches, whose parts do not overlap."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 @styled
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG (or whatever the name ends in); it appears complete or not at all."""
+    """Write a figure in the format of the file's suffix; it appears complete or not at all."""
     with complete_or_absent(path) as partial:
         figure.savefig(partial, dpi=DPI, bbox_inches="tight")
 

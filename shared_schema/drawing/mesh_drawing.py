@@ -29,7 +29,7 @@ ELEVATION, AZIMUTH = np.deg2rad((22.0, -62.0))  # of the eye: to the front, righ
 
 
 class Mesh(Protocol):
-    """What a drawing needs of a mesh."""
+    """The attributes of a mesh that a drawing needs."""
 
     @property
     def coordinates(self) -> Array:
@@ -41,7 +41,7 @@ class Mesh(Protocol):
 
     @property
     def cell_type(self) -> str:
-        """The name that meshio has for the cells."""
+        """Name of the cells in meshio."""
 
 
 def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
@@ -121,15 +121,15 @@ class Drawing(ABC):
 
     @abstractmethod
     def _on_paper(self, x: Array) -> Array:
-        """Where points (n, d) lie on the paper: (n, 2), in m."""
+        """Positions of points (n, d) on the paper: (n, 2), in m."""
 
     @abstractmethod
     def _distance(self, x: Array) -> Array:
-        """How far points (n, d) lie behind the paper: (n,) in m."""
+        """Distances of points (n, d) behind the paper: (n,) in m."""
 
     @abstractmethod
     def _label_axes(self) -> None:
-        """Say which way the coordinates run, and how long a metre is."""
+        """Show the directions of the coordinates and the length of a metre."""
 
     def mesh(self, x: Array, color: str, label: str | None, **style: Any) -> None:
         """Draw every edge that can be seen of the mesh, its nodes at `x` (n_nodes, d) in m."""
@@ -158,19 +158,19 @@ class Drawing(ABC):
         """Draw an arrow at each loaded node, the longest of fixed length, others in proportion.
 
         An arrow that points out of the body begins at its node, any other ends there, so that none
-        lies in the body. Where few stand well apart, each says the force's magnitude.
+        lies in the body. If they are few and well apart, each has the force's magnitude beside it.
 
         Parameters
         ----------
         x : array, (n_nodes, d)
-            Where the nodes are drawn, in m.
+            Positions of the drawn nodes, in m.
         force : array, (n_nodes, d)
             In N.
 
         Returns
         -------
         bool
-            Whether the magnitudes are said.
+            True if the magnitudes are written.
         """
         loaded = np.flatnonzero(force.any(axis=1))
         if not loaded.size:
@@ -188,7 +188,7 @@ class Drawing(ABC):
         return said
 
     def extent(self) -> Extent:
-        """Lower and upper corner (2,) of what was drawn, on the paper in m, with a margin."""
+        """Lower and upper corner (2,) of the drawing on the paper in m, with a margin."""
         points = np.concatenate(self._drawn)
         lower, upper = points.min(axis=0), points.max(axis=0)
         margin = MARGIN * (upper - lower).max()
@@ -200,9 +200,9 @@ class Drawing(ABC):
         Parameters
         ----------
         extent : tuple of array (2,), optional
-            Lower and upper corner of what shall be seen; otherwise all that was drawn.
+            Lower and upper corner of the visible part; everything that was drawn by default.
         labelled : bool
-            Say which way the coordinates run.
+            Show the directions of the coordinates.
         """
         if labelled:
             self._label_axes()
@@ -234,7 +234,7 @@ class Drawing(ABC):
             self._text(free, free - node, text)
 
     def _text(self, at: Array, away: Array, text: str) -> None:
-        """Write beyond a point (2,) in a direction (2,)."""
+        """Write text beyond a point (2,) in a direction (2,)."""
         direction = away / (np.linalg.norm(away) or 1.0)
         across, up = np.sign(direction.round()).astype(int)
         self._drawn.append((at + direction * ROOM * ARROW * self._size)[None])
@@ -334,7 +334,7 @@ class SpaceDrawing(Drawing):
 
 
 def _stand_apart(points: Array, distance: float) -> bool:
-    """Tell whether points (n, 2) are few and no two of them nearer to each other."""
+    """True if points (n, 2) are few and no two of them are nearer to each other."""
     if len(points) > LABELLED:
         return False
     one, other = np.triu_indices(len(points), 1)
@@ -342,7 +342,7 @@ def _stand_apart(points: Array, distance: float) -> bool:
 
 
 def _round_below(length: float) -> float:
-    """The largest of …, 1, 2, 5, 10, … that is not above a length."""
+    """Largest of …, 1, 2, 5, 10, … that is not above a length."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(power * max(digit for digit in (1, 2, 5) if digit * power <= length))
 

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.stiffness import Stiffness
 
 
@@ -68,14 +68,14 @@ class LinearMap(nn.Module):
         return grid.index_copy(2, self.points, u).reshape(force.shape)
 
 
-def compliance_of(stiffness: Stiffness, grid: GridMap, clamped: NDArray[np.bool_]) -> Tensor:
+def compliance_of(stiffness: Stiffness, grid: Grid, clamped: NDArray[np.bool_]) -> Tensor:
     """K⁻¹ in m/N over the free degrees of freedom, component by component in the grid's order.
 
     Parameters
     ----------
     stiffness : Stiffness
         Stiffness of the whole body, without supports.
-    grid : GridMap
+    grid : Grid
     clamped : array of bool, (n_nodes,)
     """
     d = (len(stiffness.indptr) - 1) // grid.nodes

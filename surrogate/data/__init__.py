@@ -1,1 +1,1 @@
-"""Datasets in memory: samples, geometry, and where the samples live during training."""
+"""Datasets in memory: samples, geometry, and the samples' place during a training."""

@@ -9,15 +9,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
-from shared_schema.grid_map import GridMap
-from shared_schema.manifest import Manifest, StructuredInfo, read_manifest
-from shared_schema.shard import read_attributes, read_shard
+from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import NodalSamples, scatter
+from surrogate.data.nodal_dataset import NodalSamples
+
+ON_GRID = ("samples/is_test", "samples/force", "samples/displacement")
+AT_NODES = ("samples/loaded_nodes", "samples/nodal_force", "samples/nodal_displacement")
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,13 @@ class Dataset:
     manifest : Manifest
     geometry : Geometry
     train, test : Samples
-        In ascending order of the sample number.
+        Samples of each split, in ascending order of their number.
     nodal_test : NodalSamples
         The test split by nodes.
     embedded_train : NodalSamples or None
-        The training split by nodes, of an embedded grid, which does not give it back.
+        The training split by nodes, if the grid is embedded and does not hold it exactly.
     stiffness : Stiffness or None
-        Of the undeformed body without supports, if the dataset has it.
+        Stiffness of the undeformed body without supports, if the dataset has it.
     """
 
     manifest: Manifest
@@ -73,7 +75,7 @@ class Dataset:
     stiffness: Stiffness | None = None
 
     def nodal_train(self, rows: Tensor) -> NodalSamples:
-        """Some samples of the training split by nodes."""
+        """Samples of the training split by nodes, given their rows."""
         if self.embedded_train is None:
             return at_nodes(self.geometry.grid, self.train[rows])
         whole, chosen = self.embedded_train, rows.numpy()
@@ -81,7 +83,7 @@ class Dataset:
 
     @property
     def info(self) -> StructuredInfo:
-        """What the manifest says of the grid, the split and the statistics."""
+        """Grid, split and statistics from the manifest."""
         assert self.manifest.structured is not None
         return self.manifest.structured
 
@@ -92,34 +94,26 @@ def read_dataset(folder: Path) -> Dataset:
     Raises
     ------
     InputError
-        If there is none, it is of another kind, or any byte of it has changed.
+        If there is no dataset, it is of another kind, or any byte of it has changed.
     """
-    manifest = read_manifest(folder, "structured")
-    require_intact(folder, manifest)
+    reader = DatasetReader(folder, "structured")
+    manifest = reader.manifest
     if manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    shards = [read_shard(folder / entry.file, "structured") for entry in manifest.shards]
-    cell_type = str(read_attributes(folder / manifest.shards[0].file, "structured")["cell_type"])
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([shard[name] for shard in shards])
-
-    order = np.argsort(joined("samples/number"))
-    is_test = torch.from_numpy(joined("samples/is_test")[order])
+    geometry = Geometry.from_arrays(reader.body, reader.cell_type)
+    is_exact = geometry.grid.points_are_nodes
+    arrays = reader.joined(ON_GRID if is_exact else (*ON_GRID, *AT_NODES))
+    is_test = torch.from_numpy(arrays["samples/is_test"])
     samples = Samples(
-        torch.from_numpy(joined("samples/force")[order]),
-        torch.from_numpy(joined("samples/displacement")[order]),
+        torch.from_numpy(arrays["samples/force"]),
+        torch.from_numpy(arrays["samples/displacement"]),
     )
-    geometry = Geometry.from_shard(shards[0], cell_type)
     train, test = samples[~is_test], samples[is_test]
-    if isinstance(geometry.grid, GridMap):
+    if is_exact:
         dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
     else:
-        displacement = joined("samples/nodal_displacement")[order]
-        nodes, loads = (
-            joined(f"samples/{name}")[order] for name in ("loaded_nodes", "nodal_force")
-        )
-        force = scatter(nodes, loads, len(geometry.coordinates))
+        nodes, loads, displacement = (arrays[name] for name in AT_NODES)
+        force = scatter_forces(nodes, loads, len(geometry.coordinates))
         chosen = is_test.numpy()
         nodal_train, nodal_test = (
             NodalSamples(force[rows].astype(np.float64), displacement[rows].astype(np.float64))
@@ -132,7 +126,7 @@ def read_dataset(folder: Path) -> Dataset:
 
 
 def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
-    """Samples on a grid whose points are nodes, by nodes."""
+    """Take samples from an exact grid to the nodes."""
     force, displacement = (
         grid.to_nodes(field.numpy()).astype(np.float64)
         for field in (samples.force, samples.displacement)

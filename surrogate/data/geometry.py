@@ -9,15 +9,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.grid import Grid, grid_arrays, grid_of
-from shared_schema.shard import Arrays
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_arrays, grid_of
+from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Mesh, supports and grid map of a case.
+    """Mesh, supports and grid of a case.
 
     Attributes
     ----------
@@ -27,7 +28,7 @@ class Geometry:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
-    grid : GridMap or EmbeddedGrid
+    grid : Grid
     """
 
     coordinates: NDArray[np.float64]
@@ -38,7 +39,7 @@ class Geometry:
     grid: Grid
 
     @classmethod
-    def from_shard(cls, arrays: Arrays, cell_type: str) -> Geometry:
+    def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
         """Take the geometry from the arrays of a structured shard."""
         return cls(
             arrays["mesh/coordinates"],
@@ -51,7 +52,7 @@ class Geometry:
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, Tensor], cell_type: str) -> Geometry:
-        """Take the geometry from what `tensors` made."""
+        """Take the geometry from the result of `tensors`."""
         arrays = {
             name.removeprefix(PREFIX): tensor.numpy()
             for name, tensor in tensors.items()

@@ -1,4 +1,4 @@
-"""Samples by nodes, as the finite elements have them."""
+"""Samples by nodes, with the numbering of the finite-element mesh."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.checker import require_intact
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import NO_NODE
-from shared_schema.manifest import Manifest, read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import Manifest
 
 Array = NDArray[np.float64]
 
@@ -43,20 +42,12 @@ class NodalDataset:
     coordinates : array, (n_nodes, d)
         In m.
     samples : NodalSamples
-        In ascending order of the sample number.
+        Solved samples, in ascending order of their number.
     """
 
     manifest: Manifest
     coordinates: Array
     samples: NodalSamples
-
-
-def scatter(loaded_nodes: NDArray[np.int64], loads: Array, n_nodes: int) -> Array:
-    """Forces on all nodes from those on the loaded ones: (N, L), (N, L, d) → (N, n_nodes, d)."""
-    force = np.zeros((len(loads), n_nodes, loads.shape[-1]))
-    sample, load = np.nonzero(loaded_nodes != NO_NODE)
-    np.add.at(force, (sample, loaded_nodes[sample, load]), loads[sample, load])
-    return force
 
 
 def read_nodal_dataset(folder: Path) -> NodalDataset:
@@ -65,20 +56,13 @@ def read_nodal_dataset(folder: Path) -> NodalDataset:
     Raises
     ------
     InputError
-        If there is none, it is of another kind, or any byte of it has changed.
+        If there is no dataset, it is of another kind, or any byte of it has changed.
     """
-    manifest = read_manifest(folder, "nodal")
-    require_intact(folder, manifest)
-    if manifest.samples == 0:
+    reader = DatasetReader(folder, "nodal")
+    if reader.manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    shards = [read_shard(folder / entry.file, "nodal") for entry in manifest.shards]
-    coordinates = shards[0]["mesh/coordinates"]
-    order = np.argsort(np.concatenate([shard["samples/number"] for shard in shards]))
-
-    def joined(name: str) -> NDArray[np.float64]:
-        return np.concatenate([shard[name] for shard in shards])[order]
-
-    nodes = joined("samples/loaded_nodes").astype(np.int64)
-    force = scatter(nodes, joined("samples/force"), len(coordinates))
-    samples = NodalSamples(force, joined("samples/displacement"))
-    return NodalDataset(manifest, coordinates, samples)
+    names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
+    arrays, coordinates = reader.joined(names), reader.body["mesh/coordinates"]
+    nodes, loads, displacement = (arrays[name] for name in names)
+    samples = NodalSamples(scatter_forces(nodes, loads, len(coordinates)), displacement)
+    return NodalDataset(reader.manifest, coordinates, samples)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from shared_schema.common.errors import InputError
-from shared_schema.shard import Arrays
+from shared_schema.layout import Arrays
 
 BODY_KEYS = ("mesh", "supports", "material")  # of a case configuration
 

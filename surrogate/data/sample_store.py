@@ -1,7 +1,7 @@
 """Memory that holds the samples during a training: the device's, or the host's.
 
-On the device a batch is a gather. From the host it is copied by way of pinned memory on a stream
-of its own, while the device still works on the batch before.
+A batch on the device is a gather. A batch from the host is copied through pinned memory on a
+separate stream while the device works on the batch before.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ PART_OF_FREE_MEMORY = 0.5  # what samples may take of the device's; the rest is 
 
 
 class SampleStore(Protocol):
-    """Samples that are asked for in batches.
+    """Source of batches of samples.
 
     Attributes
     ----------
     home : torch.device
-        Where they live, and where their indices should.
+        Device of the samples, and of the indices of a batch.
     """
 
     home: torch.device
@@ -56,7 +56,7 @@ class HostStore:
             self._stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
 
     def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
-        """Yield batches, the next one under way."""
+        """Yield batches; the copy of the next one is already started."""
         ahead: tuple[Samples, torch.cuda.Event | None] | None = None
         for batch in indices:
             following = self._send(batch)
@@ -90,7 +90,7 @@ class HostStore:
 
 
 def gather_pinned(field: Tensor, indices: Tensor) -> Tensor:
-    """Gather samples into pinned memory, which the device copies from by itself."""
+    """Gather samples into pinned memory, from which the device copies asynchronously."""
     pinned = torch.empty((len(indices), *field.shape[1:]), dtype=field.dtype, pin_memory=True)
     return torch.index_select(field, 0, indices, out=pinned)
 
@@ -102,7 +102,7 @@ def store_samples(samples: Samples, location: Location, device: torch.device) ->
 
 
 def fits(samples: Samples, device: torch.device) -> bool:
-    """Tell whether samples leave enough of a device's free memory to train in."""
+    """True if samples leave enough of a device's free memory for the training."""
     if device.type != "cuda":
         return True
     free, _ = torch.cuda.mem_get_info(device)

@@ -8,7 +8,6 @@ from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
 from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.models.model import TrainedModel
@@ -45,7 +44,7 @@ class LinearModel(TrainedModel):
     def require_suitable(self, dataset: Dataset, train: Samples) -> None:
         """Raise InputError unless grid points are nodes and the dataset has the stiffness."""
         where = f"config '{self.name}': key 'model' = 'linear'"
-        if not isinstance(dataset.geometry.grid, GridMap):
+        if not dataset.geometry.grid.points_are_nodes:
             raise InputError(
                 f"{where}: the dataset's grid is embedded on its mesh, expected one whose points "
                 "are nodes"
@@ -62,7 +61,6 @@ class LinearModel(TrainedModel):
         layer, geometry = network.network, dataset.geometry
         assert isinstance(layer, LinearMap)
         assert dataset.stiffness is not None
-        assert isinstance(geometry.grid, GridMap)
         compliance = compliance_of(dataset.stiffness, geometry.grid, geometry.clamped)
         layer.start_at(compliance, network.force_scale, network.displacement_scale)
 

@@ -1,26 +1,27 @@
-"""A network between fields, taken between the nodes of the mesh: grid map included."""
+"""A field network between the nodes of a mesh: the operators of the grid around the network."""
 
 from __future__ import annotations
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.grid import Grid
-from shared_schema.grid_map import GridMap
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 
 
 class WeightedSums(nn.Module):
-    """A sparse linear map: every value a weighted sum of a few.
+    """A sparse linear map: every output is a weighted sum of a few inputs.
 
     Parameters
     ----------
     sources : array of int, (n_out, k)
-        Which values each is a sum of.
+        Inputs of each output.
     weights : array, (n_out, k)
+        Weights of these inputs.
     """
 
     sources: Tensor
@@ -32,7 +33,7 @@ class WeightedSums(nn.Module):
         self.register_buffer("weights", torch.from_numpy(weights.T.astype(np.float32)))
 
     def forward(self, values: Tensor) -> Tensor:
-        """Sum: (…, n_in) → (…, n_out)."""
+        """Apply the map: (…, n_in) → (…, n_out)."""
         terms = values.index_select(-1, self.sources)
         terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
         sums: Tensor = (terms * self.weights).sum(dim=-2)
@@ -40,34 +41,34 @@ class WeightedSums(nn.Module):
 
 
 class NodalNetwork(nn.Module):
-    """Nodal forces in N to nodal displacements in m.
+    """A network that maps nodal forces in N to nodal displacements in m.
 
-    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f, whatever
-    the kind of grid (`shared_schema.embedded_grid`).
+    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f
+    (`shared_schema.grid`).
 
     Parameters
     ----------
     network : FieldNetwork
-    grid : GridMap or EmbeddedGrid
+    grid : Grid
     """
 
     def __init__(self, network: FieldNetwork, grid: Grid) -> None:
         super().__init__()
-        points, weights = interpolation(grid)
         self.network = network
         self.shape = grid.shape
-        self.to_nodes = WeightedSums(points, weights)
-        self.to_grid = WeightedSums(*transposed(points, weights, int(np.prod(grid.shape))))
+        self.to_nodes = WeightedSums(grid.points, grid.point_weights)
+        count = int(np.prod(grid.shape))
+        self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
     def forward(self, force: Tensor, passes: int = 1) -> Prediction:
-        """Predict with one pass, or with several that were drawn (`probabilistic.passes`).
+        """Predict with one pass, or with several drawn passes (`probabilistic.passes`).
 
         Parameters
         ----------
         force : Tensor, (N, n_nodes, d)
             In N.
         passes : int
-            T, the number of those drawn.
+            Number of drawn passes T.
 
         Returns
         -------
@@ -86,9 +87,9 @@ class NodalNetwork(nn.Module):
         return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
 
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
-        r"""Factors on aleatoric and epistemic standard deviations, (N, 1, 1) each, of some forces.
+        r"""Factors on aleatoric and epistemic standard deviations for some forces, (N, 1, 1) each.
 
-        The factors that were fitted in the range of training, and beyond it 1 more and more:
+        Inside the range of training they are the fitted factors a and b; outside they tend to 1:
         :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, r being the largest force component
         over the largest in training.
         """
@@ -99,39 +100,33 @@ class NodalNetwork(nn.Module):
         return network.aleatoric_factor**weight, network.epistemic_factor**weight
 
 
-def interpolation(grid: Grid) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Grid points that the value at a node is made of, and their weights: (n_nodes, k) each."""
-    if not isinstance(grid, GridMap):
-        return grid.points, grid.point_weights
-    points = np.empty((grid.nodes, 1), dtype=np.int64)
-    points[grid.node_at[grid.mask], 0] = np.flatnonzero(grid.mask)
-    return points, np.ones_like(points, dtype=np.float64)
-
-
 def transposed(
     sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The transpose of a sparse map, in the same form.
+    """Transpose a sparse map.
 
     Parameters
     ----------
     sources : array of int, (n_out, k)
     weights : array, (n_out, k)
     columns : int
-        n_in.
+        Number of inputs n_in.
 
     Returns
     -------
     sources, weights : array, (n_in, m)
-        Rows shorter than the longest are filled up by weights of zero.
+        The transpose in the same form; shorter rows end in weights of zero.
     """
-    rows, places = np.nonzero(weights)
-    column = sources[rows, places]
-    order = np.argsort(column, kind="stable")
-    counts = np.bincount(column, minlength=columns)
-    position = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-    shape = (columns, max(1, int(counts.max())))
-    new_sources, new_weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-    new_sources[column[order], position] = rows[order]
-    new_weights[column[order], position] = weights[rows, places][order]
+    starts = np.arange(0, sources.size + 1, sources.shape[1])
+    shape = (len(sources), columns)
+    matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
+    matrix.eliminate_zeros()
+    matrix = matrix.tocsc()  # column by column, the rows ascending in each
+    counts = np.diff(matrix.indptr)
+    column = np.repeat(np.arange(columns), counts)
+    position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
+    new_shape = (columns, max(1, int(counts.max())))
+    new_sources, new_weights = np.zeros(new_shape, dtype=np.int64), np.zeros(new_shape)
+    new_sources[column, position] = matrix.indices
+    new_weights[column, position] = matrix.data
     return new_sources, new_weights

@@ -13,11 +13,9 @@ from typing import Any
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from shared_schema.checker import require_intact
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.paper import PAPER
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
@@ -217,11 +215,11 @@ def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str
 
 
 def _solving(nodal: Path, description: RunDescription) -> Solving:
-    manifest = read_manifest(nodal, "nodal")
+    reader = DatasetReader(nodal, "nodal")
+    manifest = reader.manifest
     if manifest.digest != description.data.info.source_digest:
         raise InputError(f"{nodal}: not the dataset that the run's data was made from")
-    require_intact(nodal, manifest)
     seconds = 0.0
-    for entry in manifest.shards:
-        seconds += float(read_shard(nodal / entry.file, "nodal")["samples/wall_time"].sum())
+    for _, arrays in reader:
+        seconds += float(arrays["samples/wall_time"].sum())
     return Solving(manifest.samples, manifest.failed, seconds, manifest.software)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from shared_schema.drawing.figure_style import make_figure, styled
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.paper import PAPER, PaperErrors
 from surrogate.studies.components.errors_on_test_split import MM, split_errors
@@ -98,10 +98,9 @@ def numbers_at_end(geometry: Geometry) -> IntArray:
     array of int, (ny, nz)
         Numbers by the places of the nodes in space.
     """
-    assert isinstance(geometry.grid, GridMap)
     numbers = np.empty(geometry.grid.nodes, dtype=np.int64)
     numbers[geometry.grid.node_at[geometry.grid.mask]] = np.flatnonzero(geometry.grid.mask)
-    in_space = GridMap.from_coordinates(geometry.coordinates)
+    in_space = Grid.from_coordinates(geometry.coordinates)
     return np.asarray(numbers[in_space.node_at[-1]])
 
 

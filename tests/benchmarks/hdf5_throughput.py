@@ -25,8 +25,9 @@ from mpi4py import MPI
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
 from datagen.structure.structure import structure
-from shared_schema.layout import Kind
-from shared_schema.shard import Arrays, read_shard, write_shard
+from shared_schema.layout import Arrays, Kind
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 from tests.benchmarks.publication import (
     Results,
     argument_parser,

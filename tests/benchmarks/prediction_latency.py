@@ -26,11 +26,11 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
-from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo, read_manifest
-from shared_schema.shard import read_attributes, read_shard
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.grid import Grid
+from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
 from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import scatter
 from surrogate.evaluation.paper import PAPER
 from surrogate.inference.export import NodalFunction, export
 from surrogate.inference.prediction import PASSES, Surrogate, load
@@ -80,23 +80,22 @@ class Body:
 
 def read_body(folder: Path) -> Body:
     """Read mesh, first load and solving times of a nodal dataset."""
-    manifest = read_manifest(folder, "nodal")
-    files = [folder / entry.file for entry in manifest.shards]
-    shards = [read_shard(file, "nodal") for file in files]
-    arrays = shards[0]
+    reader = DatasetReader(folder, "nodal")
+    arrays = reader.body
     coordinates = arrays["mesh/coordinates"]
     geometry = Geometry(
         coordinates,
         arrays["mesh/cells"],
-        str(read_attributes(files[0], "nodal")["cell_type"]),
+        reader.cell_type,
         arrays["mesh/clamped"],
         arrays["mesh/loadable"],
-        GridMap.from_coordinates(coordinates),
+        Grid.from_coordinates(coordinates),
     )
-    nodes, loads = arrays["samples/loaded_nodes"][:1], arrays["samples/force"][:1]
-    wall = np.concatenate([shard["samples/wall_time"] for shard in shards])
-    force = scatter(nodes, loads, len(coordinates))
-    return Body(manifest, geometry, force, 1e3 * float(np.median(wall)))
+    names = ("samples/loaded_nodes", "samples/force", "samples/wall_time")
+    samples = reader.joined(names)
+    nodes, loads, wall = (samples[name] for name in names)
+    force = scatter_forces(nodes[:1], loads[:1], len(coordinates))
+    return Body(reader.manifest, geometry, force, 1e3 * float(np.median(wall)))
 
 
 def shape_of(recipe: str, dimension: int) -> UNetConfig:

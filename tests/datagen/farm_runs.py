@@ -17,7 +17,8 @@ from datagen.cases.case import SHIPPED
 from shared_schema.checker import check_dataset
 from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 
 TIMES = {"samples/wall_time"}  # the only array that may differ
 ENVIRONMENT = os.environ | {
@@ -89,7 +90,8 @@ def pids_of(out: Path) -> list[int]:
 
 
 def assert_same(one: Path, other: Path) -> None:
-    """Assert that every array of every shard is equal to the last bit, except times."""
+    """Assert that stiffness and shards are equal to the last bit, except times."""
+    assert (one / STIFFNESS_FILE).read_bytes() == (other / STIFFNESS_FILE).read_bytes()
     shards = [entry.file for entry in read_manifest(one).shards]
     assert shards == [entry.file for entry in read_manifest(other).shards]
     for name in shards:
@@ -100,8 +102,9 @@ def assert_same(one: Path, other: Path) -> None:
 
 
 def assert_near(one: Path, other: Path) -> None:
-    """Assert that mesh, sample numbers and loads are equal, and displacements equal to 1e-10 m."""
+    """Assert equal mesh, stiffness, sample numbers, loads, and displacements equal to 1e-10 m."""
     assert check_dataset(other) == []
+    assert (one / STIFFNESS_FILE).read_bytes() == (other / STIFFNESS_FILE).read_bytes()
     for path in sorted(one.glob("shard-*.h5")):
         a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")
         for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):

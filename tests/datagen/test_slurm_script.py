@@ -58,7 +58,7 @@ def test_out_of_time(job: SlurmJob) -> None:
     terminate_when(process, lambda: any(nodal.glob(".journal/shard-*.json")))
     code, said = finish(process)
     assert code == 1
-    assert "stopped; the same command goes on from here" in said
+    assert "stopped; resume with the same command" in said
     assert job.take_requests() == [f"requeue {JOB}"]
     assert not (nodal / "manifest.json").exists()
     kept = {path: path.stat().st_mtime_ns for path in nodal.glob("shard-*.h5")}

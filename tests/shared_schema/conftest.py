@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared_schema.layout import Kind
+from shared_schema.layout import Arrays, Kind
 from shared_schema.manifest import (
     ComponentStatistics,
     Manifest,
@@ -20,7 +20,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard import Arrays, write_shard
+from shared_schema.shard_writer import write_shard
 
 CASE = {"name": "corner", "mesh": {"kind": "l_shape"}, "material": {"young_modulus": 500.0}}
 NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])

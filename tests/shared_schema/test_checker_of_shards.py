@@ -16,7 +16,7 @@ import pytest
 
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from tests.shared_schema.damage import SHARD, assert_only_problem, damage
 
 
@@ -110,6 +110,11 @@ def link_softly(file: h5py.File) -> None:
     file["samples/wall_time"] = h5py.SoftLink("/elsewhere")
 
 
+def pad_first(file: h5py.File) -> None:
+    for name in ("samples/loaded_nodes", "samples/force"):
+        file[name][1] = file[name][1][::-1].copy()
+
+
 NODAL_DAMAGE: list[Any] = [
     pytest.param(reshape("samples/wall_time", (2, 1)), ("samples/wall_time", "(2, 1)"), id="rank"),
     pytest.param(reshape("mesh/clamped", (7,)), ("mesh/clamped", "node"), id="node-axis"),
@@ -177,6 +182,28 @@ NODAL_DAMAGE: list[Any] = [
     ),
     pytest.param(
         put("failed/loaded_nodes", (0, 1), 8), ("failed/loaded_nodes",), id="failed-at-node-8"
+    ),
+    # Node 6 alone is loaded in every sample, nodes 7 and 6 in the failed one; 0 to 2 are clamped.
+    pytest.param(
+        pad_first,
+        ("samples/loaded_nodes", "padding before a loaded node"),
+        id="padding-first",
+    ),
+    pytest.param(
+        put("samples/force", (0, 1, 0), 1e-30),
+        ("samples/force", "padding"),
+        id="padding-with-force",
+    ),
+    pytest.param(
+        put("samples/loaded_nodes", (1, 0), 2), ("samples/loaded_nodes", "clamped"), id="clamped"
+    ),
+    pytest.param(
+        put("failed/loaded_nodes", (0, 0), 0),
+        ("failed/loaded_nodes", "clamped"),
+        id="clamped-in-a-failed-case",
+    ),
+    pytest.param(
+        put("failed/loaded_nodes", (0, 1), 7), ("failed/loaded_nodes", "twice"), id="a-node-twice"
     ),
     pytest.param(put("samples/number", 1, 3), ("more than once",), id="sample-3-twice"),
     pytest.param(put("failed/number", 0, 0), ("more than once",), id="failed-sample-0-twice"),

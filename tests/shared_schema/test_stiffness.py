@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset, require_intact
+from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import read_manifest
-from shared_schema.shard import sha256
+from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import (
     STIFFNESS_FILE,
     Stiffness,
@@ -20,7 +19,8 @@ from shared_schema.stiffness import (
     stiffness_problems,
     write_stiffness,
 )
-from tests.shared_schema.damage import assert_only_problem, edit_manifest
+from tests.shared_schema.conftest import make_dataset
+from tests.shared_schema.damage import assert_only_problem
 
 DOFS = 16
 
@@ -33,28 +33,57 @@ def chain() -> Stiffness:
 
 
 def give(folder: Path, stiffness: Stiffness) -> None:
-    """Put a stiffness into a structured dataset."""
-    digest = write_stiffness(folder, stiffness, read_manifest(folder).case_digest, "quad")
-
-    def edit(content: dict[str, Any]) -> None:
-        content["structured"]["stiffness"] = digest
-
-    edit_manifest(folder, edit)
+    """Put a stiffness into a dataset."""
+    manifest = read_manifest(folder)
+    digest = write_stiffness(folder, stiffness, manifest.case_digest, "quad")
+    record(folder, digest)
 
 
-def test_round_trip(structured: Path) -> None:
-    give(structured, chain())
-    assert check_dataset(structured) == []
-    found = read_stiffness(structured)
+def record(folder: Path, digest: str | None) -> None:
+    """Let the manifest say that a dataset has a stiffness, or none."""
+    manifest = read_manifest(folder)
+    if manifest.structured is None:
+        write_manifest(folder, manifest.model_copy(update={"stiffness": digest}))
+    else:
+        info = manifest.structured.model_copy(update={"stiffness": digest})
+        write_manifest(folder, manifest.model_copy(update={"structured": info}))
+
+
+@pytest.fixture(params=["nodal", "structured"])
+def dataset(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    return make_dataset(tmp_path / "dataset", request.param)
+
+
+def test_round_trip(dataset: Path) -> None:
+    give(dataset, chain())
+    assert check_dataset(dataset) == []
+    found = read_stiffness(dataset)
     for name in ("data", "indices", "indptr"):
         assert np.array_equal(getattr(found, name), getattr(chain(), name))
 
 
-def test_dataset_without_one_says_nothing_of_it(structured: Path) -> None:
-    assert "stiffness" not in (structured / "manifest.json").read_text()
+def test_dataset_without_one_says_nothing_of_it(dataset: Path) -> None:
+    assert "stiffness" not in (dataset / "manifest.json").read_text()
+    manifest = read_manifest(dataset)
+    assert manifest.stiffness is None
+    assert manifest.stiffness_checksum is None
+
+
+def test_where_the_manifest_says_it(nodal: Path, structured: Path) -> None:
+    for folder in (nodal, structured):
+        give(folder, chain())
+        assert read_manifest(folder).stiffness_checksum == sha256(folder / STIFFNESS_FILE)
+    assert read_manifest(nodal).stiffness == sha256(nodal / STIFFNESS_FILE)
+    assert read_manifest(structured).stiffness is None
     info = read_manifest(structured).structured
     assert info is not None
-    assert info.stiffness is None
+    assert info.stiffness == sha256(structured / STIFFNESS_FILE)
+
+
+def test_a_nodal_entry_in_a_structured_manifest_is_named(structured: Path) -> None:
+    manifest = read_manifest(structured)
+    write_manifest(structured, manifest.model_copy(update={"stiffness": "0" * 64}))
+    assert_only_problem(structured, "'stiffness' does not fit the kind 'structured'")
 
 
 def asymmetric(k: Stiffness) -> Stiffness:
@@ -96,50 +125,46 @@ def of_another_mesh(k: Stiffness) -> Stiffness:
     ],
 )
 def test_what_is_no_stiffness_of_the_mesh_is_named(
-    structured: Path, change: Callable[[Stiffness], Stiffness], part: str
+    dataset: Path, change: Callable[[Stiffness], Stiffness], part: str
 ) -> None:
     assert stiffness_problems(chain(), DOFS) == []
-    give(structured, change(chain()))
-    assert_only_problem(structured, "stiffness.h5: dataset ", part)
+    give(dataset, change(chain()))
+    assert_only_problem(dataset, "stiffness.h5: dataset ", part)
 
 
-def test_missing_unlisted_and_damaged_files_are_named(structured: Path) -> None:
-    give(structured, chain())
-    manifest = read_manifest(structured)
-    require_intact(structured, manifest)
-    path = structured / STIFFNESS_FILE
+def test_missing_unlisted_and_damaged_files_are_named(dataset: Path) -> None:
+    give(dataset, chain())
+    manifest = read_manifest(dataset)
+    require_intact(dataset, manifest)
+    path = dataset / STIFFNESS_FILE
     content = path.read_bytes()
     path.write_bytes(content[:-1])
-    assert_only_problem(structured, "stiffness.h5: damaged")
+    assert_only_problem(dataset, "stiffness.h5: damaged")
     with pytest.raises(InputError, match=r"stiffness\.h5: damaged"):
-        require_intact(structured, manifest)
+        require_intact(dataset, manifest)
     path.unlink()
-    assert_only_problem(structured, "stiffness.h5: missing")
+    assert_only_problem(dataset, "stiffness.h5: missing")
     with pytest.raises(InputError, match=r"stiffness\.h5: no such file"):
-        require_intact(structured, manifest)
+        require_intact(dataset, manifest)
     path.write_bytes(content)
-
-    def forget(content: dict[str, Any]) -> None:
-        del content["structured"]["stiffness"]
-
-    edit_manifest(structured, forget)
-    assert_only_problem(structured, "stiffness.h5: not in the manifest")
+    record(dataset, None)
+    assert_only_problem(dataset, "stiffness.h5: not in the manifest")
 
 
-def test_every_flipped_byte_is_found(structured: Path) -> None:
-    give(structured, chain())
-    path = structured / STIFFNESS_FILE
+def test_every_flipped_byte_is_found(dataset: Path) -> None:
+    give(dataset, chain())
+    path = dataset / STIFFNESS_FILE
     content, digest = path.read_bytes(), sha256(path)
     for position in range(0, len(content), 97):
         path.write_bytes(
             content[:position] + bytes([content[position] ^ 1]) + content[position + 1 :]
         )
         assert sha256(path) != digest
-        assert len(check_dataset(structured)) == 1
+        assert len(check_dataset(dataset)) == 1
 
 
-def test_a_file_of_another_kind_is_refused(structured: Path) -> None:
-    shard = structured / "shard-00000.h5"
-    (structured / STIFFNESS_FILE).write_bytes(shard.read_bytes())
-    with pytest.raises(InputError, match="attribute 'kind' is 'structured', expected 'stiffness'"):
-        read_stiffness(structured)
+def test_a_file_of_another_kind_is_refused(dataset: Path) -> None:
+    shard = dataset / "shard-00000.h5"
+    (dataset / STIFFNESS_FILE).write_bytes(shard.read_bytes())
+    with pytest.raises(InputError, match=r"attribute 'kind' is '\w+', expected 'stiffness'"):
+        read_stiffness(dataset)

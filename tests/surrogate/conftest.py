@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
+from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     ComponentStatistics,
     Manifest,
@@ -24,7 +25,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard import Arrays, write_shard
+from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.models.unet_model import UNetModel
@@ -117,7 +118,7 @@ def build(
     displacement = np.stack([solve(coordinates, n, f) for n, f in zip(nodes, forces, strict=True)])
     is_test = np.zeros(SAMPLES, dtype=bool)
     is_test[rng.permutation(SAMPLES)[:TEST]] = True
-    grid = GridMap.from_coordinates(coordinates)
+    grid = Grid.from_coordinates(coordinates)
     nodal_force = np.zeros_like(displacement)
     nodal_force[np.arange(SAMPLES), nodes] = forces
     force32, displacement32 = nodal_force.astype(np.float32), displacement.astype(np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
 
 NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])
@@ -14,5 +14,5 @@ L_SHAPE = Geometry(
     cell_type="quad",
     clamped=np.arange(8) < 3,
     loadable=np.isin(np.arange(8), (4, 5, 7)),
-    grid=GridMap(NODE_AT),
+    grid=Grid.of_nodes(NODE_AT),
 )

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from shared_schema.drawing.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
 from shared_schema.drawing.mesh_drawing import make_drawing
-from shared_schema.grid_map import GridMap
 from surrogate.data.geometry import Geometry
 
 
@@ -34,7 +33,6 @@ def draw_bodies(geometries: dict[str, Geometry]) -> Figure:
 @styled
 def draw_padding(geometry: Geometry) -> Figure:
     """Draw the numbered nodes of a plane mesh, and on its grid; circles: points without a node."""
-    assert isinstance(geometry.grid, GridMap)
     figure = make_figure(9.6, 3.0)
     places = GridSpec(1, 2, figure=figure, width_ratios=(2, 3))
     drawing = make_drawing(figure, geometry, places[0, 0])

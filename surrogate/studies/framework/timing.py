@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shared_schema.common.configuration import Frozen
-from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.dataset_reader import DatasetReader
 from surrogate.inference.prediction import Surrogate
 
 Array = NDArray[np.float64]
@@ -117,10 +116,7 @@ def read_solutions(nodal: Path) -> Solutions:
     InputError
         If there is none, or it is damaged.
     """
-    entries = read_manifest(nodal, "nodal").shards
-    shards = [read_shard(nodal / entry.file, "nodal") for entry in entries]
-    force, seconds, iterations = (
-        np.concatenate([shard[f"samples/{name}"] for shard in shards])
-        for name in ("force", "wall_time", "newton_iterations")
-    )
+    names = ("samples/force", "samples/wall_time", "samples/newton_iterations")
+    arrays = DatasetReader(nodal, "nodal").joined(names)
+    force, seconds, iterations = (arrays[name] for name in names)
     return Solutions(np.linalg.norm(force, axis=(1, 2)), seconds, iterations)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +19,14 @@ from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.farm.farm import run
 from datagen.farm.journal import Journal
 from datagen.farm.work_plan import shard_count, shard_samples
+from datagen.loads.family import LoadCase
+from datagen.loads.random_node import RandomNode
 from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.manifest import read_manifest, write_manifest
+from shared_schema.shard_reader import read_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
     ENVIRONMENT,
     assert_near,
@@ -176,7 +181,7 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
         os.kill(pids_of(out)[0], signal.SIGTERM)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 1
-    assert "stopped; the same command goes on from here" in said
+    assert "stopped; resume with the same command" in said
     parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
     kept = np.concatenate([part["samples/wall_time"] for part in parts])
     assert 0 < len(kept) < 1000
@@ -211,6 +216,56 @@ def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path)
     assert_same(serial, folder)
 
 
+@pytest.mark.parametrize("content", [None, b"", b"half"])
+def test_a_damaged_stiffness_is_made_again(
+    case: Case, serial: Path, tmp_path: Path, content: bytes | None
+) -> None:
+    """The same bytes; no shard is touched."""
+    folder = shutil.copytree(serial, tmp_path / "nodal")
+    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")}
+    path = folder / STIFFNESS_FILE
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content)
+    assert check_dataset(folder) != []
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
+    assert_same(serial, folder)
+
+
+def test_an_older_dataset_without_stiffness_is_left_alone(
+    case: Case, serial: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(serial, tmp_path / "nodal")
+    (folder / STIFFNESS_FILE).unlink()
+    older = write_manifest(folder, read_manifest(folder).model_copy(update={"stiffness": None}))
+    assert run(case, folder, MPI.COMM_SELF) == older
+    assert not (folder / STIFFNESS_FILE).exists()
+    assert check_dataset(folder) == []
+
+
+def test_killed_between_stiffness_and_manifest(
+    case: Case, serial: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "nodal"
+
+    def kill(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("datagen.farm.farm.write_manifest", kill)
+        with pytest.raises(KeyboardInterrupt):
+            run(case, folder, MPI.COMM_SELF)
+    assert (folder / STIFFNESS_FILE).is_file()
+    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")}
+    run(case, folder, MPI.COMM_SELF)
+    assert check_dataset(folder) == []
+    assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
+    assert_same(serial, folder)
+
+
 def test_another_case_is_refused(case: Case, serial: Path) -> None:
     stiffer = case.material.model_copy(update={"young_modulus": 600.0})
     with pytest.raises(InputError, match=r"material.young_modulus = 600.0, the folder has 500.0"):
@@ -242,6 +297,31 @@ def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> No
     with pytest.raises(InputError, match="holds something else"):
         run(case, tmp_path, MPI.COMM_SELF)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_node_that_is_drawn_twice_is_written_once(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A family may draw a node twice; solver and shard hold the sum of both forces."""
+    draw = RandomNode.draw
+
+    def draw_halves(family: RandomNode, *of: Any) -> LoadCase:
+        load = draw(family, *of)
+        return LoadCase(np.repeat(load.nodes, 2), np.repeat(load.forces / 2, 2, axis=0))
+
+    few = case.model_copy(update={"dataset": case.dataset.model_copy(update={"samples": 5})})
+    run(few, tmp_path / "once", MPI.COMM_SELF)
+    monkeypatch.setattr(RandomNode, "draw", draw_halves)
+    monkeypatch.setattr(RandomNode, "loads_per_sample", lambda *_: 2)
+    run(few, tmp_path / "twice", MPI.COMM_SELF)
+    assert check_dataset(tmp_path / "twice") == []
+    once, twice = (
+        read_shard(tmp_path / name / "shard-00000.h5", "nodal") for name in ("once", "twice")
+    )
+    assert np.array_equal(twice["samples/loaded_nodes"][:, 0], once["samples/loaded_nodes"][:, 0])
+    assert np.all(twice["samples/loaded_nodes"][:, 1] == -1)
+    assert np.array_equal(twice["samples/force"][:, :1], once["samples/force"])
+    assert np.array_equal(twice["samples/displacement"], once["samples/displacement"])
 
 
 def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:

@@ -125,13 +125,14 @@ def test_a_full_disk(make_disk: DiskMaker, case_file: Path, whole: Path, ranks: 
     [
         (2, ".journal/case.json", 0),
         (6, ".journal/shard-00001.json", 1),
-        (63, "manifest.json", 30),
+        (63, "stiffness.h5", 30),
+        (64, "manifest.json", 30),
     ],
 )
 def test_a_disk_without_room_for_one_more_file(
     make_disk: DiskMaker, case_file: Path, whole: Path, files: int, named: str, done: int
 ) -> None:
-    """Two folders, the case, and two files a shard come before the manifest: 3 + 2 · 30."""
+    """Two folders, the case, two files a shard, and the stiffness: 3 + 2 · 30 + 1 = 64."""
     disk = make_disk(f"nr_inodes={files + 1}")  # and the disk's own folder
     out, seen = disk.folder / "nodal", disk.seen / "nodal"
     failed = finish(disk.words(command(0, case_file, out)))

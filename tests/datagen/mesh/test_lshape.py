@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import read_case
 from datagen.mesh.lshape import Arm, Block, LShape
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def test_lshape_counts(lshape: Body) -> None:
 
 def test_lshape_grid(lshape: Body) -> None:
     """Zero-padded grid of 16 x 8 = 128 points, 256 DOFs; columns 0.4 m, rows 2/7 m apart."""
-    grid = GridMap.from_coordinates(lshape.mesh.coordinates)
+    grid = Grid.from_coordinates(lshape.mesh.coordinates)
     assert grid.shape == (16, 8)
     assert grid.mask[:12, 4:].sum() == 0
     assert grid.mask[:, :4].all()

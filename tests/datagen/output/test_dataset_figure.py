@@ -14,7 +14,7 @@ from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.output.dataset_figure import draw
 from datagen.output.nodal_samples import NodalSamples
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from tests.datagen.refusal import refusal
 
 STARTS = {"png": b"\x89PNG\r\n", "pdf": b"%PDF-", "svg": b"<?xml"}
@@ -33,9 +33,9 @@ def test_samples_are_chosen_evenly_by_displacement(beam: Path) -> None:
     shard = read_shard(beam / "shard-00000.h5", "nodal")
     moved = np.linalg.norm(shard["samples/displacement"], axis=2).max(axis=1)
     assert samples.largest == pytest.approx(moved)
-    assert samples.spread(4) == np.argsort(moved)[[2, 4, 7, 9]].tolist()
-    assert samples.spread(1) == [moved.argmax()]
-    assert samples.spread(99) == np.argsort(moved).tolist()
+    assert samples.evenly_by_displacement(4) == np.argsort(moved)[[2, 4, 7, 9]].tolist()
+    assert samples.evenly_by_displacement(1) == [moved.argmax()]
+    assert samples.evenly_by_displacement(99) == np.argsort(moved).tolist()
 
 
 def test_a_sample_is_that_of_the_shard(beam: Path) -> None:

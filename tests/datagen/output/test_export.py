@@ -20,8 +20,9 @@ from datagen.output import export as module
 from datagen.output.export import export
 from datagen.output.nodal_samples import Sample
 from shared_schema.common.errors import InputError
+from shared_schema.layout import Arrays
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import Arrays, read_shard
+from shared_schema.shard_reader import read_shard
 from tests.datagen.refusal import refusal
 
 Steps = dict[int, dict[str, np.ndarray]]

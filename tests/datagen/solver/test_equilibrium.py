@@ -171,6 +171,17 @@ def test_failed_steps_are_cut_back(beam: Body, node_at: NodeFinder) -> None:
     assert beam.problem.displacement() == pytest.approx(reached, abs=1e-8)
 
 
+def test_forces_on_one_node_add_up(beam: Body, node_at: NodeFinder) -> None:
+    """Bit for bit as the sum of both, 0.5 N and 1 N downwards; other nodes stay as they are."""
+    tip, other = (node_at(beam.mesh.coordinates, x, 1.0) for x in (4.0, 2.4))
+    together = np.array([[0.25, -1.5], [0.0, 0.5]])
+    apart = np.array([[0.25, -0.5], [0.0, 0.5], [0.0, -1.0]])
+    assert solve_load_case(beam.problem, np.array([tip, other]), together, SETTINGS).solved
+    expected = beam.problem.displacement()
+    assert solve_load_case(beam.problem, np.array([tip, other, tip]), apart, SETTINGS).solved
+    assert np.array_equal(beam.problem.displacement(), expected)
+
+
 def test_inverted_elements_are_refused(beam: Body) -> None:
     """A state with J < 0 is not accepted, even if its residual is finite."""
     x = beam.mesh.coordinates

@@ -21,8 +21,10 @@ from datagen.solver.settings import SolverSettings
 from datagen.solver.stiffness import stiffness_of
 from datagen.structure.structure import structure
 from shared_schema.checker import check_dataset
+from shared_schema.common.checksum import sha256
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import read_stiffness, stiffness_problems
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
@@ -120,6 +122,20 @@ def test_tiny_load_is_linear(beam: Body) -> None:
         differences.append(np.linalg.norm(u - linear) / np.linalg.norm(u))
     assert differences[0] < 1e-4
     assert differences[1] / differences[0] == pytest.approx(10, rel=0.1)
+
+
+@pytest.mark.parametrize("case", ["beam2d", "plate2d"])
+def test_in_the_nodal_dataset(tmp_path: Path, case: str) -> None:
+    """The file holds what is assembled on the mesh of the shards, to the last bit."""
+    manifest = run(read_case(case, samples=4), tmp_path / "nodal", MPI.COMM_SELF)
+    assert check_dataset(tmp_path / "nodal") == []
+    reader = DatasetReader(tmp_path / "nodal")
+    mesh = RawMesh(reader.body["mesh/coordinates"], reader.body["mesh/cells"], reader.cell_type)
+    found, expected = read_stiffness(reader.folder), stiffness_of(mesh, MATERIAL)
+    assert manifest.stiffness == sha256(tmp_path / "nodal" / "stiffness.h5")
+    assert np.array_equal(found.data, expected.data)
+    assert np.array_equal(found.indices, expected.indices)
+    assert np.array_equal(found.indptr, expected.indptr)
 
 
 def test_in_the_structured_dataset(tmp_path: Path) -> None:

@@ -21,9 +21,9 @@ from datagen.structure.structure import nodal_forces_of, structure
 from shared_schema.cells import CELL_TYPES
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid import grid_of
-from shared_schema.shard import read_shard
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_of
+from shared_schema.shard_reader import read_shard
 
 CUBE = """SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 2, 1, 1}};
 Cylinder(2) = {{1, 0, 0.5, 0, 1, 0, 0.3}};
@@ -67,7 +67,7 @@ def mesh(request: pytest.FixtureRequest, tmp_path: Path) -> RawMesh:
     return made
 
 
-def embedded(mesh: RawMesh, shape: tuple[int, ...] | None = None) -> EmbeddedGrid:
+def embedded(mesh: RawMesh, shape: tuple[int, ...] | None = None) -> Grid:
     return embed(mesh.coordinates, mesh.cells, mesh.cell_type, shape)
 
 

@@ -15,7 +15,7 @@ from datagen.structure.structure import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard import read_shard
+from shared_schema.shard_reader import read_shard
 
 SHARD = "shard-00000.h5"
 

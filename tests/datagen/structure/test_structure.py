@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,17 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
+from datagen.structure.noise import add_noise
 from datagen.structure.structure import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
+from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
+from shared_schema.layout import Arrays
 from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
-from shared_schema.shard import Arrays, read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
+from shared_schema.stiffness import STIFFNESS_FILE
 
 SAMPLES = 45
 
@@ -52,7 +58,7 @@ def test_both_datasets_are_intact(nodal: Path, structured: Path) -> None:
 def test_nodal_structured_nodal_is_exact(nodal: Path, structured: Path) -> None:
     """Equal to the last bit after the one rounding to float32."""
     shard = read_shard(structured / "shard-00000.h5", "structured")
-    grid = GridMap(shard["grid/node_at"])
+    grid = Grid.of_nodes(shard["grid/node_at"])
     back = grid.to_nodes(joined(structured, "structured", "samples/displacement"))
     there = joined(nodal, "nodal", "samples/displacement")
     assert np.array_equal(back, there.astype(np.float32))
@@ -97,7 +103,7 @@ def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrde
     assert (info.order, info.order_seed) == (order, 3)
     assert check_dataset(folder) == []
     shard = read_shard(folder / "shard-00000.h5", "structured")
-    grid = GridMap(shard["grid/node_at"])
+    grid = Grid.of_nodes(shard["grid/node_at"])
     back = grid.to_nodes(shard["samples/displacement"])
     there = read_shard(nodal / "shard-00000.h5", "nodal")["samples/displacement"]
     assert np.array_equal(back, there.astype(np.float32))
@@ -143,7 +149,8 @@ def test_mesh_without_order(nodal: Path, tmp_path: Path) -> None:
         arrays["mesh/coordinates"] = x + 0.1 * np.sin(40 * x[:, ::-1])
         digest = write_shard(crooked / entry.file, "nodal", arrays, manifest.case_digest, "quad")
         entries.append(entry.model_copy(update={"sha256": digest}))
-    write_manifest(crooked, manifest.model_copy(update={"shards": tuple(entries)}))
+    update = {"shards": tuple(entries), "stiffness": None}
+    write_manifest(crooked, manifest.model_copy(update=update))
     with pytest.raises(InputError, match="no structured order"):
         structure(crooked, tmp_path / "grid", order="gmsh")
     assert not (tmp_path / "grid").exists()
@@ -151,6 +158,55 @@ def test_mesh_without_order(nodal: Path, tmp_path: Path) -> None:
     assert info is not None
     assert info.embedding is not None
     assert check_dataset(tmp_path / "grid") == []
+
+
+def without_stiffness(nodal: Path, folder: Path) -> Path:
+    """A copy as `datagen run` wrote it before it assembled the stiffness."""
+    shutil.copytree(nodal, folder)
+    (folder / STIFFNESS_FILE).unlink()
+    write_manifest(folder, read_manifest(folder).model_copy(update={"stiffness": None}))
+    return folder
+
+
+def test_stiffness_is_carried_over(nodal: Path, structured: Path, tmp_path: Path) -> None:
+    """The file of the nodal dataset, byte for byte, whatever the step."""
+    expected = (nodal / STIFFNESS_FILE).read_bytes()
+    assert (structured / STIFFNESS_FILE).read_bytes() == expected
+    noisy = add_noise(nodal, tmp_path / "noisy", seed=1)
+    assert noisy.stiffness == read_manifest(nodal).stiffness == sha256(nodal / STIFFNESS_FILE)
+    assert (tmp_path / "noisy" / STIFFNESS_FILE).read_bytes() == expected
+    made = structure(tmp_path / "noisy", tmp_path / "grid")
+    assert made.stiffness is None
+    assert made.stiffness_checksum == noisy.stiffness
+    assert check_dataset(tmp_path / "noisy") == check_dataset(tmp_path / "grid") == []
+
+
+def test_stiffness_of_an_older_dataset_is_assembled(nodal: Path, tmp_path: Path) -> None:
+    """Bit for bit what `datagen run` writes now; noise leaves it out."""
+    older = without_stiffness(nodal, tmp_path / "older")
+    assert check_dataset(older) == []
+    assert '"stiffness"' not in (older / "manifest.json").read_text()
+    structure(older, tmp_path / "grid")
+    expected = (nodal / STIFFNESS_FILE).read_bytes()
+    assert (tmp_path / "grid" / STIFFNESS_FILE).read_bytes() == expected
+    noisy = tmp_path / "noisy"
+    noisy.mkdir()
+    (noisy / STIFFNESS_FILE).write_bytes(b"of a step that was killed")
+    assert add_noise(older, noisy, seed=1).stiffness is None
+    assert not (noisy / STIFFNESS_FILE).exists()
+    assert check_dataset(tmp_path / "grid") == check_dataset(noisy) == []
+
+
+def test_damaged_stiffness_is_refused(nodal: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "nodal"
+    shutil.copytree(nodal, damaged)
+    (damaged / STIFFNESS_FILE).write_bytes(b"")
+    with pytest.raises(InputError, match=r"stiffness\.h5: empty"):
+        structure(damaged, tmp_path / "new")
+    (damaged / STIFFNESS_FILE).unlink()
+    with pytest.raises(InputError, match=r"stiffness\.h5: no such file"):
+        add_noise(damaged, tmp_path / "new", seed=0)
+    assert not (tmp_path / "new").exists()
 
 
 def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
@@ -168,8 +224,6 @@ def test_refusals(nodal: Path, structured: Path, tmp_path: Path) -> None:
 
 
 def test_damaged_source_is_refused(nodal: Path, tmp_path: Path) -> None:
-    import shutil
-
     damaged = tmp_path / "nodal"
     shutil.copytree(nodal, damaged)
     shard = damaged / "shard-00001.h5"

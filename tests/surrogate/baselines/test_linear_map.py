@@ -12,8 +12,7 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import Stiffness, stiffness_problems, write_stiffness
 from surrogate.baselines.linear_map import LinearMap, compliance_of
@@ -88,7 +87,7 @@ def test_untrained_it_is_linear_elasticity(
     dataset = with_stiffness
     if order == "other":
         nodes = np.random.default_rng(0).permutation(32)
-        grid = GridMap.from_coordinates(dataset.geometry.coordinates).reordered(nodes)
+        grid = Grid.from_coordinates(dataset.geometry.coordinates).reordered(nodes)
         dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
     config = linear_config(displacement_scale=scale)
     description = describe(config, dataset)
@@ -107,7 +106,7 @@ def test_untrained_it_is_linear_elasticity(
 
 def test_compliance_is_symmetric_and_positive(with_stiffness: Dataset) -> None:
     geometry = with_stiffness.geometry
-    assert isinstance(geometry.grid, GridMap)
+    assert geometry.grid.points_are_nodes
     assert with_stiffness.stiffness is not None
     compliance = compliance_of(with_stiffness.stiffness, geometry.grid, geometry.clamped)
     torch.testing.assert_close(compliance, compliance.T, rtol=1e-9, atol=1e-12)
@@ -174,7 +173,8 @@ def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) 
 def test_embedded_grid_is_refused(tmp_path: Path, with_stiffness: Dataset) -> None:
     """Its points are no nodes, so that K⁻¹ is no map between its fields."""
     points = np.arange(32)[:, None]
-    grid = EmbeddedGrid(points.reshape(8, 4, 1), np.ones((8, 4, 1)), points, np.ones((32, 1)))
+    sources = np.repeat(points.reshape(8, 4, 1), 2, axis=2)
+    grid = Grid(sources, np.full((8, 4, 2), 0.5), points, np.ones((32, 1)))
     embedded = replace(with_stiffness, geometry=replace(with_stiffness.geometry, grid=grid))
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="'model' = 'linear': the dataset's grid is embedded"):

@@ -12,11 +12,11 @@ import pytest
 import torch
 
 from shared_schema.checker import check_dataset
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid import grid_arrays
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
+from shared_schema.grid_arrays import grid_arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
-from shared_schema.shard import read_shard, write_shard
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import read_dataset
 from surrogate.data.same_body import differing_array
 from surrogate.evaluation.evaluate import evaluate
@@ -29,34 +29,33 @@ from surrogate.training.train import train
 BETWEEN = 13  # a node that, where the embedding is not the identity, is the mean of two points
 
 
-def identity(grid: GridMap) -> EmbeddedGrid:
+def identity(grid: Grid) -> Grid:
     """Every grid point made of its node alone, every node of its grid point alone."""
     points = np.empty((grid.nodes, 1), dtype=np.int64)
     points[grid.node_at.ravel(), 0] = np.arange(grid.nodes)
-    ones = np.ones((*grid.shape, 1))
-    return EmbeddedGrid(grid.node_at[..., None], ones, points, np.ones((grid.nodes, 1)))
+    sources = np.stack((grid.node_at, grid.node_at), axis=-1)
+    weights = np.broadcast_to([1.0, 0.0], sources.shape)  # the second node has no part in it
+    return Grid(sources, weights, points, np.ones((grid.nodes, 1)))
 
 
-def averaging(grid: GridMap) -> EmbeddedGrid:
+def averaging(grid: Grid) -> Grid:
     """The same, but for a node that is the mean of its grid point and the one after it."""
     same = identity(grid)
     points = np.concatenate((same.points, same.points), axis=1)
     weights = np.tile([1.0, 0.0], (grid.nodes, 1))
     points[BETWEEN, 1] += 1
     weights[BETWEEN] = 0.5
-    return EmbeddedGrid(same.sources, same.source_weights, points, weights)
+    return Grid(same.sources, same.source_weights, points, weights)
 
 
-def embedded(
-    data: Path, folder: Path, embedding: Callable[[GridMap], EmbeddedGrid] = identity
-) -> Path:
+def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = identity) -> Path:
     """A copy of a structured dataset, on an embedded grid."""
     folder.mkdir()
     manifest = read_manifest(data, "structured")
     entries = []
     for entry in manifest.shards:
         arrays = read_shard(data / entry.file, "structured")
-        grid = GridMap(arrays.pop("grid/node_at"))
+        grid = Grid.of_nodes(arrays.pop("grid/node_at"))
         force, displacement = (
             grid.to_nodes(arrays[f"samples/{name}"]) for name in ("force", "displacement")
         )
@@ -116,7 +115,7 @@ def test_the_error_of_the_embedding_itself(
     folder = embedded(data, tmp_path / "data", averaging)
     content = trained_on(folder, tmp_path / "run", make_config(epochs=1))
     u = read_dataset(data).nodal_test.displacement
-    nodes = GridMap.from_coordinates(load(tmp_path / "run").geometry.coordinates).node_at.ravel()
+    nodes = Grid.from_coordinates(load(tmp_path / "run").geometry.coordinates).node_at.ravel()
     after = nodes[np.flatnonzero(nodes == BETWEEN)[0] + 1]
     expected = np.abs(u[:, after] - u[:, BETWEEN]).mean() / 2 / 32
     assert content["embedding_error"] == pytest.approx(expected, rel=1e-5)

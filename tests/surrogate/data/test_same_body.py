@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from shared_schema.common.errors import InputError
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.same_body import Body, require_same_body
@@ -61,6 +61,8 @@ def test_other_array_is_named(geometry: Geometry, name: str, index: Any, value: 
 
 
 def test_other_grid_is_named(geometry: Geometry) -> None:
-    node_at = GridMap.from_coordinates(geometry.coordinates).node_at
-    for other in (node_at.T.copy(), node_at[:, :2]):
-        assert "'grid/node_at' differs" in refusal(geometry, replace(geometry, grid=GridMap(other)))
+    node_at = Grid.from_coordinates(geometry.coordinates).node_at
+    for other in (node_at.T.copy(), node_at[:, ::-1].copy()):
+        assert "'grid/node_at' differs" in refusal(
+            geometry, replace(geometry, grid=Grid.of_nodes(other))
+        )

@@ -12,16 +12,10 @@ import pytest
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.data.dataset import read_dataset
-from surrogate.data.nodal_dataset import read_nodal_dataset, scatter
+from surrogate.data.nodal_dataset import read_nodal_dataset
 from surrogate.evaluation.evaluate import Evaluation, evaluate
 from surrogate.presentation.run_figures import write_figures
 from surrogate.runs.folder import RunFolder
-
-
-def test_forces_are_scattered_and_padding_is_not() -> None:
-    nodes, loads = np.array([[2, -1], [0, 1]]), np.arange(8.0).reshape(2, 2, 2)
-    force = scatter(nodes, loads, 3)
-    assert force.tolist() == [[[0, 0], [0, 0], [0, 1]], [[4, 5], [6, 7], [0, 0]]]
 
 
 def test_nodal_samples_are_those_of_the_grid(data: Path) -> None:

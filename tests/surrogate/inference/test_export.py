@@ -16,8 +16,8 @@ from torch import nn
 
 import surrogate.inference.export
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.embedded_grid import EmbeddedGrid
-from shared_schema.grid_map import NO_NODE, GridMap
+from shared_schema.grid import Grid
+from shared_schema.layout import NO_NODE
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import Format, export
@@ -37,7 +37,7 @@ def permuted(geometry: Geometry) -> Geometry:
     node_at = np.full(shape, NO_NODE)
     nodes = np.random.default_rng(0).permutation(len(geometry.coordinates))
     node_at[:-1] = nodes.reshape(geometry.grid.shape)
-    return replace(geometry, grid=GridMap(node_at))
+    return replace(geometry, grid=Grid.of_nodes(node_at))
 
 
 def embedded(geometry: Geometry) -> Geometry:
@@ -46,7 +46,7 @@ def embedded(geometry: Geometry) -> Geometry:
     points = np.stack([rng.permutation(35)[:4] for _ in range(nodes)])
     sources = rng.integers(0, nodes, (7, 5, 2))
     weights = np.full((7, 5, 2), 0.5), rng.dirichlet(np.ones(4), nodes)
-    return replace(geometry, grid=EmbeddedGrid(sources, weights[0], points, weights[1]))
+    return replace(geometry, grid=Grid(sources, weights[0], points, weights[1]))
 
 
 def untrained(

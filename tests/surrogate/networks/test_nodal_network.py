@@ -7,29 +7,28 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from shared_schema.embedded_grid import EmbeddedGrid
 from shared_schema.grid import Grid
-from shared_schema.grid_map import NO_NODE, GridMap
+from shared_schema.layout import NO_NODE
 from surrogate.networks.nodal_network import NodalNetwork, WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
 
 RNG = np.random.default_rng(0)
 
 
-def permuted(shape: tuple[int, ...], empty: int = 0) -> GridMap:
+def permuted(shape: tuple[int, ...], empty: int = 0) -> Grid:
     """Nodes in random order on a grid, some of whose points are left empty."""
     points = int(np.prod(shape))
     node_at = np.full(points, NO_NODE)
     node_at[RNG.permutation(points)[empty:]] = np.arange(points - empty)
-    return GridMap(node_at.reshape(shape))
+    return Grid.of_nodes(node_at.reshape(shape))
 
 
-def embedded() -> EmbeddedGrid:
+def embedded() -> Grid:
     """Nine nodes anywhere between the points of a 4 × 3 grid; some points take part in none."""
     points = np.stack([RNG.permutation(11)[:4] for _ in range(9)])
     weights = RNG.dirichlet(np.ones(4), 9) * (RNG.random((9, 4)) > 0.2)
     sources = RNG.integers(0, 9, (4, 3, 3))
-    return EmbeddedGrid(sources, np.full((4, 3, 3), 1 / 3), points, weights)
+    return Grid(sources, np.full((4, 3, 3), 1 / 3), points, weights)
 
 
 class Field(nn.Module):

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared_schema.grid_map import GridMap
+from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
 from surrogate.studies.components.dataset_figures import draw_padding
 
@@ -14,7 +14,7 @@ def test_every_node_stands_in_its_mesh_and_on_its_grid_point() -> None:
     )
     cells = np.array([(0, 5, 7, 4), (5, 1, 6, 7), (7, 6, 2, 3)])
     none = np.zeros(8, dtype=bool)
-    grid = GridMap.from_coordinates(coordinates)
+    grid = Grid.from_coordinates(coordinates)
     figure = draw_padding(Geometry(coordinates, cells, "quad", none, none, grid))
     for axes in figure.axes:
         places = {int(text.get_text()): text.get_position() for text in axes.texts}

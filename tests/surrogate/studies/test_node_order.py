@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shared_schema.grid_map import GridMap
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import StudyResult
 from surrogate.studies.node_order import (
@@ -40,7 +39,7 @@ def test_numbers_on_the_end_face(resources: Resources) -> None:
     assert numbers_at_end(geometry).tolist() == (112 + np.arange(16)).reshape(4, 4).tolist()
     nodes = np.random.default_rng(0).permutation(128)
     grid = geometry.grid
-    assert isinstance(grid, GridMap)
+    assert grid.points_are_nodes
     other = replace(geometry, grid=grid.reordered(nodes))
     assert (nodes[numbers_at_end(other)] == numbers_at_end(geometry)).all()
     texts = draw_numbers({"preferred": geometry, "other": other}).axes[1].texts

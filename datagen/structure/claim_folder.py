@@ -1,4 +1,4 @@
-"""Seeing that a folder may be written to: new, or holding what the same step made before."""
+"""Claim a folder for the dataset of a step: a new one, or one that the same step wrote before."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from shared_schema.manifest import MANIFEST, Manifest, read_manifest
 from shared_schema.stiffness import STIFFNESS_FILE
 
 
-def require_free(folder: Path, made: Manifest) -> None:
-    """Take a folder for a dataset, dropping the manifest of what is made again.
+def claim_folder(folder: Path, made: Manifest) -> None:
+    """Claim a folder for a dataset; remove the manifest and stiffness of the same one, if there.
 
     Parameters
     ----------
     folder : Path
         Need not exist.
     made : Manifest
-        Of the dataset that shall be written; its shards need not be known yet.
+        Manifest of the dataset that will be written; its shards need not be known yet.
 
     Raises
     ------
@@ -38,4 +38,5 @@ def require_free(folder: Path, made: Manifest) -> None:
         ours = ("shard-", STIFFNESS_FILE, PARTIAL)  # of a step that was killed
         if not all(path.name.startswith(ours) for path in folder.iterdir()):
             raise InputError(f"--out '{folder}': the folder holds something else")
+    (folder / STIFFNESS_FILE).unlink(missing_ok=True)
     remove_partial_files(folder)
