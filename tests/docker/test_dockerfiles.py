@@ -21,7 +21,7 @@ from tests.docker.image_files import (
 )
 
 EXTRAS = ("export", "tensorboard")  # of surrogate: what its commands can do
-TESTED_WITH = {"pytest", "pytest-timeout", "scikit-fem"}  # no image needs them
+TESTED_WITH = {"pytest", "pytest-timeout", "pytest-xdist", "scikit-fem"}  # no image needs them
 
 
 def requirements() -> dict[str, list[Requirement]]:
