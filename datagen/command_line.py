@@ -18,7 +18,7 @@ import numpy as np
 from datagen import __version__
 from shared_schema.checker import check_dataset
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import run_command
+from shared_schema.common.command_line import make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError, WorkError
 from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
@@ -74,13 +74,8 @@ def _on_every_rank(command: Callable[[], None]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="datagen",
-        description="Make datasets of large-deformation equilibria under families of nodal loads.",
-        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
-    )
-    parser.add_argument("--version", action="version", version=f"datagen {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    description = "Make datasets of large-deformation equilibria under families of nodal loads."
+    parser, commands = make_parser("datagen", description, __version__)
 
     run = commands.add_parser("run", help="solve every load case of a case (under mpirun, or not)")
     run.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")

@@ -123,6 +123,16 @@ NODAL = (
     ArrayLayout("failed/reason", "str", ("failed",), "1", "why the load case was given up"),
 )
 
+
+def _grid_fields(force: str, displacement: str) -> tuple[ArrayLayout, ArrayLayout]:
+    """Force and displacement on the grid, by their descriptions."""
+    axes = ("sample", "dim", "*grid")
+    return (
+        ArrayLayout("samples/force", "float32", axes, "N", force, sparse=True),
+        ArrayLayout("samples/displacement", "float32", axes, "m", displacement),
+    )
+
+
 STRUCTURED = (
     *MESH,
     ArrayLayout(
@@ -135,19 +145,8 @@ STRUCTURED = (
     ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that are nodes"),
     ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
     ArrayLayout("samples/is_test", "bool", ("sample",), "1", "belongs to the test split"),
-    ArrayLayout(
-        "samples/force",
-        "float32",
-        ("sample", "dim", "*grid"),
-        "N",
+    *_grid_fields(
         "nodal force, channels first, 0 where the grid has no node",
-        sparse=True,
-    ),
-    ArrayLayout(
-        "samples/displacement",
-        "float32",
-        ("sample", "dim", "*grid"),
-        "m",
         "nodal displacement, channels first, 0 where the grid has no node",
     ),
 )
@@ -172,19 +171,8 @@ EMBEDDED = (
     ArrayLayout("grid/point_weights", "float64", ("node", "target"), "1", "their weights"),
     ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that have a value"),
     *(layout for layout in STRUCTURED if layout.path in ("samples/number", "samples/is_test")),
-    ArrayLayout(
-        "samples/force",
-        "float32",
-        ("sample", "dim", "*grid"),
-        "N",
+    *_grid_fields(
         "forces on the grid that do the work of the nodal ones, channels first",
-        sparse=True,
-    ),
-    ArrayLayout(
-        "samples/displacement",
-        "float32",
-        ("sample", "dim", "*grid"),
-        "m",
         "interpolated displacement, channels first, 0 where the grid has no value",
     ),
     ArrayLayout(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared_schema.common.command_line import run_command
+from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
     from surrogate.studies.framework.study import Study
@@ -26,13 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     from surrogate import __version__
 
-    parser = argparse.ArgumentParser(
-        prog="surrogate",
-        description="Train and evaluate surrogates on datasets made by datagen.",
-        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
-    )
-    parser.add_argument("--version", action="version", version=f"surrogate {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    description = "Train and evaluate surrogates on datasets made by datagen."
+    parser, commands = make_parser("surrogate", description, __version__)
 
     train = commands.add_parser("train", help="train a network, or resume from its checkpoint")
     train.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Callable
+from typing import TypeAlias
 
 from tqdm import tqdm
 
@@ -18,6 +20,21 @@ from shared_schema.common.errors import (
 )
 
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
+Parser: TypeAlias = argparse.ArgumentParser
+Commands: TypeAlias = (
+    "argparse._SubParsersAction[argparse.ArgumentParser]"  # argparse gives this type no public name
+)
+
+
+def make_parser(program: str, description: str, version: str) -> tuple[Parser, Commands]:
+    """Make the parser of a program, and the object to which its commands are added."""
+    parser = argparse.ArgumentParser(
+        prog=program,
+        description=description,
+        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
+    )
+    parser.add_argument("--version", action="version", version=f"{program} {version}")
+    return parser, parser.add_subparsers(required=True, metavar="COMMAND")
 
 
 def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:

@@ -114,7 +114,7 @@ def _trainer(
     if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         print(
             f"surrogate: warning: config '{config.name}': 'training.cuda_graphs' is for one "
-            f"process on cuda, here {ranks.count} on {device.type}; going on without",
+            f"process on cuda, here {ranks.count} on {device.type}; training continues without it",
             file=sys.stderr,
         )
     return Trainer(config, network, split.train, split.validation, ranks)

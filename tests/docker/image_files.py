@@ -1,4 +1,4 @@
-"""What the image files and the Makefile say, read from their text."""
+"""Content of the image files and the Makefile, read from their text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def instructions(image: str) -> list[tuple[str, str]]:
 
 
 def installed(image: str, program: str) -> list[str]:
-    """What a Dockerfile installs by name with ``apt-get`` or ``pip``."""
+    """Packages that a Dockerfile installs by name with ``apt-get`` or ``pip``."""
     words: list[str] = []
     for name, arguments in instructions(image):
         if name == "RUN":
@@ -49,7 +49,7 @@ def project(package: str) -> dict[str, Any]:
 
 
 def make(*words: str) -> str:
-    """What ``make`` prints, without variables from the environment."""
+    """Output of ``make`` without variables from the environment."""
     return subprocess.run(
         ["make", "--no-print-directory", *words],
         cwd=ROOT,

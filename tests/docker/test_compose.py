@@ -37,7 +37,7 @@ def compose(environment: Mapping[str, str], name: str = "compose.yaml") -> dict[
 
 
 def commands(service: dict[str, Any], folder: Path) -> list[str]:
-    """What a service runs: its shell's commands, said by stand-ins instead of obeyed."""
+    """Commands of a service's shell, printed by stand-ins instead of executed."""
     for program in ("mpirun", "datagen", "surrogate"):
         path = folder / program
         path.write_text('#!/bin/sh\necho "${0##*/} $@"\n')
@@ -53,7 +53,7 @@ def commands(service: dict[str, Any], folder: Path) -> list[str]:
 
 
 def commands_of_make(variables: Mapping[str, str]) -> list[str]:
-    """What `make report` runs, without the folders of its environments."""
+    """Commands of `make report`, without the folders of its environments."""
     old = [f"--assume-old=.venv-{name}/.installed" for name in ("datagen", "surrogate")]
     words = [f"{name}={value}" for name, value in variables.items()]
     text = make("--dry-run", "--always-make", *old, "report", *words).replace("\\\n", " ")

@@ -20,12 +20,12 @@ from tests.docker.image_files import (
     project,
 )
 
-EXTRAS = ("export", "tensorboard")  # of surrogate: what its commands can do
+EXTRAS = ("export", "tensorboard")  # of surrogate: features of its commands
 TESTED_WITH = {"pytest", "pytest-timeout", "pytest-xdist", "scikit-fem"}  # no image needs them
 
 
 def requirements() -> dict[str, list[Requirement]]:
-    """What pip shall install by name, for each image."""
+    """Requirements that pip installs by name, for each image."""
     surrogate, contract = project("surrogate"), project("shared_schema")
     lines = [*surrogate["dependencies"], *contract["dependencies"]]
     for extra in EXTRAS:

@@ -146,7 +146,7 @@ def test_the_check_sees_imports_inside_functions(tmp_path: Path) -> None:
 
 
 def test_the_learner_loads_nothing_of_the_factory() -> None:
-    """What is loaded in fact, by importing every module of the learner."""
+    """Import every module of the learner, and look at the packages that are loaded."""
     files = (p.relative_to(ROOT) for p in (ROOT / "surrogate").rglob("[a-z]*.py"))
     modules = [".".join(file.with_suffix("").parts) for file in files]
     assert loaded(modules, FACTORY) == []
@@ -162,7 +162,7 @@ def test_contract_and_command_line_load_no_matplotlib() -> None:
 
 
 def loaded(modules: list[str], among: set[str]) -> list[str]:
-    """Which of some packages are loaded after importing modules in a new interpreter."""
+    """Packages, among some, that are loaded after importing modules in a new interpreter."""
     code = (
         "import importlib, sys\n"
         f"for name in {modules!r}: importlib.import_module(name)\n"

@@ -1,4 +1,4 @@
-"""The worked example of a mesh of one's own: plate with holes, meshed, solved, learnt, judged."""
+"""Worked example of a user's own mesh: plate with holes, meshed, solved, learnt, evaluated."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def solve(coordinates: np.ndarray, node: int, force: np.ndarray) -> np.ndarray:
 
 
 def statistics(values: np.ndarray) -> ComponentStatistics:
-    """Of values (N, d, n_nodes)."""
+    """Statistics of values (N, d, n_nodes)."""
     axes = (0, 2)
     return ComponentStatistics(
         mean=tuple(values.mean(axis=axes).tolist()),

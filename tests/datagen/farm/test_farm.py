@@ -159,7 +159,7 @@ def test_ranks_that_make_no_groups(case_file: Path, tmp_path: Path) -> None:
 
 @pytest.mark.mpi
 def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
-    """What only the mesh can show to be wrong ends all ranks, and one says it."""
+    """An error that only the mesh shows ends all ranks, and one prints it."""
     case_file = write_case(tmp_path, region={"y": 1.0})
     result = execute(2, case_file, tmp_path / "nodal")
     assert result.returncode == 2
@@ -285,7 +285,7 @@ def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
 
 
 def test_wrong_input_writes_nothing(case: Case, tmp_path: Path) -> None:
-    """What only the mesh can show to be wrong is found before the folder is made."""
+    """An error that only the mesh shows is found before the folder is made."""
     everywhere = case.load.model_copy(update={"region": Region(y=1.0)})
     with pytest.raises(InputError, match="clamped node at 0,1"):
         run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", MPI.COMM_SELF)

@@ -1,4 +1,4 @@
-"""Whatever happens to a run, the same command goes on from there and makes the same dataset."""
+"""Faults of all kinds: the same command resumes the run and makes the same dataset."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(case_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What an uninterrupted run makes of it."""
+    """The dataset of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("whole") / "nodal"
     run(read_case(str(case_file)), folder, MPI.COMM_SELF)
     return folder
@@ -310,7 +310,7 @@ def stopped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_damaged_journal(
     case: Case, small: Path, stopped: Path, tmp_path: Path, name: str, content: bytes | None
 ) -> None:
-    """What cannot be read (None: is missing, half: cut in the middle) counts as not finished."""
+    """A shard that cannot be read (None: missing, half: cut in the middle) is not finished."""
     folder = shutil.copytree(stopped, tmp_path / "nodal")
     damaged = folder / ".journal" / name
     if content == b"half":

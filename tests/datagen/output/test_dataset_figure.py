@@ -28,7 +28,7 @@ def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_samples_are_chosen_evenly_by_displacement(beam: Path) -> None:
-    """Of ten samples those of rank ⌈10 k / 4⌉ by displacement: the 3rd, 5th, 8th and 10th."""
+    """Ten samples give those of rank ⌈10 k / 4⌉ by displacement: 3rd, 5th, 8th and 10th."""
     samples = NodalSamples(beam)
     shard = read_shard(beam / "shard-00000.h5", "nodal")
     moved = np.linalg.norm(shard["samples/displacement"], axis=2).max(axis=1)

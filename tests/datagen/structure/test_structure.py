@@ -123,7 +123,7 @@ def test_split_is_random_and_reproducible() -> None:
 
 
 def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:
-    """What is up to date is left alone; what is damaged or in another order is made again."""
+    """An up-to-date dataset is left alone; a damaged or reordered one is made again."""
     folder = tmp_path / "again"
     first = structure(nodal, folder)
     shard = folder / "shard-00001.h5"

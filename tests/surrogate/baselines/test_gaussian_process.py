@@ -76,7 +76,7 @@ def test_error_falls_with_samples_and_spread_with_them() -> None:
 
 
 def test_unsure_far_from_the_data() -> None:
-    """Where no sample is near, the prior: the outputs' mean, and a + σ_n² of their variance."""
+    """Far from all samples the prior holds: the outputs' mean, and a + σ_n² of their variance."""
     force, outputs = data(80)
     model = fitted(80, force, outputs)
     mean, std = model(torch.full((1, 2, 3), 1e6, dtype=torch.float64))

@@ -125,7 +125,7 @@ def test_scaled_compliance_by_hand() -> None:
 
 
 def test_trained_by_the_ordinary_loop(tmp_path: Path, with_stiffness: Dataset) -> None:
-    """Loss falls from that of linear elasticity; going on from a checkpoint changes nothing."""
+    """Loss falls from that of linear elasticity; resuming from a checkpoint changes nothing."""
     optimiser = {"learning_rate": 1e-3}
     training = {"epochs": 30, "batch_size": 16, "loss": "mae", "optimiser": optimiser}
     config = linear_config(training=training)

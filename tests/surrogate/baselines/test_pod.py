@@ -57,7 +57,7 @@ def test_data_of_rank_r_is_exact() -> None:
 
 
 def test_truncation_is_the_best_of_its_rank() -> None:
-    """What one mode leaves out is the sum of the other squared singular values (Eckart–Young)."""
+    """One mode leaves out the sum of the other squared singular values (Eckart–Young)."""
     force, displacement = low_rank(60, 3)
     network = PODNetwork(RidgeConfig(rank=1), FREE)
     network.fit(force, displacement, seed=0)

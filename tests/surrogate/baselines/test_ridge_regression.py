@@ -16,7 +16,7 @@ def forces(count: int, nodes: int = 4, d: int = 2) -> torch.Tensor:
 
 
 def test_monomials_by_hand() -> None:
-    """Of (2, 3) at one node and (5, 7) at the other, up to degree 2: y, y², x, x y, x²."""
+    """Forces (2, 3) and (5, 7) at two nodes, up to degree 2: y, y², x, x y, x²."""
     found = monomials(torch.tensor([[[2.0, 5.0], [3.0, 7.0]]]), 2)
     expected = [3, 7, 9, 49, 2, 5, 6, 35, 4, 25]
     assert found.tolist() == [expected]

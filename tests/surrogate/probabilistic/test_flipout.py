@@ -167,7 +167,7 @@ def test_perturbations_of_different_samples_are_uncorrelated(passes: Passes) -> 
 def test_every_output_channel_has_a_sign_of_its_own() -> None:
     """The outputs of two equal samples with one input channel differ by signs only.
 
-    Whether the signs are the same is one half for each of two channels, and for each independently
+    Equal signs have probability one half in each of two channels, and are independent in each
     of the other: over T passes within five standard errors 1 / (2√T).
     """
     torch.manual_seed(0)

@@ -193,8 +193,8 @@ def plain_network(model: Surrogate, dataset: Dataset) -> tuple[FieldNetwork, Cal
 def test_distribution_is_that_of_independent_weights(samples: Dataset) -> None:
     """Plain networks, weights set anew for each of 1000: within five standard errors everywhere.
 
-    Those of the means, of the means' variance and of the mean variance σ², from second and fourth
-    moments; two estimates differ by √2 more.
+    Standard errors of the means, of their variance and of the mean variance σ² follow from second
+    and fourth moments; two estimates differ by √2 more.
     """
     model, force = untrained(samples, levels=1), samples.test.force[:1]
     plain, sample = plain_network(model, samples)

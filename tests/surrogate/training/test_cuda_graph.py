@@ -40,7 +40,7 @@ def test_on_cpu_training_goes_on_without(
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == (
         "surrogate: warning: config 'small': 'training.cuda_graphs' is for one process on cuda, "
-        "here 1 on cpu; going on without"
+        "here 1 on cpu; training continues without it"
     )
     assert sum("warning" in line for line in lines) == 1
 

@@ -75,9 +75,9 @@ def gradients(
 def test_parts_of_the_gradient_add_up(
     dataset: Dataset, make_config: MakeConfig, likelihood: str, processes: int, count: int
 ) -> None:
-    """Those of the loss and those of the divergence, which counts once; without noise to speak of.
+    """Gradients of the loss and of the KL divergence, which counts once; noise is negligible.
 
-    The divergence's, of the order of σ_p / σ, is far larger than the loss's where it has one.
+    The gradient of the KL divergence, of the order of σ_p / σ, is far larger than that of the loss.
     """
     config = make_config(likelihood=likelihood, variational={"initial_std": 1e-7})
     gradient, terms = gradients(config, dataset, ALONE, count)
