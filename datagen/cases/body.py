@@ -15,6 +15,7 @@ from datagen.loads import LoadableNodes
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
+from shared_schema.cells import boundary_facets
 from shared_schema.common.errors import InputError
 
 
@@ -93,7 +94,8 @@ def make_body(case: Case, comm: Any) -> Body:
 def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool_]:
     """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none."""
     try:
-        nodes = region.select(mesh.coordinates, mesh.groups)
+        facets = boundary_facets(mesh.cells, mesh.cell_type) if region.boundary else None
+        nodes = region.select(mesh.coordinates, mesh.groups, facets)
     except ValueError as error:
         raise InputError(f"case '{case.name}': key '{key}': {error}") from None
     if not nodes.any():

@@ -25,6 +25,7 @@ SHIPPED = {
     "each_node": "datagen.loads.each_node:EachNode",
     "sweep": "datagen.loads.sweep:Sweep",
     "traction": "datagen.loads.traction:Traction",
+    "traction_patch": "datagen.loads.traction_patch:TractionPatch",
 }
 
 

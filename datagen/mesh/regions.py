@@ -1,4 +1,7 @@
-"""Regions select nodes by coordinates, ``{x: "> 0", y: 1}``, or by a group, ``{group: name}``."""
+"""Regions select nodes by coordinates, by a named group, or as those of the surface.
+
+Examples are ``{x: "> 0", y: 1}``, ``{group: name}`` and ``{boundary: true, x: "> 0"}``.
+"""
 
 from __future__ import annotations
 
@@ -32,21 +35,25 @@ class Region(Frozen):
     ----------
     group : str or None
         Name of a group of the mesh: a physical group of gmsh, or a node or element set.
+    boundary : bool
+        Only nodes of the surface: those of facets that belong to one cell.
     x, y, z : float, str or None
         Condition on a coordinate in m: a number (equality), a comparison such as ``"> 0"`` or
         ``"<= 2"``, or none.
     """
 
     group: str | None = None
+    boundary: bool = False
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
 
     @model_serializer(mode="wrap")
-    def _without_unused_group(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out a group of None, so that cases without groups keep their digest."""
+    def _without_unused_keys(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out no group and no boundary, so that cases without them keep their digest."""
         content: dict[str, Any] = plain(self)
-        return {key: value for key, value in content.items() if (key, value) != ("group", None)}
+        unused = (("group", None), ("boundary", False))
+        return {key: value for key, value in content.items() if (key, value) not in unused}
 
     @field_validator("x", "y", "z")
     @classmethod
@@ -59,6 +66,7 @@ class Region(Frozen):
         self,
         coordinates: NDArray[np.float64],
         groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
+        facets: NDArray[np.int64] | None = None,
     ) -> NDArray[np.bool_]:
         """Select the nodes of the region.
 
@@ -68,6 +76,8 @@ class Region(Frozen):
             Node coordinates in m.
         groups : mapping of str to array of int
             Node numbers of every named group of the mesh.
+        facets : array of int, (n_facets, n_corners), optional
+            Node numbers of every facet of the surface; `boundary` needs them.
 
         Returns
         -------
@@ -77,7 +87,7 @@ class Region(Frozen):
         Raises
         ------
         ValueError
-            If the mesh has no such group.
+            If the mesh has no such group, or `boundary` has no facets to look at.
         """
         tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
         inside = np.ones(len(coordinates), dtype=bool)
@@ -87,6 +97,12 @@ class Region(Frozen):
                 raise ValueError(f"group '{self.group}': the mesh has no such group, but {names}")
             inside[:] = False
             inside[groups[self.group]] = True
+        if self.boundary:
+            if facets is None:
+                raise ValueError("boundary: the facets of the surface are not known")
+            on_surface = np.zeros(len(coordinates), dtype=bool)
+            on_surface[facets] = True
+            inside &= on_surface
         for axis, name in enumerate(AXES[: coordinates.shape[1]]):
             condition = getattr(self, name)
             if condition is None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from mpi4py import MPI
 
 from datagen.cases.body import make_body
 from datagen.cases.case import SHIPPED, read_case
+from datagen.solver.load_stepping import solve_load_case
 from shared_schema.common.errors import InputError
 
 Content = dict[str, Any]
@@ -38,6 +40,44 @@ def test_beam2d_is_the_papers() -> None:
     body = make_body(case, MPI.COMM_SELF)
     assert body.mesh.coordinates.size == 128
     assert (body.clamped.sum(), body.loadable.sum()) == (4, 15)
+
+
+@pytest.mark.parametrize(
+    ("name", "clamped", "loadable", "largest"),
+    [
+        ("beam2d_any", 4, 60, 2.0),
+        ("lshape2d_any", 4, 76, 0.8),
+        ("beam3d_any", 144, 1288, 2.0),  # 28 · 12² − 26 · 10² nodes of the surface, 12² clamped
+    ],
+)
+def test_any_load(name: str, clamped: int, loadable: int, largest: float) -> None:
+    """One to four forces on any nodes that are not clamped, in space on those of the surface."""
+    case = read_case(name)
+    body = make_body(case, MPI.COMM_SELF)
+    assert (body.clamped.sum(), body.loadable.sum()) == (clamped, loadable)
+    loads = [case.load.draw(n, case.dataset.seed, body.loadable_nodes) for n in range(400)]
+    assert {len(load.nodes) for load in loads} == {1, 2, 3, 4}
+    forces = np.abs(np.concatenate([load.forces for load in loads]))
+    assert 0.99 * largest < forces.max() <= largest
+
+
+@pytest.mark.slow
+def test_soft_finger(tmp_path: Path) -> None:
+    """Tetrahedra of some millimetres; the tip moves by millimetres to centimetres of its 88."""
+    case = read_case("finger3d")
+    body = make_body(case, MPI.COMM_SELF)
+    x = body.mesh.coordinates
+    assert body.mesh.cell_type == "tetra"
+    assert 1500 <= len(x) <= 4000
+    np.testing.assert_allclose(np.ptp(x, axis=0), (0.088, 0.02, 0.016), rtol=1e-6)
+    assert np.all(x[body.clamped, 0] == 0)
+    moved = []
+    for number in range(6):
+        load = case.load.draw(number, case.dataset.seed, body.loadable_nodes)
+        assert solve_load_case(body.problem, load.nodes, load.forces, case.solver).solved
+        moved.append(np.linalg.norm(body.problem.displacement(), axis=1).max())
+    assert 5e-4 < np.median(moved) < 0.02
+    assert max(moved) > 0.01
 
 
 def test_name_and_path_are_the_same_case() -> None:

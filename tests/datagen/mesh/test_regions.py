@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from datagen.mesh.regions import Region
+from shared_schema.cells import boundary_facets
 
 GRID = np.stack(np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -61,3 +62,23 @@ def test_a_group_is_written_only_where_there_is_one() -> None:
     """Datasets of cases without groups keep their digest."""
     assert Region(x=0).model_dump(mode="json") == {"x": 0.0, "y": None, "z": None}
     assert Region(group="a").model_dump(mode="json")["group"] == "a"
+
+
+def test_boundary_of_a_square() -> None:
+    """Sixteen nodes on the surface of 4 x 4 squares; nine inside."""
+    x = np.stack(np.meshgrid(range(5), range(5), indexing="ij"), axis=-1).reshape(-1, 2) / 1.0
+    low = np.array([5 * i + j for i in range(4) for j in range(4)])
+    cells = np.stack([low, low + 5, low + 6, low + 1], axis=1)
+    facets = boundary_facets(cells, "quad")
+    on_surface = Region(boundary=True).select(x, facets=facets)
+    assert on_surface.sum() == 16
+    assert not on_surface[np.all((x > 0) & (x < 4), axis=1)].any()
+    assert Region(boundary=True, x="> 0").select(x, facets=facets).sum() == 11
+    with pytest.raises(ValueError, match="the facets of the surface are not known"):
+        Region(boundary=True).select(x)
+
+
+def test_unused_keys_are_not_part_of_a_case() -> None:
+    """Cases of before keep their digest."""
+    assert Region(x="> 0").model_dump() == {"x": "> 0", "y": None, "z": None}
+    assert Region(boundary=True).model_dump()["boundary"] is True
