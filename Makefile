@@ -20,7 +20,7 @@ DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
-# A worker takes whole files, for their fixtures; the longest, end to end, come first.
+# Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
 PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
 
@@ -39,31 +39,31 @@ help: ## list the targets
 
 setup: .venv-datagen/.installed .venv-surrogate/.installed ## install what is missing
 
-demo: report ## empty machine to trained, evaluated surrogate; prints the report's path
+demo: report ## install, solve, train and evaluate; print the path of the report
 
-data: .venv-datagen/.installed ## solve a case's samples on NP ranks and lay them on the grid
+data: .venv-datagen/.installed ## solve the samples of CASE on NP ranks and map them to the grid
 	@mkdir -p $(DATA)
 	OMP_NUM_THREADS=1 $(MPIRUN) $(DATAGEN) run $(CASE) --out $(DATA)/nodal \
 		$(if $(SAMPLES),--samples $(SAMPLES))
 	$(DATAGEN) structure $(DATA)/nodal --out $(DATA)/structured
 
-train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the case's data
+train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the data of CASE
 	@mkdir -p $(dir $(RUN))
 	$(SURROGATE) train $(CASE)-$(MODEL)-$(RECIPE) --data $(DATA)/structured --out $(RUN)
 
-evaluate: train ## measure the run on the test split, draw its figures
+evaluate: train ## evaluate the run on the test split and draw its figures
 	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured
 
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
 
-reproduce: setup ## the paper's tables and figures, at SCALE=smoke|laptop|paper
+reproduce: setup ## make the paper's tables and figures at SCALE=smoke|laptop|paper
 	@$(REPRODUCE) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
 		sh -e .venv-surrogate/data-commands
 	$(REPRODUCE)
 
-test: test-datagen test-surrogate ## run every test on JOBS cores (T="-m 'not slow'" chooses)
+test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 
 test-datagen: setup
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
@@ -77,14 +77,14 @@ lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
 
-images: ## build the container images by Docker
+images: ## build the container images with Docker
 	REVISION=$$(git rev-parse HEAD) $(COMPOSE) build
 
-compose-demo: images ## the demo by the images alone; its runs come here
+compose-demo: images ## run the demo in containers; copy its runs to this folder
 	$(COMPOSE) up
 	$(COMPOSE) cp evaluate:/work/runs .
 
-test-images: ## build and run the images on a bare Debian, without Docker
+test-images: ## build and run the images on a bare Debian without Docker
 	@TORCH='$(TORCH)' python3 docker/test_images.py
 
 clean: ## remove environments, datasets and runs
@@ -108,7 +108,7 @@ debian-packages:
 	apt-get update -q && \
 		DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $$missing
 
-# Debian's own interpreter, which its dolfinx, NumPy and h5py are built for; pip must replace none.
+# Debian's dolfinx, NumPy and h5py are built for Debian's own interpreter; pip must not replace them.
 .venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml \
 		datagen/requirements.txt | debian-packages
 	rm -rf .venv-datagen

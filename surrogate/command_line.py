@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
-    speaks = os.environ.get("RANK", "0") == "0"  # torchrun's
+    speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
     return run_command("surrogate", lambda: command(options), speaks)
 
 
@@ -49,12 +49,12 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("run", type=Path, metavar="RUN")
     evaluate.add_argument("--data", type=Path, required=True, metavar="DIR")
     evaluate.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
-    _add_passes(evaluate, "stochastic passes, of networks with probabilistic weights (default 300)")
+    _add_passes(evaluate, "number of passes of a stochastic network (default 300)")
     evaluate.add_argument(
         "--loads",
         type=Path,
         metavar="NODAL_DIR",
-        help="predict the samples of this nodal dataset as well: other loads on the same body",
+        help="also predict the samples of this nodal dataset (other loads on the same body)",
     )
     evaluate.add_argument(
         "--conformal",
@@ -70,12 +70,12 @@ def _parser() -> argparse.ArgumentParser:
         "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
     )
     predict.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
-    _add_passes(predict, "stochastic passes, of networks with probabilistic weights (default 300)")
+    _add_passes(predict, "number of passes of a stochastic network (default 300)")
     predict.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     predict.add_argument(
         "--conformal",
         choices=("marginal", "simultaneous"),
-        help="add the ends of the run's conformal intervals: 'lower' and 'upper'",
+        help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
     )
     predict.set_defaults(command=_predict)
 
@@ -85,21 +85,21 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("run", type=Path, metavar="RUN")
     export.add_argument("--format", choices=("onnx", "pt2"), required=True)
     export.add_argument("--out", type=Path, required=True, metavar="FILE.(onnx|pt2)")
-    _add_passes(export, "stochastic passes to put into the file (default: the mean weights)")
+    _add_passes(export, "number of passes in the file (default: mean weights, without passes)")
     export.set_defaults(command=_export)
 
     report = commands.add_parser("report", help="write a run's results as one HTML page")
     report.add_argument("run", type=Path, metavar="RUN", help="an evaluated run")
     report.add_argument(
-        "--nodal", type=Path, metavar="DIR", help="the nodal dataset, for its times"
+        "--nodal", type=Path, metavar="DIR", help="nodal dataset; the page shows its solve times"
     )
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
 
     study = commands.add_parser("study", help="make some of the paper's tables and figures")
-    study.add_argument("names", nargs="+", metavar="NAME", help="such as force-sweep-beam")
+    study.add_argument("names", nargs="+", metavar="NAME", help="study, such as force-sweep-beam")
     _add_studies(study)
-    study.add_argument("--again", action="store_true", help="even if they are up to date")
+    study.add_argument("--again", action="store_true", help="repeat studies that are up to date")
     study.set_defaults(command=_study)
 
     reproduce = commands.add_parser("reproduce", help="make all of the paper's tables and figures")
@@ -129,7 +129,7 @@ def _add_passes(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def _passes(options: argparse.Namespace) -> dict[str, int]:
-    """Return the options of passes that are given."""
+    """Return the given options among --passes and --seed."""
     given = {"passes": options.passes, "seed": options.seed}
     return {name: value for name, value in given.items() if value is not None}
 
@@ -269,8 +269,8 @@ def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = Fal
 
 if __name__ == "__main__":
     code = main()
-    if "TORCHELASTIC_RUN_ID" in os.environ:  # torchrun's
-        # a thread of torch's that asks for the interpreter while that is torn down would abort
+    if "TORCHELASTIC_RUN_ID" in os.environ:  # set by torchrun
+        # exit without the interpreter's cleanup: a thread of torch could abort the process in it
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -1,4 +1,4 @@
-"""The device of tensors, and the memory layout and precision of a network on it."""
+"""Choice of the device, and the memory layout and precision of a network on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Precision = Literal["float32", "bfloat16"]
 
 
 def choose_device(name: str) -> torch.device:
-    """The device of a name: ``auto`` is cuda where there is one, else cpu."""
+    """Return the device of a given name; ``auto`` means cuda if there is one, else cpu."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
@@ -22,10 +22,10 @@ def choose_device(name: str) -> torch.device:
 
 
 def lay_out(network: nn.Module, dimension: int, precision: Precision, device: torch.device) -> None:
-    """Move a network to a device, in the memory layout that its convolutions are fastest in.
+    """Move a network to a device, in the memory layout with the fastest convolutions.
 
-    Channels come last in the plane; in space they do on a CPU in float32, and on a GPU in bfloat16,
-    because tensor cores need it.
+    In two dimensions, the layout is channels last. In three dimensions, it is channels last on a
+    CPU in float32 and on a GPU in bfloat16, where tensor cores need it.
     """
     network.to(device)
     if dimension == 2:
@@ -35,10 +35,10 @@ def lay_out(network: nn.Module, dimension: int, precision: Precision, device: to
     else:
         return
     for parameter in network.parameters():
-        if parameter.dim() == dimension + 2:  # a kernel
+        if parameter.dim() == dimension + 2:  # convolution kernel
             parameter.data = parameter.data.contiguous(memory_format=memory_format)
 
 
 def autocast(precision: Precision, device: torch.device) -> torch.autocast:
-    """Context in which convolutions compute in a precision; it changes nothing in float32."""
+    """Return a context in which convolutions use a precision; float32 changes nothing."""
     return torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16")

@@ -8,7 +8,7 @@ from shared_schema.common.processor import processor
 
 
 def hardware(device: torch.device) -> str:
-    """Name the processor and its threads in use, and the GPU if the device is one."""
+    """Return the names of GPU and processor, or processor and number of threads on a CPU."""
     if device.type == "cuda":
         return f"{torch.cuda.get_device_name(device)}, {processor()}"
     threads = torch.get_num_threads()

@@ -8,6 +8,6 @@ INITIAL_WEIGHTS, VALIDATION, ORDER, NOISE, PASS, CALIBRATION = range(6)
 
 
 def stream(*numbers: int) -> int:
-    """A seed of 64 bits from some numbers, different for different numbers."""
+    """Return a 64-bit seed made from some numbers; different numbers give different seeds."""
     entropy = (len(numbers), *numbers)
     return int(np.random.SeedSequence(entropy).generate_state(1, np.uint64)[0])

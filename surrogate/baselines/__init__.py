@@ -1,1 +1,1 @@
-"""Baselines of the U-Net: a linear map, and proper orthogonal decomposition."""
+"""Baselines for the U-Net: a linear map, and proper orthogonal decomposition."""

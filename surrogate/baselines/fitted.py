@@ -1,4 +1,4 @@
-"""Modules that are fitted to the data in one go, instead of trained by steps."""
+"""Modules that are fitted to the data directly, not trained step by step."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from torch import Tensor, nn
 
 
 class Fitted(nn.Module):
-    """A module whose tensors come from a fit, and have the shapes that it gives them.
+    """A module whose tensors come from a fit, which also determines their shapes.
 
     Parameters
     ----------
     names : str
-        Names of the tensors, which are empty until they are fitted or loaded.
+        Names of the tensors; they are empty until they are fitted or loaded.
     """
 
     def __init__(self, *names: str) -> None:

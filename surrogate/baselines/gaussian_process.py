@@ -2,8 +2,8 @@ r"""Gaussian process regression on nodal forces.
 
 .. math:: k(f, f') = a \exp\left(-\frac{\|f - f'\|_2^2}{2 ℓ^2}\right) + σ_n^2 δ_{f f'}
 
-over all components of the forces at loaded nodes. Outputs are standardised, independent and share
-one kernel, whose parameters maximise the marginal likelihood.
+The norm is over all force components at the loaded nodes. The outputs are standardised, treated as
+independent, and share one kernel. Its parameters maximise the marginal likelihood.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from torch import Tensor
 
 from surrogate.baselines.fitted import Fitted
 
-TUNING_SAMPLES = 500  # at most, for the kernel's parameters: each step of the search takes O(n³)
+TUNING_SAMPLES = 500  # largest number for the kernel's parameters; a search step takes O(n³)
 
 
 class GaussianProcess(Fitted):
-    """Regression from nodal forces to some outputs, with the standard deviation of each.
+    """Regression from nodal forces to several outputs, with a standard deviation of each output.
 
     Parameters
     ----------
     samples : int
-        Largest number of samples to condition on, chosen at random.
+        Largest number of training samples in the process; they are chosen at random.
 
     Attributes
     ----------
     kernel : Tensor, (3,)
-        a, ℓ and σ_n².
+        Parameters a, ℓ and σ_n² of the kernel.
     inputs : Tensor, (n, d · n_loaded)
-        Forces of the samples that the process is conditioned on.
+        Forces of the n training samples in the process.
     cholesky : Tensor, (n, n)
-        L with L Lᵀ = k(inputs, inputs).
+        Cholesky factor L with L Lᵀ = k(inputs, inputs).
     alpha : Tensor, (n, n_outputs)
-        (L Lᵀ)⁻¹ y, y being the standardised outputs.
+        Coefficients (L Lᵀ)⁻¹ y, where y are the standardised outputs.
     mean, std : Tensor, (n_outputs,)
         Mean and standard deviation of the outputs, for their standardisation.
     """
@@ -66,7 +66,8 @@ class GaussianProcess(Fitted):
         start += WhiteKernel(1e-4, (1e-8, 1.0))
         few = slice(TUNING_SAMPLES)
         with catch_warnings():
-            simplefilter("ignore", ConvergenceWarning)  # σ_n² at its bound: data without noise
+            # data without noise push σ_n² to its bound
+            simplefilter("ignore", ConvergenceWarning)
             tuned = GaussianProcessRegressor(start).fit(x[few].numpy(), y[few].numpy())
         model = GaussianProcessRegressor(tuned.kernel_, optimizer=None).fit(x.numpy(), y.numpy())
         self.kernel = torch.from_numpy(np.exp(tuned.kernel_.theta))
@@ -74,7 +75,7 @@ class GaussianProcess(Fitted):
         self.alpha = torch.from_numpy(model.alpha_)
 
     def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
-        """Predict outputs and their standard deviations, (N, n_outputs) both.
+        """Predict outputs and their standard deviations, both (N, n_outputs).
 
         The standard deviations are those of an observation: they include the noise σ_n².
         """

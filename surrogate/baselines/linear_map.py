@@ -2,9 +2,9 @@ r"""The linear surrogate of Deshpande et al. (2022), Table "CNN_MLP": one dense 
 
 .. math:: u = W f, \qquad W_0 = K^{-1}
 
-over the free degrees of freedom, K being the stiffness of the undeformed body: before training the
-layer is linear elasticity. (The paper's layer has the clamped ones too, whose rows and
-columns are zero.)
+u and f contain the free degrees of freedom, and K is the stiffness of the undeformed body. So the
+untrained layer is linear elasticity. (The paper's layer also contains the clamped degrees of
+freedom; their rows and columns are zero.)
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from shared_schema.stiffness import Stiffness
 
 
 class LinearMap(nn.Module):
-    """Scaled force grid in, scaled displacement grid out: (N, d, nx, ny[, nz]) both.
+    """Linear map from scaled forces to scaled displacements, both (N, d, nx, ny[, nz]).
 
     Parameters
     ----------
     dimension : int
-        d.
+        Number of space dimensions d.
     free : Tensor of bool, (nx, ny[, nz])
-        Grid points that can move.
+        True at grid points that are nodes and not clamped.
 
     Attributes
     ----------
     weight : nn.Parameter, (d · n_free, d · n_free)
-        W, component by component; zero until `start_at`.
+        Matrix W, ordered component by component; zero until `start_at` is called.
     """
 
     points: Tensor
@@ -46,12 +46,12 @@ class LinearMap(nn.Module):
 
     @torch.no_grad()
     def start_at(self, compliance: Tensor, force_unit: Tensor, displacement_unit: Tensor) -> None:
-        """Set the weights to a compliance.
+        """Set the weights to a compliance matrix.
 
         Parameters
         ----------
         compliance : Tensor, (d · n_free, d · n_free)
-            In m/N.
+            Compliance matrix in m/N.
         force_unit : Tensor, ()
             Unit of the scaled forces, in N.
         displacement_unit : Tensor, (d, nx, ny[, nz])
@@ -69,12 +69,12 @@ class LinearMap(nn.Module):
 
 
 def compliance_of(stiffness: Stiffness, grid: Grid, clamped: NDArray[np.bool_]) -> Tensor:
-    """K⁻¹ in m/N over the free degrees of freedom, component by component in the grid's order.
+    """Return K⁻¹ in m/N of the free degrees of freedom, by component, then in grid order.
 
     Parameters
     ----------
     stiffness : Stiffness
-        Stiffness of the whole body, without supports.
+        Stiffness of the whole body without supports.
     grid : Grid
     clamped : array of bool, (n_nodes,)
     """

@@ -3,9 +3,9 @@ r"""Proper orthogonal decomposition of displacements, with regression of the coe
 .. math:: u(f) ≈ \bar u + \sum_{k=1}^{r} c_k(f) \, φ_k
 
 The orthonormal modes φ are the leading principal components of the training displacements
-(snapshots), c comes from ridge regression or from a Gaussian process (Guo and Hesthaven 2018). A
-Gaussian process gives standard deviations too, which the modes and their truncation error take to
-the nodes:
+(snapshots). The coefficients c come from ridge regression or from a Gaussian process (Guo and
+Hesthaven 2018). A Gaussian process also gives standard deviations of the coefficients. With the
+truncation error of the modes, they give the standard deviations at the nodes:
 
 .. math:: σ_i^2 = \sum_k φ_{ki}^2 \, σ_k(f)^2 + \frac{1}{N} \sum_n (u_{ni} - \tilde u_{ni})^2
 """
@@ -37,10 +37,10 @@ class PODConfig(Frozen, ABC):
     regression : {"ridge", "gp"}
         Ridge regression or a Gaussian process.
     energy : float
-        Fraction of the training displacements' variance that the modes hold.
+        Fraction of the variance of the training displacements that the modes capture.
     rank : int, optional
-        Number of modes r, in place of `energy`; for large bodies, as it needs no whole
-        decomposition.
+        Number of modes r, instead of `energy`. It suits large bodies, because it needs no complete
+        singular value decomposition.
     """
 
     regression: str
@@ -84,7 +84,7 @@ class GaussianProcessConfig(PODConfig):
     Attributes
     ----------
     gp_samples : int
-        Largest number of training samples that the process is conditioned on.
+        Largest number of training samples in the process.
     """
 
     regression: Literal["gp"]
@@ -96,22 +96,24 @@ class GaussianProcessConfig(PODConfig):
 
 
 class PODNetwork(Fitted):
-    """Scaled force grid in, scaled displacement grid out; double precision inside.
+    """Map from scaled force grid to scaled displacement grid, computed in double precision.
 
     Parameters
     ----------
     config : PODConfig
     free : Tensor of bool, (nx, ny[, nz])
-        Grid points that can move.
+        True at grid points that are nodes and not clamped.
 
     Attributes
     ----------
     loaded : Tensor of int, (n_loaded,)
-        Numbers, in the flattened grid, of the points that bear a force in training.
+        Numbers of the points, in the flattened grid, that carry a force in training.
     mean : Tensor, (d · n_free,)
+        Mean displacement of the training samples.
     modes : Tensor, (r, d · n_free)
+        Orthonormal modes.
     truncation : Tensor, (d · n_free,)
-        Root mean square of the part of the training displacements that the modes leave out.
+        Root mean square of the truncation error of the training displacements.
     """
 
     free: Tensor
@@ -127,7 +129,7 @@ class PODNetwork(Fitted):
         self.regression = config.make_regression()
 
     def fit(self, force: Tensor, displacement: Tensor, seed: int) -> None:
-        """Fit modes and regression to scaled fields of the CPU, (N, d, nx, ny[, nz]) both."""
+        """Fit modes and regression to scaled fields on the CPU, both (N, d, nx, ny[, nz])."""
         from sklearn.decomposition import PCA
 
         snapshots = displacement.flatten(2)[:, :, self.free].flatten(1).double().numpy()
@@ -152,11 +154,11 @@ class PODNetwork(Fitted):
         return Prediction(mean, self._on_grid(variance.sqrt() + SMALLEST_STD, force))
 
     def _loads(self, force: Tensor) -> Tensor:
-        """Forces where there were any in training: (N, d, n_loaded)."""
+        """Return the forces at the points that are loaded in training: (N, d, n_loaded)."""
         return force.flatten(2).index_select(2, self.loaded).double()
 
     def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
-        """Lay values of free degrees of freedom on the grid, zero elsewhere."""
+        """Place the values of free degrees of freedom on the grid, with zeros elsewhere."""
         grid = torch.zeros_like(like).flatten(2)
         fields = values.to(like).reshape(*like.shape[:2], -1)
         return grid.index_copy(2, self.free, fields).reshape(like.shape)

@@ -2,8 +2,8 @@ r"""Ridge regression on polynomials of nodal forces.
 
 .. math:: \min_{W, b} \frac{1}{N} \sum_n \|W φ(f_n) + b - c_n\|_2^2 + α \|W\|_2^2
 
-with the monomials φ of the components of one node's force, up to some degree; products of forces
-at different nodes are left out.
+φ contains the monomials of the force components of each node, up to a given degree; it contains no
+products of forces at different nodes.
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from surrogate.baselines.fitted import Fitted
 
 
 class RidgeRegression(Fitted):
-    """Polynomial regression from nodal forces to some outputs.
+    """Polynomial regression from nodal forces to several outputs.
 
     Parameters
     ----------
     degree : int
+        Largest degree of the monomials.
     penalty : float
-        α.
+        Penalty α on the squared weights.
 
     Attributes
     ----------
     weights : Tensor, (n_outputs, n_monomials)
+        Weights W.
     intercept : Tensor, (n_outputs,)
+        Intercept b.
     """
 
     weights: Tensor
@@ -48,12 +51,12 @@ class RidgeRegression(Fitted):
         self.intercept = torch.from_numpy(model.intercept_)
 
     def forward(self, force: Tensor) -> tuple[Tensor, None]:
-        """Predict outputs (N, n_outputs), without a standard deviation."""
+        """Predict outputs (N, n_outputs); there are no standard deviations (None)."""
         return monomials(force, self.degree) @ self.weights.T + self.intercept, None
 
 
 def monomials(force: Tensor, degree: int) -> Tensor:
-    """Products of powers of each node's components, of degree 1 to `degree`.
+    """Return the monomials of the force components of each node, of degree 1 to `degree`.
 
     Parameters
     ----------

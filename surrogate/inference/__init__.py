@@ -1,1 +1,1 @@
-"""Prediction with a trained network, and its export to a file of its own."""
+"""Prediction with a trained network, and export of the network to a single file."""

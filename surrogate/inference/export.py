@@ -1,8 +1,8 @@
-"""A trained network as one file that needs no code of this project: ONNX, or PyTorch's ``.pt2``.
+"""Export of a trained network to one file that needs no code of this project: ONNX or ``.pt2``.
 
-Input is ``force``, (N, n_nodes, d) float32 in N, N being free. Outputs are ``displacement`` and, of
-probabilistic networks, standard deviations, of the same shape in m. Scales, supports and the map
-between mesh and grid are in the file.
+The input is ``force`` in newtons, (samples, n_nodes, d) float32, for any number of samples. The
+outputs are ``displacement`` and, for probabilistic networks, standard deviations, of the same
+shape in metres. The file contains scales, supports and the map between mesh and grid.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ CHECKED_BATCHES = (1, 3)
 
 
 class NodalFunction(nn.Module):
-    """The exported function: nodal forces to named nodal fields.
+    """The exported function: it maps nodal forces to named nodal fields.
 
     Parameters
     ----------
     network : NodalNetwork
     passes : int, optional
-        Number of passes T that were drawn; None for the mean weights of every member.
+        Number T of drawn passes; None for the mean weights of every member.
     """
 
     def __init__(self, network: NodalNetwork, passes: int | None) -> None:
@@ -70,7 +70,7 @@ class NodalFunction(nn.Module):
 def export(
     run: Path, kind: Format, path: Path, passes: int | None = None, seed: int | None = None
 ) -> float:
-    """Write the network of a run to a file, and compare the results of both.
+    """Write the network of a run to a file, and compare the file's results with the network's.
 
     Parameters
     ----------
@@ -78,26 +78,26 @@ def export(
         Run folder.
     kind : {"onnx", "pt2"}
     path : Path
-        Ending in .onnx or .pt2.
+        Path of the file; it ends in .onnx or .pt2.
     passes : int, optional
-        Number of passes T: their weights become constants of the file, which then gives the result
-        of `Surrogate.predict_distribution`. None for the mean weights.
+        Number of passes T. The weights of the passes become constants of the file, and its result
+        equals that of `Surrogate.predict_distribution`. None for the mean weights.
     seed : int, optional
-        Seed of the passes; 0 if left out.
+        Seed of the passes; the default is 0.
 
     Returns
     -------
     float
-        Largest difference on random loads, relative to the largest value of the field.
+        Largest difference under random loads, relative to the largest value of the field.
 
     Raises
     ------
     InputError
-        If there is no finished run, the file's name or the passes are wrong, the passes are too
-        many for an ONNX file, or a package is missing.
+        If there is no finished run, the file's name or the passes are wrong, there are too many
+        passes for an ONNX file, or a package is missing.
     WorkError
-        If the format cannot express the network, or the file's result differs from the network's;
-        no file is left then.
+        If the format cannot express the network, or the file's result differs from the network's.
+        The file is then removed.
     """
     require_suffix(path, (f".{kind}",))
     _require_packages(kind)
@@ -137,7 +137,7 @@ def export(
 
 
 def load_exported(path: Path) -> Callable[[Tensor], Fields]:
-    """Read a file back, as a user would: a function of forces, (N, n_nodes, d) in N."""
+    """Load an exported file as a user does; return a function of forces (samples, n_nodes, d)."""
     if path.suffix == ".pt2":
         program: Callable[[Tensor], Fields] = torch.export.load(path).module()
         return program
@@ -154,7 +154,7 @@ def load_exported(path: Path) -> Callable[[Tensor], Fields]:
 
 
 def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
-    """Forces at one node a sample, within the range of the training data: (N, n_nodes, d) in N."""
+    """Return random forces in the training range, (samples, n_nodes, d), one node per sample."""
     rng = np.random.default_rng(samples)
     geometry = surrogate.geometry
     limit = np.asarray(surrogate.description.data.info.force.max_abs)
@@ -165,7 +165,7 @@ def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
 
 
 def largest_difference(found: Fields, expected: Fields) -> float:
-    """Largest difference of any field, relative to the field's largest value."""
+    """Return the largest difference of all fields, relative to the field's largest value."""
     if found.keys() != expected.keys():
         return float("inf")
     differences = [
@@ -196,7 +196,7 @@ def _save_onnx(program: ExportedProgram, outputs: list[str], path: Path) -> None
 
 
 def _save_pt2(program: ExportedProgram, path: Path) -> None:
-    buffer = io.BytesIO()  # PyTorch's own writer brings the process down where the disk is full
+    buffer = io.BytesIO()  # PyTorch's own writer crashes the process if the disk is full
     torch.export.save(program, buffer)
     path.write_bytes(buffer.getbuffer())
 
@@ -211,7 +211,7 @@ def _require_packages(kind: Format) -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep PyTorch's exporters from reporting on themselves."""
+    """Suppress warnings and log messages of PyTorch's exporters."""
     logging.disable(logging.WARNING)
     try:
         with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Prediction with a trained network: nodal forces in, distributions of nodal displacements out."""
+"""Prediction with a trained network: distributions of nodal displacements from nodal forces."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from surrogate.probabilistic.passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 
-BATCH = 4096  # samples times passes at once, at most,
-VALUES = 2**25  # and at most as many values of a layer
+BATCH = 4096  # largest product of samples and passes that are computed at once
+VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
 Array = NDArray[np.float64]
 
@@ -35,8 +35,8 @@ class Distribution:
     Attributes
     ----------
     mean, std_epistemic, std_aleatoric : array, (n_nodes, d) or (N, n_nodes, d)
-        Mean, and standard deviations from the randomness of the weights and from that of the data,
-        in m.
+        Mean, and standard deviations due to random weights (epistemic) and to noise of the data
+        (aleatoric), in m.
     """
 
     mean: Array
@@ -49,7 +49,7 @@ class Distribution:
         return np.hypot(self.std_epistemic, self.std_aleatoric)
 
     def fields(self) -> dict[str, Array]:
-        """Return the arrays by the names that they have in files."""
+        """Return the arrays by their names in solution files."""
         return {
             "displacement": self.mean,
             "std": self.std,
@@ -65,11 +65,11 @@ class Surrogate:
     ----------
     network : FieldNetwork
     nodal_network : NodalNetwork
-        The same network between the nodes of the mesh.
+        The same network as a map between fields at the nodes of the mesh.
     passes : Passes
-        Passes of the network; the weights of the last prediction stay drawn.
+        Passes of the network; the drawn weights of the last prediction are kept.
     geometry : Geometry
-        Mesh, supports and grid; forces and displacements are numbered as its nodes are.
+        Mesh, supports and grid; its node numbers are those of forces and displacements.
     description : RunDescription
         Configuration and dataset of the run.
     """
@@ -85,16 +85,16 @@ class Surrogate:
 
     @property
     def is_probabilistic(self) -> bool:
-        """True if it predicts standard deviations."""
+        """True if the network predicts standard deviations."""
         return self.is_stochastic or self.description.run.predicts_std
 
     @property
     def is_stochastic(self) -> bool:
-        """True if passes differ."""
+        """True if passes differ from each other."""
         return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
-        """Predict displacements: the mean of `predict_distribution`.
+        """Predict displacements, as the mean of `predict_distribution`.
 
         Parameters
         ----------
@@ -123,15 +123,15 @@ class Surrogate:
         forces : array, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N.
         passes : int
-            Number of passes T; a network that is not stochastic makes one. Every member of an
-            ensemble makes them.
+            Number of passes T of every member of an ensemble; a network that is not stochastic
+            makes a single pass.
         seed : int
-            Seed of the passes, 0 or more. The same passes serve all samples.
+            Seed of the passes, 0 or more. All samples use the same passes.
 
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, there is no pass or the seed is negative.
+            If the shape is wrong, a force is not finite, `passes` is below 1 or `seed` below 0.
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
@@ -165,7 +165,7 @@ class Surrogate:
 
     @torch.inference_mode()
     def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
-        """Mean, epistemic and aleatoric standard deviation of one batch, over all passes."""
+        """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
         force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)
         at_once = min(self.passes.at_once, max(1, self._batch // max(len(nodal), 1)))
         chunks = [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
@@ -177,13 +177,13 @@ class Surrogate:
         return mean, epistemic, aleatoric
 
     def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
-        """Moments of some passes, in double precision."""
+        """Return the moments of some passes in double precision."""
         self.passes.draw(seed, passes)
         mean, std = self.nodal_network(force, len(passes))
         return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
 
     def require_stochastic(self, **options: int) -> None:
-        """Raise InputError if options of passes are given, but passes do not differ."""
+        """Raise InputError if pass options are given for a network that is not stochastic."""
         for name, value in options.items():
             if not self.is_stochastic:
                 raise InputError(
@@ -192,12 +192,12 @@ class Surrogate:
                 )
 
     def outside_training(self, forces: NDArray[np.float64]) -> str | None:
-        """Describe in which way forces leave the range of the training; None if they do not.
+        """Describe how forces leave the range of the training data; None if they do not.
 
         Parameters
         ----------
         forces : array, (n_nodes, d)
-            In N.
+            Nodal forces in N.
         """
         limit = self.description.data.info.force.max_abs
         largest = np.abs(forces).max(axis=0)
@@ -211,7 +211,7 @@ class Surrogate:
 
 
 def require_passes(passes: int, seed: int) -> None:
-    """Raise InputError unless there is a pass at least, and the seed is not negative."""
+    """Raise InputError unless there is at least one pass and the seed is not negative."""
     for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
         if value < least:
             raise InputError(f"{name} = {value}, expected {least} at least")
@@ -240,7 +240,7 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     Raises
     ------
     InputError
-        If there is no finished run, or it is damaged.
+        If there is no finished run, or its files are damaged.
     """
     folder = RunFolder(Path(run))
     description = folder.description()

@@ -1,1 +1,1 @@
-"""The kinds of model: each with its configuration, its start from the data, its distribution."""
+"""The kinds of model: configuration, initialisation from the data, predictive distribution."""

@@ -42,7 +42,7 @@ class LinearModel(TrainedModel):
         return LinearMap(dimension, free)
 
     def require_suitable(self, dataset: Dataset, train: Samples) -> None:
-        """Raise InputError unless grid points are nodes and the dataset has the stiffness."""
+        """Raise InputError unless the grid points are nodes and the dataset holds the stiffness."""
         where = f"config '{self.name}': key 'model' = 'linear'"
         if not dataset.geometry.grid.points_are_nodes:
             raise InputError(

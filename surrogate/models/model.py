@@ -1,4 +1,4 @@
-"""The base of all kinds of model: what every run is configured by, and what every model does."""
+"""Base classes of all kinds of model: common configuration keys and common methods."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from surrogate.probabilistic.moments import Moments
 
 
 class Gaussian(NamedTuple):
-    """A Gaussian for every displacement component, its variance in two parts.
+    """A Gaussian for every displacement component, with epistemic and aleatoric variance.
 
     Attributes
     ----------
     mean, std_epistemic, std_aleatoric : Tensor, (N, n_nodes, d)
-        In m.
+        Mean and standard deviations in m.
     """
 
     mean: Tensor
@@ -35,7 +35,7 @@ class Gaussian(NamedTuple):
 
 
 class Model(Frozen, ABC):
-    """A kind of model, with every key that determines a run of it, the data apart.
+    """A kind of model: all configuration keys of its runs, and the methods of every kind.
 
     Attributes
     ----------
@@ -45,11 +45,12 @@ class Model(Frozen, ABC):
     recipe : {"paper", "fast", "custom"}
         Origin of the settings: the paper, this project, or the user.
     model, likelihood : str
-        Together they choose the kind of model.
+        Kind of model, chosen by both keys together.
     displacement_scale : {"global", "node"}
-        Scale of the network's output: one for all, or one for each component of each node.
+        Scale of the network's output: one for the whole field, or one for each component of each
+        node.
     training : SplitConfig
-        Its keys are those that this kind of model reads.
+        Settings of the training; each kind of model has only the keys that it reads.
     seed : int
         Seed of the initial weights, the split, the order of the samples and the noise.
     """
@@ -72,51 +73,52 @@ class Model(Frozen, ABC):
     # --- from the configuration and the data to a network -----------------------------------------
 
     def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
-        """Build the network between fields in SI units, with the initial weights of the seed."""
+        """Build the network that maps fields in SI units, with initial weights from the seed."""
         free = torch.from_numpy(geometry.free_mask)
         return FieldNetwork(self.make_network(geometry.dimension, free), geometry, info)
 
     @abstractmethod
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
-        """Build the network between scaled fields.
+        """Build the network that maps scaled forces to scaled displacements.
 
         Parameters
         ----------
         dimension : int
             Number of space dimensions d.
         free : Tensor of bool, (nx, ny[, nz])
-            Grid points that can move.
+            True at grid points that are nodes and not clamped.
         """
 
     def require_suitable(self, dataset: Dataset, train: Samples) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
-        """Give a network on the CPU what it takes from the data before the first step.
+        """Initialise a network on the CPU from the data, before the first step.
 
         Parameters
         ----------
         network : FieldNetwork
-            Changed in place: scales, and whatever else a kind of model fits to the data.
+            Network that is changed in place: its scales, and all that this kind of model fits to
+            the data directly.
         dataset : Dataset
         train : Samples
-            The samples that the network may learn from.
+            Samples that the network may learn from.
         """
         if self.displacement_scale == "node":
             network.scale_by_node(train.displacement)
 
     @abstractmethod
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Loss per datum of a prediction, without the KL divergence of random weights.
+        """Return the loss per datum of a prediction, without the KL divergence of random weights.
 
         Parameters
         ----------
         prediction : Prediction
-            Fields in m.
+            Predicted fields in m.
         reference : Tensor, (N, d, nx, ny[, nz])
-            Displacements in m.
+            Reference displacements in m.
         network : FieldNetwork
-            Network that predicted.
+            Network that made the prediction.
         """
 
     # --- the predictive distribution --------------------------------------------------------------
@@ -128,16 +130,16 @@ class Model(Frozen, ABC):
 
     @property
     def predicts_std(self) -> bool:
-        """True if one pass of all members predicts standard deviations."""
+        """True if a single pass of all members predicts standard deviations."""
         return self.likelihood != "deterministic"
 
     def distribution(self, moments: Moments) -> Gaussian:
-        """Turn the moments of all passes into the predictive distribution."""
+        """Convert the moments of all passes to the predictive distribution."""
         return Gaussian(moments.mean, moments.std_epistemic, moments.std_aleatoric)
 
     @property
     def values_per_point(self) -> int:
-        """Number of hidden values at a grid point, which limits how many samples fit in a batch."""
+        """Number of hidden values at a grid point; it limits the number of samples in a batch."""
         return 128
 
     # --- for reports ------------------------------------------------------------------------------
@@ -155,11 +157,11 @@ class Model(Frozen, ABC):
     @property
     @abstractmethod
     def training_summary(self) -> str:
-        """Describe training or fit in a few words."""
+        """Describe the training or the fit in a few words."""
 
 
 class TrainedModel(Model):
-    """A model that is trained by steps of an optimiser.
+    """A model that an optimiser trains step by step.
 
     Attributes
     ----------
@@ -169,7 +171,7 @@ class TrainedModel(Model):
     training: TrainingConfig
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Loss per datum of a prediction, as the training is configured."""
+        """Return the loss per datum that the training configuration chooses."""
         return self.training.data_loss(prediction, reference, network)
 
     @property

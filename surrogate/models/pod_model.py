@@ -1,4 +1,4 @@
-"""Proper orthogonal decomposition as a model: fitted in one go, by one of two regressions."""
+"""Proper orthogonal decomposition as a model: fitted directly, with one of two regressions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PODModel(Model):
         return PODNetwork(self.pod, free)
 
     def require_suitable(self, dataset: Dataset, train: Samples) -> None:
-        """Raise InputError if more modes are asked for than the samples have."""
+        """Raise InputError if `pod.rank` exceeds the largest rank that the samples can have."""
         geometry = dataset.geometry
         most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
         if self.pod.rank is not None and self.pod.rank > most:
@@ -66,13 +66,13 @@ class PODModel(Model):
 
 
 class RidgePOD(PODModel):
-    """Coefficients by ridge regression on polynomials of the forces."""
+    """POD model whose coefficients come from ridge regression on polynomials of the forces."""
 
     likelihood: Literal["deterministic"] = "deterministic"
     pod: RidgeConfig
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Mean squared error per datum, which ridge regression minimises."""
+        """Return the mean squared error per datum, which ridge regression minimises."""
         return deterministic_loss("mse", prediction.mean, reference, network.displacement_rms)
 
     @property
@@ -87,18 +87,18 @@ class RidgePOD(PODModel):
 
 
 class GaussianProcessPOD(PODModel):
-    """Coefficients by a Gaussian process, whose standard deviation is that of missing data."""
+    """POD model whose coefficients, with standard deviations, come from a Gaussian process."""
 
     likelihood: Literal["maximum_likelihood"]
     pod: GaussianProcessConfig
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Negative log-likelihood per datum in nats."""
+        """Return the negative log-likelihood per datum in nats."""
         unit = network.displacement_rms
         return negative_log_likelihood(prediction, reference, network.free_points, unit)
 
     def distribution(self, moments: Moments) -> Gaussian:
-        """Take the predicted standard deviation for epistemic: it is zero where data are dense."""
+        """Report the predicted standard deviation as epistemic: dense data make it small."""
         return Gaussian(moments.mean, moments.std_aleatoric, moments.std_epistemic)
 
     @property

@@ -1,4 +1,4 @@
-"""Keys of ``training`` in a configuration: each kind of model has those that it reads."""
+"""Keys of ``training`` in a configuration: each kind of model has only the keys that it reads."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from surrogate.probabilistic.likelihoods import (
 
 
 class SplitConfig(Frozen):
-    """Fractions of the training split that are kept out of training or fitting.
+    """Fractions of the training samples that are kept out of training or fitting.
 
     Attributes
     ----------
     validation_fraction : float
-        For the loss curve, for `early_stopping` and for `recalibrate`.
+        Fraction for the loss curve, for `early_stopping` and for `recalibrate`.
     calibration_fraction : float
-        For conformal intervals, and for nothing else.
+        Fraction for conformal intervals only.
     """
 
     validation_fraction: float = Field(0.0, ge=0, lt=1)
@@ -53,7 +53,7 @@ class TrainingConfig(SplitConfig, ABC):
     optimiser : OptimiserConfig
     schedule : ScheduleConfig
     early_stopping : EarlyStoppingConfig, optional
-        The model is then that of the epoch with the smallest validation loss.
+        Early stopping; the model is then that of the epoch with the smallest validation loss.
     ema : float, optional
         Decay of the exponential moving average of the weights; that average is then validated and
         becomes the model.
@@ -62,9 +62,9 @@ class TrainingConfig(SplitConfig, ABC):
     compile : bool
         Compile the network by `torch.compile`.
     cuda_graphs : bool
-        Launch a whole step as one CUDA graph: for small batches on a GPU.
+        Launch a whole step as one CUDA graph; useful for small batches on a GPU.
     samples_on : {"auto", "device", "host"}
-        Memory that holds the samples; ``auto``: the device's, if they fit.
+        Memory that holds the samples; ``auto`` chooses the device's if they fit.
     checkpoint_seconds : float
         Time between two checkpoints; one is always written at the end.
     """
@@ -88,7 +88,7 @@ class TrainingConfig(SplitConfig, ABC):
 
     @abstractmethod
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Loss per datum, as `Model.data_loss`."""
+        """Return the loss per datum (see `Model.data_loss`)."""
 
     @property
     def in_brief(self) -> str:
@@ -138,12 +138,12 @@ class RegressionTraining(TrainingConfig):
         return {"mse": "mean squared error", "mae": "mean absolute error"}[self.loss]
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Mean squared or absolute error per datum, displacements in units of their RMS."""
+        """Return the mean squared or absolute error, with displacements in units of their RMS."""
         return deterministic_loss(self.loss, prediction.mean, reference, network.displacement_rms)
 
 
 class DeterministicTraining(RegressionTraining, RecalibratedTraining):
-    """Training of deterministic U-Nets, ensembles and dropout among them."""
+    """Training of deterministic U-Nets, including ensembles and U-Nets with dropout."""
 
 
 class LikelihoodTraining(RecalibratedTraining):
@@ -152,12 +152,12 @@ class LikelihoodTraining(RecalibratedTraining):
     Attributes
     ----------
     beta : float
-        Exponent of the likelihood's weights (`negative_log_likelihood`); 0 is the paper's.
+        Exponent of the likelihood's weights (`negative_log_likelihood`); the paper's value is 0.
     """
 
     beta: float = Field(0.0, ge=0, le=1)
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Negative log-likelihood per datum in nats, displacements in units of their RMS."""
+        """Return the negative log-likelihood in nats, with displacements in units of their RMS."""
         unit = network.displacement_rms
         return negative_log_likelihood(prediction, reference, network.free_points, unit, self.beta)

@@ -67,7 +67,7 @@ class UNetModel(TrainedModel):
         return Ensemble(members) if self.ensemble > 1 else members[0]
 
     def _member(self, dimension: int, number: int) -> UNet:
-        """Build one U-Net; the first member of an ensemble is the one that would be alone."""
+        """Build one U-Net; member 0 has the same initial weights as a single U-Net."""
         others = (number,) if number else ()
         torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *others))
         outputs = output_channels(self.likelihood, dimension)
@@ -75,7 +75,7 @@ class UNetModel(TrainedModel):
 
     @property
     def predicts_std(self) -> bool:
-        """True if the members of an ensemble differ, or if each predicts standard deviations."""
+        """True for an ensemble, and for a network that predicts standard deviations."""
         return self.ensemble > 1 or super().predicts_std
 
     @property
@@ -96,7 +96,7 @@ class UNetModel(TrainedModel):
 
 
 class DeterministicUNet(UNetModel):
-    """U-Nets that predict displacements; ensembles and dropout give them standard deviations."""
+    """U-Nets that predict displacements; ensembles and dropout add standard deviations."""
 
     likelihood: Literal["deterministic"] = "deterministic"
     training: DeterministicTraining = DeterministicTraining()
@@ -139,7 +139,7 @@ class BayesianUNet(UNetModel):
     Attributes
     ----------
     variational : VariationalConfig
-        Choice of the random weights, and their priors.
+        Random weights and their priors.
     """
 
     likelihood: Literal["variational_bayes"] = "variational_bayes"

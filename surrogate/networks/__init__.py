@@ -1,1 +1,1 @@
-"""The U-Net, and networks between fields in SI units on the grid and at the nodes."""
+"""The U-Net, and networks that map fields in SI units, on the grid and at the nodes."""

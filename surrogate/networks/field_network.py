@@ -1,4 +1,4 @@
-"""A network between fields in SI units: scaling in, scaling out, zero where nothing can move."""
+"""A network that maps fields in SI units: scaled input and output, supports held at zero."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from surrogate.data.geometry import Geometry
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
-SMALLEST_STD = 1e-6  # of the displacement's scale: float32 resolves no finer
+SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 
 
 class FieldNetwork(nn.Module):
-    """Nodal forces in N to nodal displacements in m, on the grid.
+    """Network that maps nodal forces in N to nodal displacements in m, on the grid.
 
     Parameters
     ----------
     network : nn.Module
-        Between scaled fields, (N, d, nx, ny[, nz]) → (N, d, nx, ny[, nz]), or → (N, 2d, …) with
-        means first, then ρ of the standard deviations σ = ln(1 + e^ρ); or → a `Prediction`. An
-        `Ensemble` makes K·N of N.
+        Network that maps scaled forces (N, d, nx, ny[, nz]) to scaled displacements of the same
+        shape; or to (N, 2d, …), first the means, then ρ of the standard deviations
+        σ = ln(1 + e^ρ); or to a `Prediction`. An `Ensemble` of K members returns K·N fields.
     geometry : Geometry
-        Grid points that are clamped, or no nodes, are given zero displacement.
+        Geometry of the body; displacements are zero at grid points that are clamped or not nodes.
     info : StructuredInfo
         Statistics of the training split, for the scales.
 
@@ -36,17 +36,18 @@ class FieldNetwork(nn.Module):
     node_fraction : float
         Fraction of the grid points that are nodes.
     force_scale : Tensor, ()
-        Standard deviation of a force component that is U(−a, a), a the largest found, in N.
+        Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
+        the largest force component a of the training split.
     displacement_rms : Tensor, ()
         Root mean square of the displacement over nodes and components, in m.
     displacement_scale : Tensor, (d, nx, ny[, nz])
         Factor on the network's output, in m: `displacement_rms`, unless `scale_by_node` is called.
     free : Tensor, (nx, ny[, nz])
-        1 at grid points that are nodes free to move, else 0.
+        1 at grid points that are nodes and not clamped, else 0.
     free_points : Tensor of int, (n_free,)
         Numbers of these points in the flattened grid.
     aleatoric_factor, epistemic_factor : Tensor, ()
-        Factors a and b on standard deviations between the nodes
+        Factors a and b on the standard deviations at the nodes
         (`surrogate.uncertainty.recalibration`).
     """
 
@@ -75,7 +76,7 @@ class FieldNetwork(nn.Module):
         self.register_buffer("epistemic_factor", torch.ones(()))
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
-        if prefix + "unit" in state:  # its name in run folders of version 1
+        if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
         super()._load_from_state_dict(state, prefix, *others)
 
@@ -85,14 +86,14 @@ class FieldNetwork(nn.Module):
         Parameters
         ----------
         displacement : Tensor, (N, d, nx, ny[, nz])
-            In m.
+            Displacements of the samples in m.
         """
         scale = displacement.square().mean(dim=0).sqrt()
         self.displacement_scale.copy_(torch.where(scale > 0, scale, self.displacement_rms))
 
     @property
     def members(self) -> int:
-        """K, the number of networks in it."""
+        """Number K of members of the ensemble; 1 for a single network."""
         return len(self.network.members) if isinstance(self.network, Ensemble) else 1
 
     def forward(self, force: Tensor) -> Prediction:
@@ -110,7 +111,7 @@ class FieldNetwork(nn.Module):
 
 
 def root_mean_square(info: StructuredInfo) -> float:
-    """Root mean square of the displacement over nodes and components, in m; 1 if it is zero."""
+    """Return the root mean square displacement over nodes and components, in m; 1 if it is 0."""
     squares = [
         m**2 + s**2 for m, s in zip(info.displacement.mean, info.displacement.std, strict=True)
     ]

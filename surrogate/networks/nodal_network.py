@@ -1,4 +1,4 @@
-"""A field network between the nodes of a mesh: the operators of the grid around the network."""
+"""A network that maps nodal fields of a mesh: a field network with maps to and from the grid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class WeightedSums(nn.Module):
     Parameters
     ----------
     sources : array of int, (n_out, k)
-        Inputs of each output.
+        Numbers of the inputs of each output.
     weights : array, (n_out, k)
         Weights of these inputs.
     """
@@ -43,8 +43,8 @@ class WeightedSums(nn.Module):
 class NodalNetwork(nn.Module):
     """A network that maps nodal forces in N to nodal displacements in m.
 
-    Displacements are taken from the grid by u = B U and forces laid on it by F = Bᵀ f
-    (`shared_schema.grid`).
+    Nodal displacements are u = B U, from the displacements U on the grid. Forces on the grid are
+    F = Bᵀ f, from the nodal forces f (`shared_schema.grid`).
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ class NodalNetwork(nn.Module):
         Parameters
         ----------
         force : Tensor, (N, n_nodes, d)
-            In N.
+            Nodal forces in newtons.
         passes : int
             Number of drawn passes T.
 
         Returns
         -------
         Prediction
-            Fields (K·T, N, n_nodes, d) in m, K being the number of the network's members.
+            Fields (K·T, N, n_nodes, d) in m; K is the number of members of the ensemble.
         """
         grid = self.to_grid(force.transpose(1, 2)).repeat(passes, 1, 1)
         mean, std = self.network(grid.reshape(*grid.shape[:2], *self.shape))
@@ -87,13 +87,13 @@ class NodalNetwork(nn.Module):
         return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
 
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
-        r"""Factors on aleatoric and epistemic standard deviations for some forces, (N, 1, 1) each.
+        r"""Return the factors on aleatoric and epistemic standard deviations, (N, 1, 1) each.
 
-        Inside the range of training they are the fitted factors a and b; outside they tend to 1:
-        :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, r being the largest force component
-        over the largest in training.
+        They depend on the forces: :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, where r is the
+        ratio of the largest force component to the largest one in training. So they are the fitted
+        factors a and b inside the training range, and tend to 1 outside it.
         """
-        limit = self.network.force_scale * 3**0.5  # its definition, backwards
+        limit = self.network.force_scale * 3**0.5  # largest force component in training
         reach = force.abs().amax(dim=(1, 2), keepdim=True) / limit
         weight = reach.clamp(min=1).pow(-4)
         network = self.network
@@ -115,13 +115,13 @@ def transposed(
     Returns
     -------
     sources, weights : array, (n_in, m)
-        The transpose in the same form; shorter rows end in weights of zero.
+        Transposed map in the same form; shorter rows are padded with weights of zero.
     """
     starts = np.arange(0, sources.size + 1, sources.shape[1])
     shape = (len(sources), columns)
     matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
     matrix.eliminate_zeros()
-    matrix = matrix.tocsc()  # column by column, the rows ascending in each
+    matrix = matrix.tocsc()  # column by column, with ascending row numbers
     counts = np.diff(matrix.indptr)
     column = np.repeat(np.arange(columns), counts)
     position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)

@@ -1,8 +1,9 @@
 """The U-Net of Deshpande et al. (2022), Section 2.2, in two and three dimensions.
 
-Zero padding of the grid; at every level two 3×3(×3) convolutions, each with batch normalisation
-and an activation; 2×2(×2) max pooling on the way down; nearest up-sampling by 2 on the way up,
-concatenated with the output of the way down at that level; a 1×1 linear convolution at the end.
+The grid is padded with zeros. Every level has two 3×3(×3) convolutions, each with batch
+normalisation and an activation. The encoder coarsens by 2×2(×2) max pooling. The decoder refines by
+nearest-neighbour up-sampling by 2 and concatenates the encoder's output of the same level. The last
+layer is a 1×1(×1) convolution without activation.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Input = Literal["linear", "asinh", "saturating"]
 
 
 def saturating(force: Tensor) -> Tensor:
-    """Saturate scaled forces: f / √(1 + f²/3) tends to ±√3, the end of the training range."""
+    """Return f / √(1 + f²/3) of scaled forces f; its limits ±√3 bound the training range."""
     return force * torch.rsqrt(1 + force.square() / 3)
 
 
@@ -39,28 +40,28 @@ INPUTS: dict[Input, Callable[[Tensor], Tensor]] = {
 
 
 class UNetConfig(Frozen):
-    """Shape of a U-Net (defaults: the paper's in two dimensions).
+    """Architecture of a U-Net (defaults: the paper's in two dimensions).
 
     Attributes
     ----------
     levels : int
-        Number of resolutions, the finest included.
+        Number of levels (grid resolutions), including the finest.
     channels : int
-        Channels c of the finest level.
+        Number of channels c of the finest level.
     multiplier : int
-        Factor from the channels of one level to those of the next coarser; 1 keeps them constant.
+        Ratio of the numbers of channels of a level and of the next finer one.
     padding : int
-        Rows of zeros put around the grid on every side.
+        Number of rows of zeros around the grid on every side.
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
     inputs : tuple of {"linear", "asinh", "saturating"}
-        Input of the first convolution, a function of the scaled forces f: f, arsinh f or
+        Input of the first convolution as a function of the scaled forces f: f, arsinh f or
         f / √(1 + f²/3). Within the training range, −√3 to √3, all are equally good. Beyond it the
-        network continues linearly in its input: so an ensemble, whose members take the functions in
-        turn, covers responses that stay linear, stiffen and saturate.
+        network extrapolates linearly in its input. The members of an ensemble take the functions in
+        turn, so that the ensemble covers responses that stay linear, stiffen or saturate.
     dropout : float
-        Probability with which a channel is dropped behind the second convolution of every level,
-        in training and in stochastic passes.
+        Probability that a channel is dropped after the second convolution of a level, in training
+        and in stochastic passes.
     """
 
     levels: int = Field(3, ge=1)
@@ -73,14 +74,15 @@ class UNetConfig(Frozen):
     dropout: float = Field(0.0, ge=0, lt=1)
 
     def level_channels(self) -> list[int]:
-        """Channels of every level, finest first."""
+        """Return the number of channels of every level, finest first."""
         return [self.channels * self.multiplier**level for level in range(self.levels)]
 
 
 class DoubleConvolution(nn.Sequential):
     """Two 3×3(×3) convolutions that keep the grid's size, each with batch norm and activation.
 
-    `probabilistic` gives the configuration of convolution 1 or 2 if it is a probabilistic one.
+    `probabilistic` returns the configuration of the random weights of convolution 1 or 2; None if
+    its weights are deterministic.
     """
 
     def __init__(
@@ -105,19 +107,19 @@ class DoubleConvolution(nn.Sequential):
 
 
 class UNet(nn.Module):
-    """Force grid in, displacement grid out: (N, d, nx, ny[, nz]) → (N, outputs, nx, ny[, nz]).
+    """U-Net from force grid (N, d, nx, ny[, nz]) to displacement grid (N, outputs, nx, ny[, nz]).
 
     Parameters
     ----------
     dimension : int
-        d, 2 or 3; also the number of input channels.
+        Number of space dimensions d, 2 or 3; also the number of input channels.
     outputs : int
-        Output channels.
+        Number of output channels.
     config : UNetConfig
     variational : VariationalConfig, optional
-        Choice of the convolutions with random weights; none if left out.
+        Choice of the convolutions with random weights; without it all weights are deterministic.
     member : int
-        Number of the network in an ensemble.
+        Number of the network in an ensemble, from 0.
     """
 
     def __init__(
@@ -171,7 +173,10 @@ class UNet(nn.Module):
         return cropped
 
     def _pads(self, size: torch.Size) -> list[int]:
-        """Padding of each axis, last axis first, so that the levels divide the padded length."""
+        """Return the padding of each axis, last axis first.
+
+        Every level halves the padded lengths without a remainder.
+        """
         pads: list[int] = []
         for length in reversed(size):
             padded = length + 2 * self.padding
@@ -180,7 +185,7 @@ class UNet(nn.Module):
 
 
 def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
-    """Start a kernel as He et al. (2015) propose for rectifiers, and the bias at zero."""
+    """Initialise a kernel by He et al. (2015) for ReLU, and its bias with zero."""
     nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
     assert convolution.bias is not None
     nn.init.zeros_(convolution.bias)
@@ -188,5 +193,5 @@ def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
 
 
 def parameter_count(module: nn.Module) -> int:
-    """Number of trainable parameters."""
+    """Return the number of trainable parameters."""
     return sum(p.numel() for p in module.parameters() if p.requires_grad)

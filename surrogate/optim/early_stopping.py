@@ -1,4 +1,4 @@
-"""Early stopping: the best weights on the validation split become the model."""
+"""Early stopping: the weights with the smallest validation loss become the model."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class EarlyStoppingConfig(Frozen):
     Attributes
     ----------
     patience : int
-        Number of consecutive epochs without a new smallest validation loss after which training
-        stops.
+        Number of consecutive epochs without a new smallest validation loss, after which the
+        training stops.
     """
 
     patience: int = Field(gt=0)

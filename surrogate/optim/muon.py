@@ -1,14 +1,15 @@
 r"""Muon: momentum whose update of every weight matrix is made orthogonal (Jordan et al. 2024).
 
-For a kernel of shape (outputs, inputs, 3, 3[, 3]) taken as a matrix with one row per output, with
-gradient G and Nesterov momentum M,
+A kernel of shape (outputs, inputs, 3, 3[, 3]) is an m × n matrix W with one row per output. With
+its Nesterov momentum M, the update is
 
 .. math:: W ← W - η · 0.2 \sqrt{\max(m, n)} · \operatorname{NS}(M),
    \qquad \operatorname{NS}(U Σ V^T) ≈ U V^T,
 
-NS being five Newton–Schulz iterations :math:`X ← aX + (bA + cA^2)X,\ A = XX^T`. The factor gives
-the update the root mean square of Adam's (Liu et al. 2025, arXiv 2502.16982). `torch.optim.Muon`
-takes matrices only and iterates in bfloat16, which is slow on CPUs.
+where NS denotes five Newton–Schulz iterations :math:`X ← aX + (bA + cA^2)X,\ A = XX^T`. With the
+factor, the update has the same root mean square as an update of Adam (Liu et al. 2025,
+arXiv 2502.16982). `torch.optim.Muon` is not used: it accepts only matrices, and it iterates in
+bfloat16, which is slow on CPUs.
 """
 
 from __future__ import annotations

@@ -20,7 +20,8 @@ class OptimiserConfig(Frozen):
     Attributes
     ----------
     name : {"adam", "muon"}
-        ``muon`` updates the convolution kernels between hidden layers by Muon, the rest by Adam.
+        Optimiser. ``muon`` updates the convolution kernels between hidden layers by Muon and all
+        other parameters by Adam.
     learning_rate : float
         Peak learning rate.
     betas : tuple of 2 floats
@@ -30,11 +31,11 @@ class OptimiserConfig(Frozen):
     weight_decay : float
         Decoupled weight decay.
     rho_factor : float
-        Factor on the learning rate of the ρ of Gaussian posteriors. Their best values follow the
-        likelihood's σ, which falls by orders of magnitude; a ρ that lags behind leaves bands too
-        wide.
+        Factor on the learning rate of the ρ of Gaussian posteriors. The best ρ follow the σ of the
+        likelihood, which falls by orders of magnitude in training; if ρ lags behind, predicted
+        standard deviations are too large.
     gradient_clip : float or None
-        Largest 2-norm of the gradient of all parameters.
+        Largest allowed 2-norm of the gradient of all parameters; None for no limit.
     """
 
     name: Literal["adam", "muon"] = "adam"
@@ -57,7 +58,7 @@ def make_optimisers(
 ) -> list[torch.optim.Optimizer]:
     """Make the optimisers of a network: one for each kind of parameter.
 
-    With `capturable`, for CUDA graphs, the learning rate is a tensor on the network's device.
+    If `capturable` is true (for CUDA graphs), the learning rate is a tensor on the device.
     """
     parameters = [p for p in network.parameters() if p.requires_grad]
     kernels = (
@@ -95,7 +96,7 @@ def make_optimisers(
 
 
 def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
-    """Tell kernels between hidden layers, or their means, from all other parameters."""
+    """Return True for a kernel between hidden layers, or for the mean of such a kernel."""
     is_kernel = name.endswith(("weight", "kernel.mean")) and not name.endswith("head.weight")
     return is_kernel and parameter.ndim > 2 and parameter.shape[1] > 3
 

@@ -1,4 +1,4 @@
-"""Learning-rate schedules, by name."""
+"""Learning-rate schedules, chosen by name."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen
 
-ONE_CYCLE_START = 1 / 25  # torch's default
+ONE_CYCLE_START = 1 / 25  # default of torch's OneCycleLR
 
 
 class ScheduleConfig(Frozen):
-    """Learning rate over the training, as a factor on its peak.
+    """Learning rate during the training, as a factor on its peak.
 
     Attributes
     ----------
     name : {"constant", "linear", "cosine", "one_cycle"}
-        Rate after the warm-up: constant at the peak, or a decay to `final`. ``one_cycle``: half a
-        cosine up, half a cosine down, as torch's OneCycleLR (Smith and Topin 2018).
+        Learning rate after the warm-up: constant at the peak, or a linear or cosine decay to
+        `final`. ``one_cycle`` is a half cosine up and a half cosine down, as in torch's OneCycleLR
+        (Smith and Topin 2018).
     warmup : float
-        Fraction of all steps over which the rate grows: linearly from zero, with ``one_cycle`` by
-        half a cosine from a 25th of the peak.
+        Fraction of all steps in which the rate grows: linearly from zero or, with ``one_cycle``, as
+        a half cosine from 1/25 of the peak.
     final : float
         Factor at the end of a decay.
     """
@@ -38,7 +39,10 @@ class ScheduleConfig(Frozen):
         return self
 
     def factor(self, step: int, steps: int) -> float:
-        """Factor on the learning rate at a step (0 … steps − 1): a pure function of both."""
+        """Return the factor on the learning rate at a step (0 … steps − 1).
+
+        It depends only on `step`, `steps` and the configuration.
+        """
         if self.name == "one_cycle":
             return self._one_cycle(step, steps)
         done = (step + 1) / steps
@@ -60,5 +64,5 @@ class ScheduleConfig(Frozen):
 
 
 def cosine_between(start: float, end: float, done: float) -> float:
-    """Go from start (done = 0) to end (done = 1) by half a cosine."""
+    """Interpolate from start (done = 0) to end (done = 1) by a half cosine."""
     return end + (start - end) * 0.5 * (1 + math.cos(math.pi * done))

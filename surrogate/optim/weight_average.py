@@ -3,8 +3,8 @@ r"""Exponential moving average of a network's weights.
 .. math:: \bar w_t = \frac{\sum_{i=1}^t d^{t-i} w_i}{\sum_{i=1}^t d^{t-i}}
    = \bar w_{t-1} + \frac{1 - d}{1 - d^t} (w_t - \bar w_{t-1})
 
-with the decay d: corrected for its start as Adam's moments are (Kingma and Ba 2015), so that the
-initial weights have no part in it.
+with the decay d. The bias of the start is corrected as for Adam's moments (Kingma and Ba 2015), so
+that the average does not contain the initial weights.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ def averaged_model(network: nn.Module, decay: float) -> AveragedModel:
     Parameters
     ----------
     network : nn.Module
-        Network in training; `AveragedModel.update_parameters` takes its weights after every step.
+        Network in training; call `AveragedModel.update_parameters` with it after every step.
     decay : float
-        d.
+        Decay d.
 
     Returns
     -------
     AveragedModel
-        Its `module` is a copy of the network with the averages of all weights and of batch norm's
-        statistics; integers, such as batch norm's counter, are the latest.
+        Average, whose `module` is a copy of the network with averages of all weights and of batch
+        norm's statistics. Integers, such as batch norm's counter, have their latest values.
     """
 
     @torch.no_grad()

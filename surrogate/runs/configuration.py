@@ -1,4 +1,4 @@
-"""The configuration of a run: one of the kinds of model, chosen by `model` and `likelihood`."""
+"""The configuration of a run: keys `model` and `likelihood` choose the kind of model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GAUSSIAN_PROCESS_POD = "(model pod, likelihood maximum_likelihood)"
 
 
 def tag_of(content: Any) -> str | None:
-    """Name the kind of model of a configuration; None if it is no mapping."""
+    """Return the kind of model that a configuration names; None if it is not a mapping."""
     if isinstance(content, Model):
         return f"(model {content.model}, likelihood {content.likelihood})"
     if not isinstance(content, Mapping):
@@ -54,17 +54,17 @@ ADAPTER: TypeAdapter[RunConfig] = TypeAdapter(RunConfig)
 
 
 def read_config(name: str) -> Model:
-    """Read a configuration from a YAML file, or by the name of a shipped one.
+    """Read a configuration from a YAML file, or a shipped one by its name.
 
     Raises
     ------
     InputError
-        If there is none, or a key or value in it is wrong.
+        If there is no such configuration, or one of its keys or values is wrong.
     """
     content, source = read_named(name, SHIPPED, "config")
     return run_config(content, source)
 
 
 def run_config(content: Any, source: str = "config") -> Model:
-    """Build a configuration from plain data; InputError, naming the first wrong key."""
+    """Build a configuration from plain data; an InputError names the first wrong key."""
     return validate(ADAPTER, content, source)

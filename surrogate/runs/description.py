@@ -44,7 +44,7 @@ class RunDescription(Frozen):
     Attributes
     ----------
     version : int
-        Version of the file; files of version 1 do not say it.
+        Version of the file; files of version 1 lack this key.
     run : RunConfig
     data : DataFingerprint
     """

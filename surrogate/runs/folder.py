@@ -1,16 +1,16 @@
-"""The folder of a run: configuration, weights, measures. Nothing in it is pickled.
+"""The folder of a run: configuration, weights, measures. No file in it is a pickle.
 
 ::
 
-    config.yaml         resolved configuration, and the dataset it was trained on
+    config.yaml         resolved configuration, and the dataset of the training
     model.safetensors   weights, scales, mesh and grid map
-    metrics.jsonl       one line an epoch
-    hardware.txt        name of the hardware that it was trained on
+    metrics.jsonl       one line per epoch
+    hardware.txt        name of the hardware of the training
     evaluation.json     errors on the test split
-    intervals.safetensors   factors of conformal intervals, where asked for
-    figures/            pictures
+    intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
+    figures/            figures
     checkpoint/         last.safetensors, to resume from
-    tensorboard/        event files of TensorBoard, where asked for
+    tensorboard/        event files of TensorBoard (with `train --tensorboard`)
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class RunFolder:
         Raises
         ------
         InputError
-            If it belongs to another, naming the first difference, or holds something else.
+            If the folder belongs to another run (the message names the first difference) or holds
+            other files.
         """
         if self.config.is_file():
             existing = self.description()
@@ -72,7 +73,7 @@ class RunFolder:
         write_text(self.config, yaml.safe_dump(content, sort_keys=False))
 
     def description(self) -> RunDescription:
-        """Read ``config.yaml``; InputError if there is none or it is damaged."""
+        """Read ``config.yaml``; InputError if it is missing or damaged."""
         if not self.config.is_file():
             raise InputError(f"{self.folder}: no run there, expected a folder with config.yaml")
         return validate(RunDescription, read_yaml(self.config), str(self.config))
@@ -88,11 +89,11 @@ class RunFolder:
         save_atomically(tensors, self.model)
 
     def trained_on(self) -> str:
-        """Name of the hardware that the run was trained on; "unknown" if not written down."""
+        """Return the name of the hardware of the training; "unknown" if the file is missing."""
         return self.hardware.read_text().strip() if self.hardware.is_file() else "unknown"
 
     def metric_lines(self) -> list[dict[str, Any]]:
-        """Read every complete line of ``metrics.jsonl``, without a last one that was cut short."""
+        """Read every complete line of ``metrics.jsonl``; an incomplete last line is left out."""
         if not self.metrics.is_file():
             return []
         lines = []
@@ -104,12 +105,12 @@ class RunFolder:
         return lines
 
     def keep_metric_lines(self, epoch: int) -> None:
-        """Drop the lines of later epochs."""
+        """Delete the lines of epochs after `epoch`."""
         lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
         write_text(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
 
     def read_evaluation(self) -> dict[str, Any]:
-        """Read ``evaluation.json``; InputError if the run is not evaluated, or it is damaged."""
+        """Read ``evaluation.json``; InputError if it is missing or damaged."""
         if not self.evaluation.is_file():
             raise InputError(f"{self.folder}: not evaluated yet, no {self.evaluation.name} in it")
         try:
@@ -120,7 +121,7 @@ class RunFolder:
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:
-    """Describe where two nested mappings differ first: ``key = new, the folder has old``."""
+    """Describe the first difference of two nested mappings: ``key = new, the folder has old``."""
     if isinstance(old, dict) and isinstance(new, dict):
         for name in [*old, *(k for k in new if k not in old)]:
             if old.get(name) != new.get(name):

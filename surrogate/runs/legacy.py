@@ -1,4 +1,4 @@
-"""Run folders of version 1, whose ``config.yaml`` spells out every key of every kind of model."""
+"""Run folders of version 1, whose ``config.yaml`` lists every key of every kind of model."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ RENAMED = {  # keys of version 1, by section
 
 
 def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
-    """Turn the configuration in a run folder of version 1 into that of a kind of model.
+    """Convert a configuration of version 1 to the present one of a kind of model.
 
-    Keys get their names of today; those that version 1 wrote out, but the kind of model does not
-    read, are dropped.
+    Renamed keys get their present names. Keys that the kind of model does not read are dropped.
     """
     content = dict(run)
     for section, names in RENAMED.items():
@@ -33,7 +32,7 @@ def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
 
 
 def _known(content: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """Drop the keys that a configuration model does not have, in its sections as well."""
+    """Drop the keys that a configuration class does not have, also in nested sections."""
     kept = {}
     for name, value in content.items():
         field = model.model_fields.get(name)

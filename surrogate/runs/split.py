@@ -1,4 +1,4 @@
-"""The split of the training samples: to train on, to validate with, to calibrate intervals with."""
+"""The split of the training samples into training, validation and calibration samples."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from surrogate.seeds import CALIBRATION, VALIDATION, stream
 
 @dataclass(frozen=True)
 class TrainingSplit:
-    """Disjoint random subsets of the training samples, each in their order.
+    """Disjoint random subsets of the training samples; each subset keeps the samples' order.
 
     Attributes
     ----------
     train : Samples
         Samples that the weights are fitted to.
     validation : Samples
-        Samples that choose when to stop and how wide bands are.
+        Samples for early stopping and recalibration.
     calibration : Samples
-        Samples that conformal intervals are fitted to, and nothing else.
+        Samples that only conformal intervals are fitted to.
     calibration_rows : Tensor of int
-        Rows of the calibration samples in the training samples.
+        Row numbers of the calibration samples among all training samples.
     """
 
     train: Samples
@@ -36,14 +36,14 @@ class TrainingSplit:
 
 
 def set_aside(rows: Tensor, count: int, seed: int, purpose: int) -> tuple[Tensor, Tensor]:
-    """Set `count` random rows aside: those left, and those, each in its order."""
+    """Split off `count` random rows; return the remaining and the split-off rows, both sorted."""
     generator = torch.Generator().manual_seed(stream(seed, purpose))
     order = torch.randperm(len(rows), generator=generator)
     return rows[order[count:].sort().values], rows[order[:count].sort().values]
 
 
 def split_training(samples: Samples, config: Model) -> TrainingSplit:
-    """Split the training samples as a configuration says.
+    """Split the training samples by the fractions of a configuration.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Files of named tensors (safetensors), written atomically and with a digest inside."""
+"""Files of named tensors (safetensors) that contain a digest and are written atomically."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DIGEST = "sha256"
 
 
 def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | None = None) -> None:
-    """Write tensors and some text, with a digest of the tensors beside it."""
+    """Write tensors, text metadata and a digest of the tensors."""
     path.parent.mkdir(parents=True, exist_ok=True)
     contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
@@ -27,12 +27,12 @@ def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | Non
 
 
 def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
-    """Read tensors and text back; nothing is unpickled.
+    """Read tensors and text metadata; nothing is unpickled.
 
     Raises
     ------
     InputError
-        If the file is damaged, down to a bit of a tensor.
+        If the file is damaged; a single changed bit of a tensor is found.
     """
     try:
         with safe_open(path, framework="pt") as file:
@@ -46,7 +46,7 @@ def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
 
 
 def tensor_digest(tensors: Tensors) -> str:
-    """SHA-256 over names, types, shapes and bytes, by name."""
+    """Return the SHA-256 of names, types, shapes and bytes of tensors, sorted by name."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
         value = tensors[name]

@@ -1,1 +1,1 @@
-"""Training: loop, checkpoints, several processes, CUDA graphs, compilation."""
+"""Training: loop, checkpoints, data parallelism, CUDA graphs, compilation."""

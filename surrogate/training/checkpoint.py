@@ -1,7 +1,8 @@
 """Checkpoints: everything that the next epoch depends on, in one safetensors file.
 
-The order of the samples and the noise are pure functions of seed and epoch, and the learning rate
-is one of the step. So the weights, the optimisers and the averages are all that a checkpoint holds.
+The order of the samples and the noise depend only on seed and epoch, and the learning rate only
+on the step number. So a checkpoint holds just the weights, the states of the optimisers, the
+averages and the state of early stopping.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def save_checkpoint(
     seconds : float
         Training time so far.
     parts : dict of Stateful
-        Network, and everything else that changes from epoch to epoch, by name.
+        Network and all other objects whose state changes from epoch to epoch, by name.
     optimisers : list of torch.optim.Optimizer
     """
     tensors: dict[str, Tensor] = {
@@ -106,7 +107,7 @@ def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> No
 
 
 def _state(part: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Tensors of a part of the checkpoint, under its name of today or its earlier one."""
+    """Return the tensors of a part of the checkpoint, stored by its present or earlier name."""
     return _below(f"{part}.", tensors) or _below(f"{EARLIER.get(part, part)}.", tensors)
 
 

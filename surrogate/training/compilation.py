@@ -1,4 +1,4 @@
-"""Networks compiled by `torch.compile`."""
+"""Compilation of networks by `torch.compile`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from surrogate.probabilistic.likelihoods import Prediction
 
 
 def compiled(network: nn.Module) -> Callable[[Tensor], Prediction]:
-    """Compile a network, once for every shape that it is called with.
+    """Compile a network, once for every shape of its input.
 
-    The function that it returns raises WorkError if compiling fails, as without a C++ compiler.
+    The returned function raises WorkError if compilation fails, for instance because there is no
+    C++ compiler.
     """
     from torch._dynamo.exc import TorchDynamoException
 

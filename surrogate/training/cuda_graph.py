@@ -1,7 +1,8 @@
 """A training step as one CUDA graph.
 
-A step of a small batch is hundreds of kernels of microseconds each; launching them one by one
-takes longer than running them. Captured once as a graph, they are launched together.
+A step on a small batch launches hundreds of kernels that run for microseconds each. Launching them
+one by one takes longer than running them. A CUDA graph, captured once, launches all of them
+together.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ def can_capture(device: torch.device, processes: int) -> bool:
 
 
 class CapturedStep:
-    """A step that is replayed; the first few run one kernel after another, with the same result.
+    """A training step that is captured once and then replayed.
+
+    The first few steps run without a graph; their results are the same.
 
     Parameters
     ----------
     step : callable
-        Function from a batch, always of one size, to a tensor. Everything else that it reads, such
-        as the learning rate, is in tensors whose memory does not move. Its random numbers are those
-        of the default generator, which every replay advances.
+        Function that maps a batch to a tensor. All batches have the same size. All other inputs,
+        such as the learning rate, are tensors at fixed memory addresses. Random numbers come from
+        the default generator, which every replay advances.
     """
 
     def __init__(self, step: Callable[[Samples], Tensor]) -> None:
@@ -41,7 +44,7 @@ class CapturedStep:
         self._result: Tensor
 
     def __call__(self, samples: Samples) -> Tensor:
-        """Do the step; the next step overwrites the result."""
+        """Run the step; the next step overwrites the returned tensor."""
         self._steps += 1
         if self._steps <= WARM_UP:
             return self._run_aside(samples)
@@ -53,7 +56,7 @@ class CapturedStep:
         return self._result
 
     def _run_aside(self, samples: Samples) -> Tensor:
-        """Run on the capture's stream, because autograd remembers the streams of parameters."""
+        """Run without a graph on the capture's stream: autograd keeps the streams of parameters."""
         current = torch.cuda.current_stream()
         self._stream.wait_stream(current)
         with torch.cuda.stream(self._stream):
@@ -62,7 +65,7 @@ class CapturedStep:
         return result
 
     def _capture(self, samples: Samples) -> torch.cuda.CUDAGraph:
-        """Record the step's kernels, without running them."""
+        """Record the kernels of the step without running them."""
         self._batch = Samples(samples.force.clone(), samples.displacement.clone())
         graph = torch.cuda.CUDAGraph()
         with torch.cuda.graph(graph, stream=self._stream):

@@ -1,8 +1,9 @@
 r"""Data parallelism: every process takes its share of each batch, and gradients are added up.
 
-Of a batch's n samples, rank r has :math:`n_r` and differentiates :math:`n_r / n` times the mean
-loss over them, so that the sum over the ranks is the gradient of the batch's mean, shares
-of different sizes included. Processes are started by ``torchrun``; without it there is one.
+Rank r has :math:`n_r` of the n samples of a batch. It differentiates :math:`n_r / n` times the mean
+loss over its samples. The sum of these gradients over the ranks is the gradient of the mean loss
+over the batch, also if the shares differ in size. ``torchrun`` starts the processes; without it
+there is only one.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Ranks:
-    """One process among those that train together.
+    """One of the processes that train a network together.
 
     Attributes
     ----------
     rank : int
-        Number of the process, from 0. Process 0 alone writes files.
+        Number of the process, from 0. Only process 0 writes files.
     count : int
         Number of processes.
     """
@@ -52,7 +53,7 @@ class Ranks:
             distributed.all_reduce(values)
 
     def add_up_gradients(self, network: nn.Module) -> None:
-        """Replace every gradient by its sum over all processes; none is zero. Collective."""
+        """Replace every gradient by its sum over all processes; None counts as 0. Collective."""
         if self.count == 1:
             return
         parameters = [p for p in network.parameters() if p.requires_grad]
@@ -67,12 +68,12 @@ class Ranks:
             gradient.copy_(total.view_as(gradient))
 
     def from_first(self, work: Callable[[], Result]) -> Result:
-        """Do some work in the first process; return or raise its outcome in all. Collective.
+        """Call a function in the first process only; return its result in all. Collective.
 
         Raises
         ------
         InputError, WorkError, OSError
-            Errors of the work.
+            Errors of the function, raised in all processes.
         """
         if self.count == 1:
             return work()
@@ -94,7 +95,7 @@ ALONE = Ranks()
 
 @contextmanager
 def joined(device_name: str) -> Iterator[tuple[Ranks, torch.device]]:
-    """Join the processes that ``torchrun`` has started, each with a device of its own.
+    """Join the processes that ``torchrun`` has started; each process has its own device.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def joined(device_name: str) -> Iterator[tuple[Ranks, torch.device]]:
     Raises
     ------
     InputError
-        If there is no such device, or there are fewer of them than processes.
+        If there is no such device, or there are fewer devices than processes.
     """
     device = choose_device(device_name)
     if not distributed.is_torchelastic_launched():

@@ -1,16 +1,16 @@
 r"""Standard deviations of Gaussian posteriors that maximise the bound of a linearised network.
 
-With the network linearised in its weights, the evidence lower bound is greatest at
+If the network is linearised in its weights, the evidence lower bound has its maximum at
 
 .. math:: \frac{1}{σ_w^2} = \frac{1}{σ_p^2} + \frac{h_w}{κ}, \qquad
    h_w = \sum_{i=1}^{N} \sum_{j=1}^{F} \frac{1}{σ_{ij}^2} \Big(\frac{∂μ_{ij}}{∂w}\Big)^2
        + 2 \Big(\frac{∂ \ln σ_{ij}}{∂w}\Big)^2
 
-h being the diagonal of the Fisher information of the N·F data, in the mean over weights drawn from
-the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ the factor on the KL divergence.
-Stochastic gradients would find the same σ in the end, were their noise in ρ not so much larger
-than their mean. The sum over a batch has an estimate of relative standard deviation √2: the square
-of the gradient, for random signs v and v', of
+Here h is the diagonal of the Fisher information of the N·F data, averaged over weights drawn from
+the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ is the factor on the KL
+divergence. In theory, stochastic gradients of ρ lead to the same σ; in practice, their noise is
+much larger than their mean. The sum over a batch is estimated, with a relative standard deviation
+of √2, by the square of the gradient of the following function with random signs v and v':
 
 .. math:: \sum_{ij} v_{ij} \frac{μ_{ij}}{\bar σ_{ij}}
    + \sqrt{2} v'_{ij} \frac{σ_{ij}}{\bar σ_{ij}}, \qquad \bar σ = σ \text{ held constant.}
@@ -29,19 +29,19 @@ from surrogate.probabilistic.flipout import random_signs
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.training.data_parallel import Ranks
 
-EVERY = 4  # steps from one estimate to the next
-MEMORY = 200  # estimates in the exponential average
+EVERY = 4  # number of steps between two estimates
+MEMORY = 200  # number of estimates in the exponential average
 
 
 class GaussNewtonStd:
-    """Standard deviations of the weights in training, set from an average of estimates of h.
+    """Setter of the weights' standard deviations in training, from an average of estimates of h.
 
     Parameters
     ----------
     network : FieldNetwork
-        Its ρ are no longer trained by gradients.
+        Network with random weights; gradients no longer train its ρ.
     samples : int
-        N.
+        Number of training samples N.
     """
 
     def __init__(self, network: FieldNetwork, samples: int) -> None:
@@ -54,14 +54,16 @@ class GaussNewtonStd:
         self.weight = torch.zeros(())
 
     def update(self, force: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
-        """Take a batch into the average, and set every σ. Collective.
+        """Add the estimate of a batch to the average, and set every σ. Collective.
 
         Parameters
         ----------
         force : Tensor, (n, d, nx, ny[, nz])
-            Forces of this process's share of a batch of `whole` samples, in N.
+            Forces in N of this process's share of the batch.
+        whole : int
+            Number of samples in the whole batch.
         factor : float
-            κ.
+            Factor κ on the KL divergence.
         """
         estimate = self._squared_gradients(force) * (self.samples / whole)
         ranks.add_up(estimate)
@@ -74,7 +76,7 @@ class GaussNewtonStd:
                 parameter.set_std(std)
 
     def _squared_gradients(self, force: Tensor) -> Tensor:
-        """Estimate the sum over some samples, (weights,)."""
+        """Estimate the sum h over some samples, (n_weights,)."""
         if len(force) == 0:
             return torch.zeros_like(self.information)
         prediction = self.network(force)
@@ -90,10 +92,10 @@ class GaussNewtonStd:
         return torch.cat([gradient.flatten() for gradient in gradients]).square()
 
     def state_dict(self) -> Mapping[str, Tensor]:
-        """Return the average."""
+        """Return the average as tensors for the checkpoint."""
         return {"information": self.information, "weight": self.weight}
 
     def load_state_dict(self, state_dict: Mapping[str, Tensor], /) -> None:
-        """Restore an average."""
+        """Restore the average from the tensors of `state_dict`."""
         self.information.copy_(state_dict["information"])
         self.weight.copy_(state_dict["weight"])

@@ -1,7 +1,7 @@
 """Training: from a configuration and a dataset to a model, with a checkpoint to resume from.
 
-A checkpoint holds everything that the next epoch depends on, so that k + k epochs are 2k, bit for
-bit.
+A checkpoint holds everything that the next epoch depends on. So a training that is stopped after k
+epochs and resumed ends with the same weights, bit for bit, as one without a stop.
 """
 
 from __future__ import annotations
@@ -59,19 +59,19 @@ def train(
     config : Model
     dataset : Dataset
     run : RunFolder
-        Made if it is not there.
+        Run folder; made if it does not exist.
     device : torch.device
     stop_after : int, optional
-        Stop after this epoch, with a checkpoint to resume from.
+        Last epoch of this call; a checkpoint is written after it.
     ranks : Ranks
-        The processes that train together; each calls this, and the first one writes.
+        Processes that train together; each calls this function, and only the first one writes.
     tensorboard : bool
-        Write TensorBoard's files as well.
+        Also write files for TensorBoard.
 
     Raises
     ------
     InputError
-        If the dataset is of another case, or the folder of another run.
+        If the dataset belongs to another case, or the folder to another run.
     WorkError
         If the loss is no longer finite; the last good checkpoint is kept.
     """
@@ -109,7 +109,7 @@ def _trainer(
     device: torch.device,
     ranks: Ranks,
 ) -> Trainer:
-    """Move a network to the device and make what trains it."""
+    """Move a network to the device and make its trainer."""
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
     if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         print(
@@ -128,7 +128,7 @@ def _train(
     stop_after: int | None,
     tensorboard: bool,
 ) -> None:
-    """Train epoch after epoch, write checkpoints, and at the end the model."""
+    """Train epoch by epoch and write checkpoints; write the model after the last epoch."""
     config, network, ranks = trainer.config, trainer.network, trainer.ranks
     start, seconds = 0, 0.0
     if run.checkpoint.is_file():
@@ -186,7 +186,7 @@ def _finish_fit(
     run: RunFolder,
     began: float,
 ) -> None:
-    """Write a model that is fitted in one go: one line of measures, of epoch 0, and the model."""
+    """Write a model that is fitted directly, and one line of measures with epoch 0."""
     device = network.displacement_rms.device
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
         store = DeviceStore(split.validation, device)
@@ -197,6 +197,6 @@ def _finish_fit(
 
 
 def _write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
-    """Write the weights, and beforehand the name of the hardware that they were found on."""
+    """Write the name of the hardware, then the weights."""
     write_text(run.hardware, hardware(device) + "\n")
     run.write_tensors(tensors)

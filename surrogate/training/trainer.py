@@ -1,7 +1,7 @@
-"""A network in training: its steps, its epochs, and the model that it ends with.
+"""A network in training: its steps, its epochs, and the final model.
 
-The order of the samples and the noise of an epoch are pure functions of seed and epoch; the
-learning rate of a step is one of its number.
+The order of the samples and the noise of an epoch depend only on seed and epoch; the learning rate
+of a step depends only on its number.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Trainer:
     ----------
     config : TrainedModel
     network : FieldNetwork
-        Network on the device to train on.
+        Network, already on the device of the training.
     train, validation : Samples
     ranks : Ranks
-        The processes that train it together.
+        Processes that train the network together.
     """
 
     config: TrainedModel
@@ -82,11 +82,11 @@ class Trainer:
 
     @property
     def model(self) -> FieldNetwork:
-        """Network that is validated and becomes the model: the one in training, or the average."""
+        """Network that is validated and becomes the model: the trained one, or the average."""
         return self.network if self.average is None else cast(FieldNetwork, self.average.module)
 
     def order(self, epoch: int) -> Tensor:
-        """Return the order in which an epoch takes the training samples."""
+        """Return the order of the training samples in an epoch."""
         generator = torch.Generator().manual_seed(stream(self.config.seed, ORDER, epoch))
         return torch.randperm(len(self.train), generator=generator).to(self.train_store.home)
 
@@ -96,8 +96,8 @@ class Trainer:
         Returns
         -------
         Tensor, (1,) or (3,)
-            Its share of the loss and, of variational networks, of the loss's two terms
-            (`TERMS`): the shares of all processes add up to those of the batch.
+            This process's share of the loss and, for variational networks, of the two terms of the
+            loss (`TERMS`). The sum of the shares over all processes is the value of the batch.
         """
         self.network.zero_grad(set_to_none=True)
         if len(samples) == 0:
@@ -113,7 +113,7 @@ class Trainer:
         return torch.stack(terms).detach()
 
     def step(self, samples: Samples, whole: int) -> Tensor:
-        """Update the weights by one batch; return what `differentiate` does."""
+        """Update the weights by one batch; return the result of `differentiate`."""
         terms = self.differentiate(samples, whole)
         self.ranks.add_up_gradients(self.network)
         optimiser = self.config.training.optimiser
@@ -154,7 +154,7 @@ class Trainer:
         return {**dict(zip(TERMS, means, strict=False)), "learning_rate": rate}
 
     def validate(self) -> dict[str, float]:
-        """Loss and mean absolute error on the validation samples."""
+        """Return loss and mean absolute error on the validation samples."""
         return validate(self.config, self.model, self.validation_store, len(self.validation))
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
@@ -168,7 +168,7 @@ class Trainer:
         return stopped or epoch >= self.config.training.epochs
 
     def states(self) -> dict[str, Stateful]:
-        """Everything that a checkpoint holds beside the optimisers, by name."""
+        """Return all objects that a checkpoint holds, except the optimisers, by name."""
         states: dict[str, Stateful] = {"network": self.network}
         if self.posterior_std is not None:
             states["posterior_std"] = self.posterior_std
@@ -179,10 +179,10 @@ class Trainer:
         return states
 
     def resume_after(self, epochs: int) -> None:
-        """Set the counters of a training of which some epochs are done."""
+        """Set the counters for a training that resumes after some epochs."""
         if self.average is not None:
             self.average.n_averaged.fill_(epochs * self.steps_per_epoch)
 
     def result(self) -> Mapping[str, Tensor]:
-        """State of the model that the training ends with."""
+        """Return the state of the final model."""
         return self.stopping.best if self.stopping is not None else self.model.state_dict()

@@ -1,4 +1,4 @@
-"""Measures of every epoch: lines of ``metrics.jsonl``, and TensorBoard's files if asked for."""
+"""Measures of every epoch: lines of ``metrics.jsonl`` and, optionally, files for TensorBoard."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Line = Mapping[str, float]
 
 
 class TrainingLog:
-    """The measures of a run, one line an epoch.
+    """The measures of a run, one line per epoch.
 
     Parameters
     ----------
     run : RunFolder
     epoch : int
-        Last epoch that counts; lines of later epochs are dropped.
+        Last finished epoch; lines of later epochs are deleted.
     tensorboard : bool
-        Write event files of TensorBoard as well.
+        Also write event files for TensorBoard.
     silent : bool
         Write nothing.
     """
@@ -49,12 +49,12 @@ class TrainingLog:
             self._events.flush()
 
     def close(self) -> None:
-        """Finish the files."""
+        """Close the files."""
         if self._events is not None:
             self._events.close()
 
 
 def require_tensorboard() -> None:
-    """Raise InputError unless TensorBoard can be written to."""
+    """Raise InputError unless the package tensorboard is installed."""
     if importlib.util.find_spec("tensorboard") is None:
         raise InputError("--tensorboard: not installed, expected the package 'tensorboard'")

@@ -17,7 +17,7 @@ BATCH = 256
 def loss_per_datum(
     model: Model, network: FieldNetwork, prediction: Prediction, samples: Samples
 ) -> Tensor:
-    """Loss per datum of a prediction for some samples, without the weights' KL divergence.
+    """Return the loss per datum of a prediction, without the KL divergence of the weights.
 
     The loss of an ensemble is the mean of its members' losses.
     """
@@ -37,7 +37,7 @@ def validate(
     -------
     dict
         ``validation_loss``, and ``validation_error``: the mean absolute error in m over samples,
-        nodes and components. Empty if there are no samples.
+        nodes and components. The result is empty if there are no samples.
     """
     if count == 0:
         return {}

@@ -18,7 +18,7 @@ ENVIRONMENT = os.environ | {
 
 
 def execute(*command: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run a command and see that it ends with an exit code."""
+    """Run a command and require its exit code."""
     result = subprocess.run(
         [str(part) for part in command],
         env=ENVIRONMENT,

@@ -1,4 +1,4 @@
-"""The arrows of the design: two programs that share nothing but files and `shared_schema`."""
+"""Rules for imports: the two programs share nothing but files and `shared_schema`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
 LEARNER = {"jinja2", "safetensors", "torch"}
-DRAWING = {  # who may import matplotlib, besides the learner
+DRAWING = {  # modules outside `surrogate` that may import matplotlib
     "shared_schema/drawing/figure_style.py",
     "shared_schema/drawing/mesh_drawing.py",
     "datagen/output/dataset_figure.py",
@@ -24,7 +24,7 @@ FORBIDDEN = {
 }
 
 
-LAYERS = {  # packages and modules of the root, from the ground up
+LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
         "cells",
@@ -74,7 +74,7 @@ LAYERS = {  # packages and modules of the root, from the ground up
 
 
 def imported(path: Path) -> set[str]:
-    """Top-level names that a file imports anywhere, in functions as well."""
+    """Return the top-level names of all imports in a file, also inside functions."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -95,7 +95,7 @@ def test_no_import_against_the_arrows(package: str) -> None:
 
 
 def imported_packages(path: Path, program: str) -> set[str]:
-    """Packages and root modules of its own program that a file imports, in functions as well."""
+    """Return the packages and root modules of its own program that a file imports."""
     packages: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         names: list[str] = []
@@ -124,7 +124,7 @@ def test_no_package_imports_upward(program: str) -> None:
 
 
 def test_no_package_is_a_corridor() -> None:
-    """At most 15 files in a package; the studies, one for each table or figure family, are more."""
+    """A package has at most 15 files; only the studies, one for each table or figure, have more."""
     for program in LAYERS:
         for package in {path.parent for path in (ROOT / program).rglob("*.py")}:
             modules = [path for path in package.glob("*.py") if path.name != "__init__.py"]
@@ -146,14 +146,14 @@ def test_the_check_sees_imports_inside_functions(tmp_path: Path) -> None:
 
 
 def test_the_learner_loads_nothing_of_the_factory() -> None:
-    """Import every module of the learner, and look at the packages that are loaded."""
+    """An import of every module of `surrogate` loads no package of `datagen`."""
     files = (p.relative_to(ROOT) for p in (ROOT / "surrogate").rglob("[a-z]*.py"))
     modules = [".".join(file.with_suffix("").parts) for file in files]
     assert loaded(modules, FACTORY) == []
 
 
 def test_contract_and_command_line_load_no_matplotlib() -> None:
-    """It is optional in the one, and only some commands of the other draw."""
+    """matplotlib is optional in `shared_schema`, and only some commands of `surrogate` draw."""
     files = [str(p.relative_to(ROOT)) for p in (ROOT / "shared_schema").rglob("[a-z]*.py")]
     modules = [file[:-3].replace("/", ".") for file in files if file not in DRAWING]
     assert len(modules) > 10
@@ -162,7 +162,7 @@ def test_contract_and_command_line_load_no_matplotlib() -> None:
 
 
 def loaded(modules: list[str], among: set[str]) -> list[str]:
-    """Packages, among some, that are loaded after importing modules in a new interpreter."""
+    """Return those of some packages that are loaded after imports in a new interpreter."""
     code = (
         "import importlib, sys\n"
         f"for name in {modules!r}: importlib.import_module(name)\n"

@@ -1,4 +1,4 @@
-"""From the tangent that dolfinx assembles to a linear surrogate that needs no dolfinx."""
+"""A linear surrogate, without dolfinx, uses the tangent stiffness that dolfinx assembles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 
 @pytest.mark.slow
 def test_tiny_loads_are_linear_elasticity(tmp_path: Path) -> None:
-    """Hardly trained, it predicts nonlinear equilibria under ±1e-4 N to 1e-4 of their size."""
+    """After minimal training, nonlinear equilibria under ±1e-4 N are predicted to 1e-4."""
     case = yaml.safe_load((ROOT / "datagen" / "configs" / "beam2d.yaml").read_text())
     case["load"]["range"] = [-1e-4, 1e-4]
     case["solver"] = {"tolerance": 1e-10}

@@ -1,4 +1,4 @@
-"""Worked example of a user's own mesh: plate with holes, meshed, solved, learnt, evaluated."""
+"""Worked example of a user's own mesh: a plate with holes, from the mesh to the evaluation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.end_to_end.commands import DATAGEN, MPIRUN, ROOT, SURROGATE, execute
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_plate_with_holes(tmp_path: Path) -> None:
-    """A short training explains most of the displacement of samples that it has not seen."""
+    """After a short training, a prediction differs from the solution by less than 15 %."""
     config = yaml.safe_load((ROOT / "surrogate" / "configs" / "plate2d-det-fast.yaml").read_text())
     config["network"] |= {"channels": 12}
     config["training"] |= {"epochs": 30}

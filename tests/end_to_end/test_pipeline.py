@@ -1,4 +1,4 @@
-"""From a case to a surrogate by the commands alone, each in its own environment."""
+"""The commands lead from a case to a surrogate, each in its own environment."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CONFIG: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Dataset of 600 samples, trained network, evaluation and report."""
+    """Make a dataset of 600 samples, a trained network, its evaluation and its report."""
     folder = tmp_path_factory.mktemp("pipeline")
     config = folder / "small.yaml"
     config.write_text(yaml.safe_dump(CONFIG))
@@ -53,7 +53,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_the_surrogate_learns(work: Path) -> None:
-    """ē below a fifth of the mean displacement of 0.053 m, even of a tiny network."""
+    """Even a tiny network has an ē below a fifth of the mean displacement of 0.053 m."""
     test = json.loads((work / "run" / "evaluation.json").read_text())["test"]
     assert test["samples"] == 30
     assert test["mean_error"] < 0.2 * 0.053
@@ -100,7 +100,7 @@ def test_everything_again_changes_nothing(work: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_a_run_of_another_case_is_refused(work: Path) -> None:
-    """The same mesh of a stiffer material: trained on one, judged on the other."""
+    """Both cases have the same mesh; the other one has a stiffer material."""
     content = yaml.safe_load((ROOT / "datagen" / "configs" / "beam2d.yaml").read_text())
     content["material"]["young_modulus"] = 900
     (work / "stiff.yaml").write_text(yaml.safe_dump(content))
@@ -119,4 +119,4 @@ def test_the_report_stands_alone(work: Path) -> None:
     page = (work / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 4
     assert "http" not in page
-    assert "0.3" in page  # the paper's ē in mm
+    assert "0.3" in page  # ē of the paper in mm

@@ -1,4 +1,4 @@
-"""All studies at scale `smoke`, from nothing to the report; again; and after a loss."""
+"""All studies at scale `smoke`: a first run, a second run, and a run after a loss of files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_smoke(tmp_path: Path) -> None:
     execute(*make)
     page = (tmp_path / "out" / "README.md").read_text()
     records = sorted((tmp_path / "out").glob("*.json"))
-    assert len(records) >= 17  # as many as the paper's tables and figures of results
+    assert len(records) >= 17  # the number of the paper's tables and figures with results
     assert "not done" not in page
     for record in records:
         found = json.loads(record.read_text())["findings"]

@@ -11,7 +11,7 @@ from surrogate.baselines.gaussian_process import GaussianProcess
 
 
 def data(count: int, seed: int = 0) -> tuple[Tensor, Tensor]:
-    """Forces (N, 2, 3) and three smooth outputs of different size."""
+    """Return forces (N, 2, 3) and three smooth outputs of different magnitude."""
     generator = torch.Generator().manual_seed(seed)
     force = torch.rand(count, 2, 3, generator=generator, dtype=torch.float64) * 2 - 1
     x = force.flatten(1)
@@ -26,7 +26,7 @@ def fitted(samples: int, force: Tensor, outputs: Tensor) -> GaussianProcess:
 
 
 def test_against_scikit_learn() -> None:
-    """Mean and standard deviation of its own predict, to 1e-5 of the outputs' size."""
+    """Mean and standard deviation equal those of scikit-learn, to 1e-5 of the outputs."""
     force, outputs = data(120)
     model = fitted(1000, force, outputs)
     start = ConstantKernel(10.0, (1e-3, 1e5)) * RBF(1.0, (1e-2, 1e3)) + WhiteKernel(
@@ -45,7 +45,7 @@ def test_against_scikit_learn() -> None:
 
 
 def test_kernel_by_hand() -> None:
-    """Two samples ±1 m apart by r = 1 and a, ℓ, σ² given: mean and variance at the first."""
+    """Mean and variance at the first of two samples with distance r = 1, for given a, ℓ, σ²."""
     model = GaussianProcess(2)
     a, length, noise = 2.0, 0.5, 0.1
     k = a * np.exp(-1 / (2 * length**2))
@@ -76,7 +76,7 @@ def test_error_falls_with_samples_and_spread_with_them() -> None:
 
 
 def test_unsure_far_from_the_data() -> None:
-    """Far from all samples the prior holds: the outputs' mean, and a + σ_n² of their variance."""
+    """Far from all samples, mean and variance are the prior's: a + σ_n² times the outputs'."""
     force, outputs = data(80)
     model = fitted(80, force, outputs)
     mean, std = model(torch.full((1, 2, 3), 1e6, dtype=torch.float64))

@@ -1,4 +1,4 @@
-"""The linear surrogate against linear finite elements, assembled here for the small mesh."""
+"""The linear surrogate compared with linear finite elements, assembled here for a small mesh."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 def plane_strain_stiffness(geometry: Geometry) -> np.ndarray:
-    """Bilinear quadrilaterals with 2 x 2 Gauss points; (n_nodes · d, n_nodes · d) in N/m."""
+    """Assemble bilinear quadrilaterals with 2 x 2 Gauss points; return (n_dofs, n_dofs) in N/m."""
     law = np.array([[LAM + 2 * MU, LAM, 0], [LAM, LAM + 2 * MU, 0], [0, 0, MU]])
     k = np.zeros(2 * (geometry.coordinates.size,))
     for cell in geometry.cells:
@@ -83,7 +83,7 @@ def linear_config(**changes: Any) -> Model:
 def test_untrained_it_is_linear_elasticity(
     with_stiffness: Dataset, stiffness: np.ndarray, scale: str, order: str
 ) -> None:
-    """u = K⁻¹ f at every free node, to 1e-4, forces at clamped nodes having no effect."""
+    """u = K⁻¹ f at every free node, to 1e-4; forces at clamped nodes have no effect."""
     dataset = with_stiffness
     if order == "other":
         nodes = np.random.default_rng(0).permutation(32)
@@ -114,7 +114,7 @@ def test_compliance_is_symmetric_and_positive(with_stiffness: Dataset) -> None:
 
 
 def test_scaled_compliance_by_hand() -> None:
-    """Two free points in one dimension of force: W_ij = C_ij · 2 N / s_i, s = 4 and 8 m."""
+    """Two free points with one component have W_ij = C_ij · 2 N / s_i with s = 4 and 8 m."""
     free = torch.tensor([[False, True], [True, False]])
     linear = LinearMap(1, free)
     compliance = torch.tensor([[1.0, 2.0], [3.0, 4.0]]).double()
@@ -125,7 +125,7 @@ def test_scaled_compliance_by_hand() -> None:
 
 
 def test_trained_by_the_ordinary_loop(tmp_path: Path, with_stiffness: Dataset) -> None:
-    """Loss falls from that of linear elasticity; resuming from a checkpoint changes nothing."""
+    """The loss falls from that of linear elasticity; a resume from a checkpoint is exact."""
     optimiser = {"learning_rate": 1e-3}
     training = {"epochs": 30, "batch_size": 16, "loss": "mae", "optimiser": optimiser}
     config = linear_config(training=training)
@@ -171,7 +171,7 @@ def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) 
 
 
 def test_embedded_grid_is_refused(tmp_path: Path, with_stiffness: Dataset) -> None:
-    """Its points are no nodes, so that K⁻¹ is no map between its fields."""
+    """Its points are not nodes, so K⁻¹ does not map forces to displacements on the grid."""
     points = np.arange(32)[:, None]
     sources = np.repeat(points.reshape(8, 4, 1), 2, axis=2)
     grid = Grid(sources, np.full((8, 4, 2), 0.5), points, np.ones((32, 1)))

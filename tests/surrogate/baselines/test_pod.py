@@ -1,4 +1,4 @@
-"""Proper orthogonal decomposition, and whole runs with it."""
+"""Proper orthogonal decomposition, and complete runs of it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FREE[0] = False
 
 
 def low_rank(count: int, rank: int) -> tuple[Tensor, Tensor]:
-    """Forces at one edge, and displacements u = ū + Σ_k (w_k · f) φ_k, zero where clamped."""
+    """Return forces at one edge, and u = ū + Σ_k (w_k · f) φ_k, zero at clamped nodes."""
     rng = torch.Generator().manual_seed(0)
     force = torch.zeros(count, 2, 5, 3)
     force[:, :, 1:, 2] = torch.rand(count, 2, 4, generator=rng) * 2 - 1
@@ -42,7 +42,7 @@ def low_rank(count: int, rank: int) -> tuple[Tensor, Tensor]:
 
 
 def test_data_of_rank_r_is_exact() -> None:
-    """r modes are found and reproduce linear data, at new forces too."""
+    """The fit finds r modes, which reproduce linear data, also for new forces."""
     force, displacement = low_rank(60, 3)
     network = PODNetwork(RidgeConfig(energy=1 - 1e-10, degree=1, penalty=1e-12), FREE)
     network.fit(force[:40], displacement[:40], seed=0)
@@ -57,7 +57,7 @@ def test_data_of_rank_r_is_exact() -> None:
 
 
 def test_truncation_is_the_best_of_its_rank() -> None:
-    """One mode leaves out the sum of the other squared singular values (Eckart–Young)."""
+    """One mode has the squared error Σ_{k > 1} s_k² of the singular values s (Eckart–Young)."""
     force, displacement = low_rank(60, 3)
     network = PODNetwork(RidgeConfig(rank=1), FREE)
     network.fit(force, displacement, seed=0)
@@ -68,7 +68,7 @@ def test_truncation_is_the_best_of_its_rank() -> None:
 
 
 def test_energy_gives_the_rank() -> None:
-    """The smallest one with Σ_{k ≤ r} s_k² / Σ s_k² above the energy."""
+    """The rank is the smallest r with Σ_{k ≤ r} s_k² / Σ s_k² above the energy."""
     force, displacement = low_rank(60, 6)
     snapshots = displacement.flatten(2)[:, :, FREE.flatten()].flatten(1).double()
     values = torch.linalg.svdvals(snapshots - snapshots.mean(dim=0)).square()
@@ -80,7 +80,7 @@ def test_energy_gives_the_rank() -> None:
 
 
 def test_spread_through_the_modes_by_hand() -> None:
-    """σ_i² = Σ_k φ_ki² σ_k² + truncation², with coefficients' σ from the Gaussian process."""
+    """σ_i² = Σ_k φ_ki² σ_k² + truncation²; σ_k comes from the Gaussian process."""
     force, displacement = low_rank(50, 4)
     network = PODNetwork(GaussianProcessConfig(regression="gp", rank=2), FREE)
     network.fit(force[:30], displacement[:30], seed=0)
@@ -161,7 +161,7 @@ def test_the_same_run_again_predicts_the_same(
 def test_better_than_the_mean_field(
     runs: dict[str, Path], data: Path, dataset: Dataset, regression: str
 ) -> None:
-    """From 43 samples, against no displacement at all."""
+    """A fit to 43 samples has a smaller error than the prediction of zero displacement."""
     write_figures(evaluate(runs[regression], data), RunFolder(runs[regression]))
     content = json.loads((runs[regression] / "evaluation.json").read_text())
     rest = np.abs(dataset.nodal_test.displacement).mean()
@@ -172,7 +172,7 @@ def test_better_than_the_mean_field(
 
 
 def test_spread_of_a_gaussian_process_is_epistemic(runs: dict[str, Path], dataset: Dataset) -> None:
-    """It grows where there are no data, and is positive at every free node."""
+    """The standard deviation grows away from the data and is positive at every free node."""
     surrogate: Surrogate = load(runs["gp"])
     force = dataset.nodal_test.force
     near, far = (surrogate.predict_distribution(factor * force) for factor in (1.0, 20.0))
@@ -183,7 +183,7 @@ def test_spread_of_a_gaussian_process_is_epistemic(runs: dict[str, Path], datase
 
 
 def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> None:
-    """43 of 48 training samples, 56 degrees of freedom."""
+    """The largest rank is 43, from 43 samples (of 48) and 56 degrees of freedom."""
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match=r"'pod\.rank' = 44: expected 43 at most"):
         train(config_with("ridge", rank=44), dataset, run, CPU)
@@ -191,7 +191,7 @@ def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> No
 
 
 def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset) -> None:
-    """48 samples on 28 loaded nodes are too few to generalise, but they are fitted."""
+    """48 samples on 28 loaded nodes are too few to generalise, but the fit reproduces them."""
     config = config_with("ridge", degree=2).model_copy(update={"case": "block3d"})
     config = config.model_copy(update={"training": SplitConfig()})
     train(config, dataset_3d, RunFolder(tmp_path / "run"), CPU)

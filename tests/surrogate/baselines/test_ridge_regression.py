@@ -16,7 +16,7 @@ def forces(count: int, nodes: int = 4, d: int = 2) -> torch.Tensor:
 
 
 def test_monomials_by_hand() -> None:
-    """Forces (2, 3) and (5, 7) at two nodes, up to degree 2: y, y², x, x y, x²."""
+    """Forces at two nodes are (2, 3) and (5, 7); the monomials are y, y², x, x y, x²."""
     found = monomials(torch.tensor([[[2.0, 5.0], [3.0, 7.0]]]), 2)
     expected = [3, 7, 9, 49, 2, 5, 6, 35, 4, 25]
     assert found.tolist() == [expected]
@@ -24,7 +24,7 @@ def test_monomials_by_hand() -> None:
 
 @pytest.mark.parametrize(("d", "degree", "a_node"), [(2, 1, 2), (2, 3, 9), (3, 3, 19)])
 def test_number_of_monomials(d: int, degree: int, a_node: int) -> None:
-    """binomial(d + degree, d) − 1 a node."""
+    """The number of monomials per node is binomial(d + degree, d) − 1."""
     assert monomials(forces(1, 4, d), degree).shape == (1, 4 * a_node)
 
 
@@ -42,7 +42,7 @@ def test_linear_map_is_recovered() -> None:
 
 
 def test_cubic_of_each_node_is_recovered() -> None:
-    """x³ − 2 x y² at one node, plus y² at another; not a product between nodes."""
+    """The fit recovers x³ − 2 x y² at one node plus y² at another, but no product of both."""
     force = forces(300)
     x, y = force[:, 0], force[:, 1]
     output = x[:, 0] ** 3 - 2 * x[:, 0] * y[:, 0] ** 2 + y[:, 2] ** 2
@@ -55,7 +55,7 @@ def test_cubic_of_each_node_is_recovered() -> None:
 
 
 def test_penalty_is_of_the_mean_square() -> None:
-    """min ‖X W − Y‖² / N + α ‖W‖², by the normal equations of centred data."""
+    """The minimum of ‖X W − Y‖² / N + α ‖W‖² comes from the normal equations of centred data."""
     force, alpha = forces(50), 0.3
     outputs = torch.from_numpy(np.random.default_rng(2).normal(size=(50, 2)))
     model = RidgeRegression(degree=2, penalty=alpha)

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.shard_reader import read_shard
 from surrogate.data.dataset import Dataset, read_dataset
 
-# 60 samples, 12 of them for testing, numbers dealt to two shards in turn (see conftest.py).
+# 60 samples, 12 of them for testing; they go to two shards alternately (see conftest.py).
 
 
 def test_the_synthetic_datasets_keep_the_contract(data: Path, data_3d: Path) -> None:
@@ -59,7 +59,7 @@ def test_damaged_shard_is_refused(data: Path, tmp_path: Path, damage: str) -> No
     path = folder / "shard-00001.h5"
     content = bytearray(path.read_bytes())
     if damage == "bit":
-        content[-5] ^= 4  # in the last array, where every bit pattern is a number
+        content[-5] ^= 4  # in the last array, where every bit pattern is a valid number
     path.write_bytes(content[: {"bit": None, "truncated": 5000}.get(damage, 0)])
     if damage == "missing":
         path.unlink()

@@ -1,4 +1,4 @@
-"""A dataset on an embedded grid: where the embedding is the identity, nothing else changes."""
+"""Datasets on an embedded grid; an embedding that is the identity changes nothing."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
-BETWEEN = 13  # a node that, where the embedding is not the identity, is the mean of two points
+BETWEEN = 13  # the node that is the mean of two points in the embedding that is not the identity
 
 
 def identity(grid: Grid) -> Grid:
-    """Every grid point made of its node alone, every node of its grid point alone."""
+    """Return an embedded grid that maps every node to its own grid point, and back."""
     points = np.empty((grid.nodes, 1), dtype=np.int64)
     points[grid.node_at.ravel(), 0] = np.arange(grid.nodes)
     sources = np.stack((grid.node_at, grid.node_at), axis=-1)
-    weights = np.broadcast_to([1.0, 0.0], sources.shape)  # the second node has no part in it
+    weights = np.broadcast_to([1.0, 0.0], sources.shape)  # the second source has no effect
     return Grid(sources, weights, points, np.ones((grid.nodes, 1)))
 
 
 def averaging(grid: Grid) -> Grid:
-    """The same, but for a node that is the mean of its grid point and the one after it."""
+    """Return `identity`, except that one node is the mean of its grid point and the next one."""
     same = identity(grid)
     points = np.concatenate((same.points, same.points), axis=1)
     weights = np.tile([1.0, 0.0], (grid.nodes, 1))
@@ -49,7 +49,7 @@ def averaging(grid: Grid) -> Grid:
 
 
 def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = identity) -> Path:
-    """A copy of a structured dataset, on an embedded grid."""
+    """Copy a structured dataset to an embedded grid."""
     folder.mkdir()
     manifest = read_manifest(data, "structured")
     entries = []
@@ -96,7 +96,7 @@ def test_nodal_samples_of_both_kinds(data: Path, tmp_path: Path) -> None:
 def test_the_identity_changes_nothing(
     data: Path, tmp_path: Path, make_config: Callable[..., UNetModel]
 ) -> None:
-    """The same network to the last bit, the same predictions and measures."""
+    """Network, predictions and measures are the same, bit for bit."""
     config = make_config(epochs=3)
     one = trained_on(data, tmp_path / "one", config)
     other = trained_on(embedded(data, tmp_path / "data"), tmp_path / "other", config)
@@ -111,7 +111,7 @@ def test_the_identity_changes_nothing(
 def test_the_error_of_the_embedding_itself(
     data: Path, tmp_path: Path, make_config: Callable[..., UNetModel]
 ) -> None:
-    """One node of 32 is |u_next − u| / 2 off; ē is the mean over all components."""
+    """One node of 32 has the error |u_next − u| / 2; ē is the mean over all components."""
     folder = embedded(data, tmp_path / "data", averaging)
     content = trained_on(folder, tmp_path / "run", make_config(epochs=1))
     u = read_dataset(data).nodal_test.displacement

@@ -15,7 +15,7 @@ def test_free_mask_leaves_out_clamped_and_empty_points() -> None:
 
 
 def test_tip_is_the_loadable_node_farthest_from_the_supports() -> None:
-    """Nodes 6 and 7 are 2 m away, of which 7 alone may be loaded."""
+    """Nodes 6 and 7 are 2 m away; only node 7 is loadable."""
     assert L_SHAPE.tip == 7
 
 

@@ -16,7 +16,7 @@ CASE = {"mesh": "a", "supports": "b", "material": "c", "load": "d"}
 
 @pytest.fixture
 def geometry(dataset: Dataset) -> Geometry:
-    """Full grid of 8 × 4 nodes, the column x = 0 clamped."""
+    """Return a full grid of 8 × 4 nodes with the column x = 0 clamped."""
     return dataset.geometry
 
 
@@ -27,7 +27,7 @@ def refusal(trained: Geometry, other: Geometry) -> str:
 
 
 def test_same_body_under_other_loads(geometry: Geometry) -> None:
-    """Some of the arrays are enough: a nodal dataset has no grid."""
+    """A part of the arrays is sufficient: a nodal dataset has no grid."""
     other = Body({**CASE, "load": "e"}, {"coordinates": geometry.coordinates.copy()})
     require_same_body(Body(CASE, geometry.arrays()), other, "run")
     copy = replace(geometry, cells=geometry.cells.copy())

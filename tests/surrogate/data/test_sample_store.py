@@ -49,7 +49,7 @@ def test_batches_come_in_order(store: type[DeviceStore | HostStore], device: tor
 def test_training_from_the_host_is_that_from_the_device(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, device: torch.device
 ) -> None:
-    """Bit for bit on the CPU."""
+    """Both trainings are equal on the CPU, bit for bit."""
     runs = []
     for location in ("device", "host"):
         run = RunFolder(tmp_path / location)
@@ -63,7 +63,7 @@ def test_training_from_the_host_is_that_from_the_device(
 
 
 def test_automatic_choice_asks_for_free_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """100 samples of two float32 are 800 bytes, half of 1600."""
+    """100 samples of two float32 take 800 bytes, half of 1600."""
     cuda, samples = torch.device("cuda"), numbered(100)
     for free, expected in {1600: True, 1598: False}.items():
         monkeypatch.setattr(torch.cuda, "mem_get_info", lambda _, free=free: (free, 10**9))

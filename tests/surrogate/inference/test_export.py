@@ -1,4 +1,4 @@
-"""Exported files are read as a user would, by onnxruntime and PyTorch, without code of ours."""
+"""Exported files are loaded by onnxruntime and PyTorch, without code of this project."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SLOW_ONNX = ["pt2", pytest.param("onnx", marks=pytest.mark.slow)]
 
 
 def permuted(geometry: Geometry) -> Geometry:
-    """Nodes in random order, on a grid with a column of empty points more."""
+    """Return the geometry with nodes in random order, and a grid column without nodes."""
     shape = (geometry.grid.shape[0] + 1, *geometry.grid.shape[1:])
     node_at = np.full(shape, NO_NODE)
     nodes = np.random.default_rng(0).permutation(len(geometry.coordinates))
@@ -41,7 +41,7 @@ def permuted(geometry: Geometry) -> Geometry:
 
 
 def embedded(geometry: Geometry) -> Geometry:
-    """Every node between four points of a grid."""
+    """Return the geometry on a grid that maps each node to four grid points."""
     rng, nodes = np.random.default_rng(0), len(geometry.coordinates)
     points = np.stack([rng.permutation(35)[:4] for _ in range(nodes)])
     sources = rng.integers(0, nodes, (7, 5, 2))
@@ -52,7 +52,7 @@ def embedded(geometry: Geometry) -> Geometry:
 def untrained(
     folder: Path, dataset: Dataset, likelihood: Likelihood, geometry: Geometry, **network: Any
 ) -> Path:
-    """A run with random weights, and running averages in batch norm that are not 0 and 1."""
+    """Write a run with random weights; running statistics of batch norm are not 0 and 1."""
     posterior: dict[str, Any] = {}
     if likelihood == "variational_bayes":
         posterior["variational"] = {"biases": True, "initial_std": 0.05}
@@ -88,7 +88,7 @@ def bayes(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
 
 
 def run_file(path: Path, forces: Array) -> dict[str, Array]:
-    """The named fields that a file gives for forces (N, n_nodes, d)."""
+    """Return the named fields that an exported file computes from forces (N, n_nodes, d)."""
     force = forces.astype(np.float32)
     if path.suffix == ".pt2":
         fields = torch.export.load(path).module()(torch.from_numpy(force))
@@ -105,7 +105,7 @@ def some_forces(model: Surrogate, samples: int) -> Array:
 
 
 def assert_same(found: dict[str, Array], expected: dict[str, Array]) -> None:
-    """Equal to float32 round-off, beside the largest value of a field."""
+    """Require equality to float32 round-off, relative to the largest value of a field."""
     assert list(found) == list(expected)
     for name, field in expected.items():
         assert found[name].shape == field.shape
@@ -116,7 +116,7 @@ def assert_same(found: dict[str, Array], expected: dict[str, Array]) -> None:
 
 @pytest.mark.parametrize("kind", SLOW_ONNX)
 def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> None:
-    """On a permuted and padded grid, for numbers of samples that nothing was traced with."""
+    """The grid is permuted and padded; the batch sizes differ from that of the export."""
     path = tmp_path / f"model.{kind}"
     assert export(deterministic, kind, path) < 1e-5
     model = load(deterministic)
@@ -128,7 +128,7 @@ def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> Non
 
 @pytest.mark.parametrize("kind", ["onnx", "pt2"])
 def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
-    """The distribution of the same passes of the same seed, on an embedded grid."""
+    """The file gives the distribution of the same seed's passes, on an embedded grid."""
     path = tmp_path / f"model.{kind}"
     assert export(bayes, kind, path, passes=6, seed=3) < 1e-4
     model = load(bayes)
@@ -141,7 +141,7 @@ def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
 
 
 def test_mean_weights(bayes: Path, tmp_path: Path) -> None:
-    """With the network's own means and deviations: no weight is drawn."""
+    """The file gives the means and standard deviations of the network with mean weights."""
     path = tmp_path / "model.pt2"
     export(bayes, "pt2", path)
     model = load(bayes)
@@ -168,7 +168,7 @@ def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset, kind: Format) -> 
 def test_a_file_that_gives_something_else_is_not_left(
     deterministic: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The file is read back with a small error in every value."""
+    """A file whose values have a small error is removed."""
     read = surrogate.inference.export.load_exported
 
     def wrongly(path: Path) -> Callable[..., Any]:

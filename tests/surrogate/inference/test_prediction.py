@@ -41,7 +41,7 @@ def test_shapes(model: surrogate.Surrogate) -> None:
 def test_prediction_is_that_of_the_network_on_the_grid(
     model: surrogate.Surrogate, dataset: Dataset
 ) -> None:
-    """Node ix · 4 + iy stands at (ix, iy): the mesh is in grid order."""
+    """The mesh is in grid order: node ix · 4 + iy is at grid point (ix, iy)."""
     force = dataset.test.force
     with torch.no_grad():
         expected = model.network(force).mean.double().numpy()
@@ -49,7 +49,7 @@ def test_prediction_is_that_of_the_network_on_the_grid(
     found = model.predict(nodal)
     np.testing.assert_array_equal(found, expected.reshape(12, 2, 32).swapaxes(1, 2))
     assert np.abs(found).max() > 1e-2
-    # alone and among others: the same, up to the order of sums in the convolutions
+    # the result is the same alone and in a batch, up to the order of sums in the convolutions
     np.testing.assert_allclose(model.predict(nodal[3]), found[3], rtol=1e-4, atol=1e-6)
 
 
@@ -120,7 +120,7 @@ def test_deterministic_network_has_no_spread_and_one_pass(model: surrogate.Surro
 def test_maximum_likelihood_has_aleatoric_spread_only(
     likely: surrogate.Surrogate, dataset: Dataset
 ) -> None:
-    """Its own σ; exactly none between passes, however many are asked for."""
+    """The aleatoric σ is the network's; passes do not differ, so the epistemic σ is exactly 0."""
     assert likely.is_probabilistic
     assert not likely.is_stochastic
     found = likely.predict_distribution(FORCES, passes=7, seed=1)
@@ -165,14 +165,14 @@ def test_passes_are_those_of_their_seed(bayes: surrogate.Surrogate) -> None:
     assert_equal(bayes.predict_distribution(FORCES, passes=5, seed=3), found)
     free = ~bayes.geometry.clamped
     assert (found.mean[:, free] != other.mean[:, free]).mean() > 0.99
-    # of one sample as of several: the same passes serve all
+    # one sample and several samples use the same passes
     alone = bayes.predict_distribution(FORCES[1], passes=5, seed=3)
     np.testing.assert_allclose(alone.mean, found.mean[1], rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(alone.std_epistemic, found.std_epistemic[1], rtol=1e-3, atol=1e-6)
 
 
 def test_prediction_is_the_mean_of_300_passes(bayes: surrogate.Surrogate) -> None:
-    """The paper's number, Section 3; it takes 2 batches of 4096 here, for 20 samples."""
+    """The default is the paper's, Section 3; 20 samples take 2 batches of 4096."""
     forces = np.random.default_rng(1).normal(size=(20, 32, 2))
     expected = bayes.predict_distribution(forces, passes=300, seed=0).mean
     np.testing.assert_array_equal(bayes.predict(forces), expected)
@@ -190,7 +190,7 @@ def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
 
 
 def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:
-    """Node 31 at the upper right corner may be loaded, node 28 below it not."""
+    """Node 31 at the upper right corner is loadable, node 28 below it is not."""
     limit = np.array(dataset.info.force.max_abs)
     forces = np.zeros((32, 2))
     forces[31] = limit
@@ -249,7 +249,7 @@ def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:
         assert not zipfile.is_zipfile(path), path
         assert not content.startswith(b"\x80"), path
         if path.suffix == ".safetensors":
-            # eight bytes of length, then a JSON header: no pickle machine gets beyond the first
+            # the file begins with eight bytes of length and a JSON header, which unpickling rejects
             assert content[8:9] == b"{", path
             with pytest.raises(ValueError):  # noqa: PT011, which byte it stumbles at is chance
                 list(pickletools.genops(content))

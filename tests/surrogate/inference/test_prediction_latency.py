@@ -1,4 +1,4 @@
-"""The benchmark of prediction: what it times, on a small body; its numbers are the machine's."""
+"""Inputs of the benchmark of prediction times, on a small body."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WAYS = {"PyTorch_ms": 1.234, "drawing_ms": None, "compiled_ms": 0.5, "ONNX_ms": 
 
 
 def test_body_of_a_dataset(data: Path) -> None:
-    """Every sample of the made-up dataset says 0.5 s; one node bears a load."""
+    """Every sample of the synthetic dataset states 0.5 s; one node is loaded."""
     body = read_body(data.parent / "nodal")
     assert body.solving_ms == 500
     assert body.force.shape == (1, 32, 2)
@@ -24,7 +24,7 @@ def test_body_of_a_dataset(data: Path) -> None:
 
 
 def test_shapes() -> None:
-    """The paper: 3 levels in the plane, 4 in space, 128 channels; ours: 32 without padding."""
+    """The paper has 3 levels in 2D, 4 in 3D and 128 channels; ours has 32 and no padding."""
     assert [shape_of("paper", d).levels for d in (2, 3)] == [3, 4]
     assert shape_of("paper", 3).channels == 128
     assert (shape_of("fast", 2).channels, shape_of("fast", 2).padding) == (32, 0)

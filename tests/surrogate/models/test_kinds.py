@@ -1,4 +1,4 @@
-"""The kinds of model: each takes the keys that it reads, and no others."""
+"""Kinds of model: each accepts only the keys that it reads."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_keys_without_effect_are_refused(tmp_path: Path, text: str, part: str) -
 
 
 def assert_refused(folder: Path, text: str, part: str) -> None:
-    """Wrong input: one line that names the file and, in it, what is wrong."""
+    """Require an error of one line that names the file and the wrong key."""
     path = folder / "a.yaml"
     path.write_text(f"name: a\ncase: b\n{text}")
     with pytest.raises(InputError) as error:
@@ -150,7 +150,7 @@ def assert_refused(folder: Path, text: str, part: str) -> None:
 
 @pytest.mark.parametrize("change", [{"ensemble": 2}, {"network": {"dropout": 0.1}}])
 def test_recalibration_of_deterministic_networks_that_differ(change: dict[str, object]) -> None:
-    """Ensembles and dropout predict standard deviations without a likelihood."""
+    """Ensembles and networks with dropout predict standard deviations without a likelihood."""
     training = {"validation_fraction": 0.1, "recalibrate": True}
     config = run_config({"name": "a", "case": "b", "training": training, **change})
     assert config.training.validation_users == ("recalibrate",)

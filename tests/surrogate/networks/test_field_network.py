@@ -31,7 +31,7 @@ INFO = info_with(
 
 
 class Constant(nn.Module):
-    """Gives 1 everywhere, and keeps what it was given."""
+    """A network that returns 1 everywhere and stores its input."""
 
     given: Tensor
 
@@ -41,9 +41,9 @@ class Constant(nn.Module):
 
 
 def test_scales_by_hand() -> None:
-    """Force: 2.5 / √3, the deviation of U(-2.5, 2.5).
+    """The force scale is 2.5 / √3, the standard deviation of U(-2.5, 2.5).
 
-    Displacement: √((0.3² + 0.4² + 0.2² + 0.7²) / 2) = √(0.78 / 2) = √0.39.
+    The displacement scale is √((0.3² + 0.4² + 0.2² + 0.7²) / 2) = √(0.78 / 2) = √0.39.
     """
     inner = Constant()
     network = FieldNetwork(inner, L_SHAPE, INFO)
@@ -60,7 +60,7 @@ def test_scale_of_resting_data_is_one() -> None:
 
 
 def test_scale_by_node_by_hand() -> None:
-    """Root mean square over the samples: 3 and 4 give √12.5; where all are zero, the unit."""
+    """Samples 3 and 4 have the root mean square √12.5; all-zero samples give `displacement_rms`."""
     network = FieldNetwork(Constant(), L_SHAPE, INFO)
     displacement = torch.zeros(2, 2, 3, 3)
     displacement[:, 1, 2, 0] = torch.tensor([3.0, -4.0])
@@ -87,7 +87,7 @@ def test_zero_at_clamped_nodes_in_3d(dataset_3d: Dataset) -> None:
 
 
 class MeansAndSpreads(nn.Module):
-    """Gives a mean of 2 everywhere, and a ρ."""
+    """A network that returns a mean of 2 and a given ρ everywhere."""
 
     def __init__(self, rho: float) -> None:
         super().__init__()
@@ -99,7 +99,7 @@ class MeansAndSpreads(nn.Module):
 
 @pytest.mark.parametrize("rho", [0.0, -3.0, 30.0, -200.0])
 def test_spread_by_hand(rho: float) -> None:
-    """σ = ln(1 + e^ρ) of the displacement's scale, √0.39 m, and never less than a millionth."""
+    """σ is ln(1 + e^ρ) times the displacement scale √0.39 m, and at least 1e-6 times the scale."""
     mean, std = FieldNetwork(MeansAndSpreads(rho), L_SHAPE, INFO)(torch.zeros(4, 2, 3, 3))
     softplus = math.log1p(math.exp(rho)) + SMALLEST_STD
     assert mean.shape == std.shape == (4, 2, 3, 3)
@@ -112,7 +112,7 @@ def test_spread_by_hand(rho: float) -> None:
 
 
 def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
-    """Root mean squares of 3 and 5 m at two nodes: σ = ln 2 of each."""
+    """The scales are 3 and 5 m at two nodes; σ is ln 2 times the scale."""
     network = FieldNetwork(MeansAndSpreads(0.0), L_SHAPE, INFO)
     displacement = torch.zeros(1, 2, 3, 3)
     displacement[0, 0, 1, 0], displacement[0, 1, 2, 1] = 3.0, 5.0
@@ -127,7 +127,7 @@ def test_deterministic_network_has_no_spread() -> None:
 
 
 def test_free_points_by_hand() -> None:
-    """Nodes 3 to 7, which stand at the grid points of the same numbers; point 8 is no node."""
+    """Nodes 3 to 7 are free, at grid points of the same numbers; point 8 is no node."""
     network = FieldNetwork(Constant(), L_SHAPE, INFO)
     assert network.free_points.tolist() == [3, 4, 5, 6, 7]
 

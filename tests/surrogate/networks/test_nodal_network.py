@@ -1,4 +1,4 @@
-"""Maps between mesh and grid in PyTorch, against those in NumPy and by hand."""
+"""Maps between mesh and grid in PyTorch, compared with those in NumPy and by hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RNG = np.random.default_rng(0)
 
 
 def permuted(shape: tuple[int, ...], empty: int = 0) -> Grid:
-    """Nodes in random order on a grid, some of whose points are left empty."""
+    """Return a grid with nodes in random order and some empty points."""
     points = int(np.prod(shape))
     node_at = np.full(points, NO_NODE)
     node_at[RNG.permutation(points)[empty:]] = np.arange(points - empty)
@@ -24,7 +24,7 @@ def permuted(shape: tuple[int, ...], empty: int = 0) -> Grid:
 
 
 def embedded() -> Grid:
-    """Nine nodes anywhere between the points of a 4 × 3 grid; some points take part in none."""
+    """Return a 4 × 3 grid with nine nodes, each mapped to at most four points; not all are used."""
     points = np.stack([RNG.permutation(11)[:4] for _ in range(9)])
     weights = RNG.dirichlet(np.ones(4), 9) * (RNG.random((9, 4)) > 0.2)
     sources = RNG.integers(0, 9, (4, 3, 3))
@@ -32,7 +32,7 @@ def embedded() -> Grid:
 
 
 class Field(nn.Module):
-    """Takes forces for displacements, and twice them for standard deviations."""
+    """A network that returns the forces as means, and twice the forces as standard deviations."""
 
     members = 1
     force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
@@ -47,7 +47,7 @@ class Field(nn.Module):
     ids=["permuted", "with empty points", "3D", "embedded"],
 )
 def test_maps_are_those_of_the_schema(grid: Grid) -> None:
-    """F = Bᵀ f and u = B U, as `shared_schema` computes them, to float32 round-off."""
+    """F = Bᵀ f and u = B U agree with those of `shared_schema`, to float32 round-off."""
     d = len(grid.shape)
     force = RNG.normal(size=(2, grid.nodes, d)).astype(np.float32)
     network = NodalNetwork(Field(), grid)  # type: ignore[arg-type]
@@ -59,7 +59,7 @@ def test_maps_are_those_of_the_schema(grid: Grid) -> None:
 
 
 def test_passes_are_parts_of_the_batch() -> None:
-    """The batch of three passes is the samples three times over."""
+    """The batch of three passes contains the samples three times."""
     grid = permuted((3, 2))
     network = NodalNetwork(Field(), grid)  # type: ignore[arg-type]
     force = torch.from_numpy(RNG.normal(size=(2, 6, 2)).astype(np.float32))

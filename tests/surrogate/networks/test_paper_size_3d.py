@@ -12,7 +12,7 @@ from surrogate.probabilistic.likelihoods import deterministic_loss
 
 @pytest.mark.slow
 def test_a_training_step() -> None:
-    """A small step of Adam lowers the loss; the paper's batch of 4 is 2 here."""
+    """A small step of Adam lowers the loss; the batch size is 2, the paper's is 4."""
     torch.manual_seed(0)
     network = UNet(3, 3, UNetConfig(levels=4))
     assert parameter_count(network) == pytest.approx(93.4e6, rel=1e-3)

@@ -11,7 +11,7 @@ from surrogate.networks.unet import INPUTS, Input, UNet, UNetConfig, parameter_c
 
 
 def count_by_formula(dimension: int, channels: list[int], batch_norm: bool) -> int:
-    """Parameters of the network of Section 2.2 of Deshpande et al. (2022), layer by layer.
+    """Count the parameters of the network of Deshpande et al. (2022), Section 2.2, by layers.
 
     A convolution from a to b channels with kernels of 3^d has 3^d·a·b weights and b biases; a
     batch normalisation of b channels has b scales and b shifts; a level has two of both; the last
@@ -29,7 +29,7 @@ def count_by_formula(dimension: int, channels: list[int], batch_norm: bool) -> i
 
 
 def test_parameters_of_the_paper_in_2d() -> None:
-    """By hand, 3 levels of 128, 256, 512 channels; each line is two convolutions and two norms.
+    """The network has 3 levels of 128, 256, 512 channels; a line is two convolutions and norms.
 
     down: 2→128→128 ........... 2304 + 147456 + 6·128 = 150528
           128→256→256 ......... 294912 + 589824 + 6·256 = 886272
@@ -78,7 +78,7 @@ def test_shape_of_any_grid_is_kept(size: tuple[int, ...], padding: int) -> None:
 
 
 def make_identity(network: UNet, dimension: int) -> None:
-    """Let every convolution hand on what it is given, and the decoder what was skipped."""
+    """Make every convolution the identity; the decoder passes the skip connection through."""
     centre = (1,) * dimension
     for module in network.modules():
         if isinstance(module, (nn.Conv2d, nn.Conv3d)):
@@ -89,14 +89,14 @@ def make_identity(network: UNet, dimension: int) -> None:
             middle = centre if module.kernel_size[0] == 3 else (0,) * dimension
             with torch.no_grad():
                 for channel in range(min(inputs, outputs)):
-                    # the skipped channels stand behind those from below
+                    # the channels of the skip connection come after those of the coarser level
                     module.weight[(channel, inputs - outputs + channel, *middle)] = 1.0
 
 
 @pytest.mark.parametrize("size", [(16, 4), (7, 5), (6, 5, 7)], ids=str)
 @pytest.mark.parametrize("levels", [1, 2, 3])
 def test_padding_and_cropping_keep_the_place(size: tuple[int, ...], levels: int) -> None:
-    """A network that hands its input through, channel by channel, gives it back in place."""
+    """A network of identities returns its input at the same grid points."""
     dimension = len(size)
     config = UNetConfig(
         levels=levels, channels=dimension, multiplier=1, padding=2, batch_norm=False
@@ -108,7 +108,7 @@ def test_padding_and_cropping_keep_the_place(size: tuple[int, ...], levels: int)
 
 
 def by_hand(x: Tensor, w: dict[str, Tensor], levels: int, padding: int) -> Tensor:
-    """The network written out with functions; evaluation mode, ReLU."""
+    """Compute the network by explicit functions, in evaluation mode with ReLU."""
     dimension = x.ndim - 2
     convolve = functional.conv2d if dimension == 2 else functional.conv3d
     pool = functional.max_pool2d if dimension == 2 else functional.max_pool3d
@@ -173,7 +173,7 @@ def test_activation_by_name(name: str, kind: type[nn.Module]) -> None:
     ],
 )
 def test_inputs_by_hand(name: Input, expected: list[float]) -> None:
-    """All are f for small forces."""
+    """All input functions are about f for small forces f."""
     found = INPUTS[name](torch.tensor([0.01, 3.0, -12.0]))
     torch.testing.assert_close(found, torch.tensor(expected), rtol=1e-4, atol=0.0)
 

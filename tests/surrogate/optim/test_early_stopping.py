@@ -26,7 +26,7 @@ LOSSES = (5.0, 3.0, 4.0, 3.0, math.nan, 2.0, 2.5, 2.4, 2.3, 1.0)
 
 
 def test_best_epoch_by_hand() -> None:
-    """At a patience of 3, `LOSSES` has its best in epochs 1, 2, 6 and is over after 9, not 5."""
+    """`LOSSES` improves in epochs 1, 2 and 6; with a patience of 3, training ends after epoch 9."""
     network = nn.Linear(1, 1)
     stopping = EarlyStopping(EarlyStoppingConfig(patience=3))
     best, over = [], []
@@ -42,7 +42,7 @@ def test_best_epoch_by_hand() -> None:
 
 @pytest.fixture
 def _losses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Validation losses of the epochs, whatever the network."""
+    """Replace the validation losses of the epochs by given numbers."""
     finish = Trainer.finish_epoch
 
     def given(self: Trainer, epoch: int, measures: Any) -> None:
@@ -55,7 +55,7 @@ def _losses(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_weights_of_the_best_epoch_become_the_model(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """At a patience of 2 the second epoch is the best, and the fourth the last."""
+    """With a patience of 2, the second epoch is the best one, and the fourth the last."""
     config = make_config(epochs=10, early_stopping={"patience": 2})
     run, second = trained(config, dataset, tmp_path / "run"), RunFolder(tmp_path / "second")
     assert [line["epoch"] for line in run.metric_lines()] == [1, 2, 3, 4]
@@ -83,7 +83,7 @@ def test_stops_in_the_same_epoch_after_a_stop(
 def test_killed_before_the_model_was_written(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """The checkpoint says that the training is over; no epoch is added."""
+    """The checkpoint shows that the training is over; no epoch is added."""
     config = make_config(epochs=10, early_stopping={"patience": 2})
     run = trained(config, dataset, tmp_path / "run")
     before, lines = run.model.read_bytes(), untimed(run)
@@ -96,7 +96,7 @@ def test_killed_before_the_model_was_written(
 def test_best_weights_without_an_early_stop(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """With more patience than epochs, the training is the whole one, and its best is kept."""
+    """If the patience exceeds the epochs, all epochs run, and the best weights are kept."""
     config = make_config(epochs=5, learning_rate=0.3, early_stopping={"patience": 9})
     run = trained(config, dataset, tmp_path / "run")
     losses = [line["validation_loss"] for line in run.metric_lines()]
@@ -107,7 +107,7 @@ def test_best_weights_without_an_early_stop(
 
 
 def test_test_split_has_no_part(tmp_path: Path, dataset: Dataset, make_config: MakeConfig) -> None:
-    """With NaN for every test sample the run is the same."""
+    """If every test sample is NaN, the run is the same."""
     config = make_config(epochs=3, early_stopping={"patience": 1})
     unknown = Samples(*(torch.full_like(v, math.nan) for v in vars(dataset.test).values()))
     one = trained(config, dataset, tmp_path / "one")
@@ -136,7 +136,7 @@ def test_wrong_keys_are_named(training: dict[str, Any], part: str) -> None:
 def test_validation_part_without_samples_is_refused(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """A hundredth of 48 samples rounds to none."""
+    """A hundredth of 48 samples rounds to zero samples."""
     config = make_config(validation_fraction=0.01, early_stopping={"patience": 3})
     run = RunFolder(tmp_path / "run")
     with pytest.raises(

@@ -16,7 +16,7 @@ def random(shape: tuple[int, ...], seed: int = 0, scale: float = 1.0) -> Tensor:
 
 
 def newton_schulz(matrix: Tensor) -> Tensor:
-    """The iteration as Jordan et al. (2024) write it: X ← aX + (bA + cA²)X with A = XXᵀ."""
+    """Iterate as in Jordan et al. (2024): X ← aX + (bA + cA²)X with A = XXᵀ."""
     x: Tensor = matrix.double()
     transposed = x.shape[0] > x.shape[1]
     if transposed:
@@ -31,7 +31,7 @@ def newton_schulz(matrix: Tensor) -> Tensor:
 @pytest.mark.parametrize("shape", [s for s in SHAPES if s[0] != s[1]], ids=str)
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_singular_values_come_near_one(shape: tuple[int, int], scale: float) -> None:
-    """The iteration leaves them in about 0.7 … 1.2 (Jordan et al. 2024)."""
+    """The iteration brings singular values to about 0.7 … 1.2 (Jordan et al. 2024)."""
     values = torch.linalg.svdvals(orthogonalise(random(shape, scale=scale)))
     assert values.min() > 0.6
     assert values.max() < 1.3
@@ -65,10 +65,10 @@ def test_zero_gradient_changes_nothing() -> None:
 
 
 def test_first_step_by_formula() -> None:
-    """W(1 - η·λ) - η · 0.2 · √max(m, n) · NS(M).
+    """The weights become W(1 - η·λ) - η · 0.2 · √max(m, n) · NS(M).
 
-    From zero, the momentum is 0.05 G and Nesterov's M = 0.05 G + 0.95 · 0.05 G = 0.0975 G, whose
-    factor the normalisation takes out. m = 6 outputs, n = 5 · 3 · 3 = 45.
+    The momentum starts at zero, so it is 0.05 G, and Nesterov's M is 0.05 G + 0.95 · 0.05 G =
+    0.0975 G. The normalisation removes this factor. m = 6 outputs, n = 5 · 3 · 3 = 45.
     """
     weight, gradient = random((6, 5, 3, 3), seed=3), random((6, 5, 3, 3), seed=4)
     parameter = torch.nn.Parameter(weight.clone())
@@ -106,7 +106,7 @@ def test_closure_is_evaluated() -> None:
 
 
 def test_state_round_trip() -> None:
-    """Two steps, or one and another from the saved state: the same weights."""
+    """Two steps give the same weights as one step and another from the saved state."""
 
     def run(restart: bool) -> Tensor:
         weight = torch.nn.Parameter(random((4, 6)))

@@ -7,7 +7,7 @@ from surrogate.optim.schedule import ScheduleConfig
 
 
 def one_cycle_of_torch(steps: int, warmup: float, final: float) -> list[float]:
-    """Learning rates of OneCycleLR with a peak of 1, which starts at a 25th and ends at `final`."""
+    """Return the rates of OneCycleLR with a peak of 1; they start at 1/25 and end at `final`."""
     optimiser = torch.optim.SGD([torch.zeros(1)], lr=1.0)
     scheduler = torch.optim.lr_scheduler.OneCycleLR(
         optimiser,

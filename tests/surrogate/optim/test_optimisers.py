@@ -14,9 +14,9 @@ from surrogate.optim.optimisers import (
 from surrogate.optim.schedule import ScheduleConfig
 from surrogate.probabilistic.flipout import VariationalConfig
 
-# 100 steps, a warm-up over the first 20. In the warm-up: (step + 1) / 20. After it, the part left
-# is (1 - step / 100) / 0.8, at most 1: step 60 has 0.5, step 99 has 0.0125.
-# Cosine: (1 - cos(π · left)) / 2: 0.5 at step 60; at step 99 sin²(π · 0.0125 / 2) = 3.8552e-4.
+# There are 100 steps, the first 20 of them a warm-up with the factor (step + 1) / 20. After it, the
+# remaining fraction is left = (1 - step / 100) / 0.8, at most 1: 0.5 at step 60, 0.0125 at step 99.
+# Cosine is (1 - cos(π · left)) / 2: 0.5 at step 60, sin²(π · 0.0125 / 2) = 3.8552e-4 at step 99.
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_muon_takes_the_kernels_between_hidden_layers() -> None:
     muon, adam = make_optimisers(network, OptimiserConfig(name="muon", weight_decay=0.1))
     assert isinstance(muon, Muon)
     assert isinstance(adam, torch.optim.AdamW)
-    # the convolutions of a level are its layers 0 and 3; the very first has 2 inputs
+    # the convolutions of a level are its layers 0 and 3; the first one of the network has 2 inputs
     assert names_of(muon, network) == {
         "encoder.0.3.weight",
         "encoder.1.0.weight",
@@ -74,7 +74,7 @@ def test_muon_leaves_first_and_last_kernel_in_3d() -> None:
 
 @pytest.mark.parametrize("prior_mean", ["trainable", "zero"])
 def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> None:
-    """Never ρ or the prior means, which are kernel-shaped as well, nor anything of a bias."""
+    """Muon never updates ρ and prior means, which also have the shape of kernels, or biases."""
     config = VariationalConfig.model_validate(
         {"convolutions": [1, 2], "biases": True, "prior_mean": prior_mean}
     )
@@ -106,7 +106,7 @@ def test_muon_takes_weights_and_means_side_by_side() -> None:
 
 
 def test_rho_has_a_learning_rate_of_its_own_and_no_weight_decay() -> None:
-    """Decay would pull σ = ln(1 + e^ρ) towards ln 2."""
+    """Weight decay would pull σ = ln(1 + e^ρ) towards ln 2."""
     network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConfig())
     config = OptimiserConfig(name="adam", weight_decay=0.1, rho_factor=10)
     rest, spread = make_optimisers(network, config)

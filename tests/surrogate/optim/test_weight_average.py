@@ -20,9 +20,9 @@ MakeConfig = Callable[..., UNetModel]
 
 
 def test_average_by_hand() -> None:
-    """d = 1/2, weights 1, 2, 4: 1; (1/2 + 2) / (3/2) = 5/3; (1/4 + 1 + 4) / (7/4) = 3."""
+    """Averages of 1, 2, 4 at d = 1/2: 1; (1/2 + 2) / (3/2) = 5/3; (1/4 + 1 + 4) / (7/4) = 3."""
     network = nn.Linear(1, 1, bias=False)
-    nn.init.constant_(network.weight, 99.0)  # the initial weight has no part
+    nn.init.constant_(network.weight, 99.0)  # the average does not contain the initial weight
     average = averaged_model(network, 0.5)
     found = []
     for value in (1.0, 2.0, 4.0):
@@ -33,7 +33,7 @@ def test_average_by_hand() -> None:
 
 
 def test_statistics_of_batch_norm_are_averaged_and_counted() -> None:
-    """Running means 1 and 3 at d = 1/2: (1/2 + 3) / (3/2) = 7/3; the count is the latest."""
+    """Running means 1, 3 at d = 1/2 average to (1/2 + 3) / (3/2) = 7/3; the count is the latest."""
     network = nn.BatchNorm2d(1)
     average = averaged_model(network, 0.5)
     for mean, count in [(1.0, 10), (3.0, 20)]:
@@ -45,7 +45,7 @@ def test_statistics_of_batch_norm_are_averaged_and_counted() -> None:
 
 
 def flat(network: nn.Module) -> Tensor:
-    """All weights and statistics, without integers."""
+    """Return all weights and statistics as one vector, without integers."""
     tensors = (*network.parameters(), *network.buffers())
     return torch.cat([t.flatten() for t in tensors if t.is_floating_point()])
 
@@ -58,7 +58,7 @@ def test_model_is_the_average_over_the_steps(
     monkeypatch: pytest.MonkeyPatch,
     batch_norm: bool,
 ) -> None:
-    """Against the sum over all steps, in float64."""
+    """The average equals the sum over all steps, computed in float64."""
     decay, weights = 0.8, list[Tensor]()
     update = AveragedModel.update_parameters
 
@@ -71,7 +71,7 @@ def test_model_is_the_average_over_the_steps(
     monkeypatch.setattr(AveragedModel, "update_parameters", record)
     config = make_config(epochs=3, ema=decay, batch_norm=batch_norm)
     run = trained(config, dataset, tmp_path / "run")
-    assert len(weights) == 9  # 43 training samples in batches of 16, three epochs
+    assert len(weights) == 9  # 43 training samples in batches of 16, for three epochs
     shares = decay ** torch.arange(8, -1, -1, dtype=torch.float64)
     expected = (shares[:, None] * torch.stack(weights)).sum(0) / shares.sum()
     torch.testing.assert_close(averages[0].double(), expected, rtol=1e-5, atol=1e-6)
@@ -87,7 +87,7 @@ def test_model_is_the_average_over_the_steps(
 def test_average_is_what_is_validated(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """The training is the same with it; its validation is another, but after the first step."""
+    """Training is the same with the average; validation differs, except after the first step."""
     plain = trained(make_config(epochs=2, batch_size=64), dataset, tmp_path / "plain")
     averaged = trained(
         make_config(epochs=2, batch_size=64, ema=0.9), dataset, tmp_path / "averaged"

@@ -110,7 +110,7 @@ def test_variational_is_for_variational_bayes_only(
 
 
 def test_variational_defaults(tmp_path: Path) -> None:
-    """The paper's choices: second convolutions of all levels, kernels only, trainable priors."""
+    """The defaults are the paper's: second convolutions, kernels only, trainable prior means."""
     path = tmp_path / "a.yaml"
     path.write_text(f"{BAYES}: {{}}")
     variational = read_config(str(path)).posterior

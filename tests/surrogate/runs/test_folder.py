@@ -77,7 +77,7 @@ def test_metric_lines(tmp_path: Path) -> None:
 
 
 def test_last_metric_line_cut_short_is_left_out(tmp_path: Path) -> None:
-    """A computer that goes down in writing leaves a part of a line."""
+    """A computer that crashes while it writes leaves an incomplete line."""
     run = RunFolder(tmp_path)
     run.metrics.write_text('{"epoch": 1}\n{"epoch": 2, "train_lo')
     assert [line["epoch"] for line in run.metric_lines()] == [1]

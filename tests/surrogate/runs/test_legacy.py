@@ -1,4 +1,4 @@
-"""Run folders of version 1: the same model is read from them, and training resumes in them."""
+"""Run folders of version 1 give the same model, and training resumes in them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.surrogate.resuming import trained
 from tests.surrogate.unet_configs import unet_config
 
 CPU = torch.device("cpu")
-SPELLED_OUT: dict[str, Any] = {  # by version 1, whatever the kind of model
+SPELLED_OUT: dict[str, Any] = {  # by version 1, for every kind of model
     "model": "unet",
     "likelihood": "deterministic",
     "network": {
@@ -62,7 +62,7 @@ TRAINING: dict[str, Any] = {
 
 
 def as_version_1(config: Model) -> dict[str, Any]:
-    """The configuration as version 1 wrote it: every key of every model, by its name of then."""
+    """Return the configuration in version 1: all keys of all models, with their old names."""
     content = SPELLED_OUT | config.plain()
     content["training"] = TRAINING | content["training"]
     content["training"]["residency"] = content["training"].pop("samples_on", "auto")
@@ -77,7 +77,7 @@ def as_version_1(config: Model) -> dict[str, Any]:
 
 
 def turn_into_version_1(run: RunFolder) -> None:
-    """Rewrite a run folder as version 1 would have written it."""
+    """Rewrite a run folder in the form of version 1."""
     content = yaml.safe_load(run.config.read_text())
     del content["version"]
     content["run"] = as_version_1(run_config(content["run"]))
@@ -133,7 +133,7 @@ def test_prediction_and_resume(
 
 
 def test_inputs_that_no_member_took_are_dropped(dataset: Dataset, tmp_path: Path) -> None:
-    """Version 1 let a configuration name more inputs than it had networks."""
+    """Version 1 accepted configurations with more inputs than networks."""
     run = trained(unet_config(case="beam2d", training={"epochs": 1}), dataset, tmp_path)
     content = yaml.safe_load(run.config.read_text())
     del content["version"]

@@ -14,7 +14,7 @@ MakeConfig = Callable[..., UNetModel]
 
 
 def test_parts_are_disjoint_and_whole(dataset: Dataset, make_config: MakeConfig) -> None:
-    """A fifth of 48 samples, 9.6, is 10; a tenth, 4.8, is 5."""
+    """A fifth of 48 samples is 9.6, rounded to 10; a tenth is 4.8, rounded to 5."""
     config = make_config(validation_fraction=0.2, calibration_fraction=0.1)
     parts = split_training(dataset.train, config)
     counts = [len(part) for part in (parts.train, parts.validation, parts.calibration)]

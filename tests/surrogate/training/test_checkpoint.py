@@ -37,7 +37,7 @@ def step(network: nn.Module, optimisers: list[Any], seed: int) -> None:
     ids=str,
 )
 def test_next_step_is_the_same(tmp_path: Path, memory_format: torch.memory_format) -> None:
-    """Weights, running means and states of both optimisers are taken up, in any memory layout."""
+    """Weights, running means and both optimisers' states are restored, in any memory layout."""
     path = tmp_path / "last.safetensors"
     network, optimisers = make(0, memory_format)
     step(network, optimisers, 1)

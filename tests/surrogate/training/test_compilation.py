@@ -20,7 +20,7 @@ MakeConfig = Callable[..., UNetModel]
 
 @pytest.fixture
 def _traced(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All of compilation but the last part, which takes a minute: the C++ compiler."""
+    """Compile without the last stage, the C++ compiler, which takes a minute."""
     monkeypatch.setattr(torch, "compile", partial(torch.compile, backend="aot_eager"))
 
 
@@ -39,7 +39,7 @@ def assert_trains_as_the_plain_one(config: Model, dataset: Dataset, folder: Path
 def test_compiled_network_trains_as_the_plain_one(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """To the rounding of float32, the smaller last batches included; names are the same."""
+    """Losses agree to float32 round-off, also with a smaller last batch; names are the same."""
     assert_trains_as_the_plain_one(make_config(epochs=2), dataset, tmp_path)
 
 
@@ -47,7 +47,7 @@ def test_compiled_network_trains_as_the_plain_one(
 def test_compiled_to_machine_code(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """In one batch of all 43 training samples, so that there is one shape to compile for."""
+    """One batch holds all 43 training samples, so that only one shape is compiled."""
     config = make_config(epochs=2, batch_size=43)
     assert_trains_as_the_plain_one(config, dataset, tmp_path)
 
@@ -57,7 +57,7 @@ def test_compiled_to_machine_code(
 def test_compiled_variational_network(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """With hardly any spread, compiled noise does nothing, and the losses are those without."""
+    """With very small standard deviations, noise has no effect, so that the losses agree."""
     lines = []
     for compiled in (False, True):
         config = make_config(

@@ -48,7 +48,7 @@ def test_on_cpu_training_goes_on_without(
 @pytest.mark.parametrize("name", ["adam", "muon"])
 @pytest.mark.parametrize("weight_decay", [0.0, 0.1])
 def test_learning_rate_as_a_tensor_gives_the_same_steps(name: str, weight_decay: float) -> None:
-    """To the rounding of float32, which the rate is then in."""
+    """A tensor holds the rate in float32, so the steps agree to float32 round-off."""
     config = OptimiserConfig.model_validate({"name": name, "weight_decay": weight_decay})
     weights = []
     for capturable in (False, True):
@@ -68,7 +68,7 @@ def test_learning_rate_as_a_tensor_gives_the_same_steps(name: str, weight_decay:
 
 
 class RecordedGraph:
-    """Stands in for a CUDA graph: what a step hands it while it records is run by replays."""
+    """Replacement for a CUDA graph: it stores the work of a step, and runs it at every replay."""
 
     recording: RecordedGraph | None = None
 
@@ -95,7 +95,7 @@ class NoStream:
 
 
 def test_replays_take_every_batch_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The third batch is the last one to run as it comes, all later ones are replayed."""
+    """The first three batches run without a graph; all later ones are replayed."""
     for name, stand_in in {
         "Stream": NoStream,
         "current_stream": NoStream,
@@ -150,7 +150,7 @@ RECIPES: list[Any] = [
 def test_captured_steps_train_as_the_others(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, recipe: dict[str, Any]
 ) -> None:
-    """10 full batches of 4 and one of 3 an epoch; three steps warm up."""
+    """An epoch has 10 full batches of 4 and one of 3; three steps are the warm-up."""
     runs = [
         train_on_cuda(
             make_config(epochs=4, batch_size=4, cuda_graphs=graphs, **recipe),
@@ -182,7 +182,7 @@ def test_captured_run_goes_on_after_a_stop(
 def test_every_replay_has_noise_of_its_own(
     dataset: Dataset, make_config: MakeConfig, compiled: bool
 ) -> None:
-    """At a rate near zero the losses of one batch differ by the noise alone, and come again."""
+    """At a learning rate near zero, losses of a batch differ only by the noise, reproducibly."""
     config = make_config(
         likelihood="variational_bayes",
         variational={"initial_std": 0.1},

@@ -1,4 +1,4 @@
-"""Two processes on gloo train as one does, to the rounding of float32."""
+"""Training with two processes on gloo equals that with one, to float32 round-off."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from tests.surrogate.resuming import CPU, trained, untimed
 
 MakeConfig = Callable[..., UNetModel]
 
-# Of 48 samples a quarter is for validation; 36 in batches of 7 are 5 batches and 1 sample: parts of
-# 4 and 3, and at last of 1 and none.
+# A quarter of the 48 samples is for validation. The other 36 make 5 batches of 7 and one of 1. The
+# shares of two processes are 4 and 3 samples, and in the last batch 1 and 0.
 UNEVEN: dict[str, Any] = {"batch_size": 7, "validation_fraction": 0.25}
 
 
@@ -59,7 +59,7 @@ def test_more_processes_than_devices(monkeypatch: pytest.MonkeyPatch) -> None:
 def gradients(
     config: TrainedModel, dataset: Dataset, ranks: Ranks, count: int
 ) -> tuple[Tensor, ...]:
-    """All gradients of a rank's part of the first `count` samples, and its part of the terms."""
+    """Return all gradients and loss terms of a rank's share of the first `count` samples."""
     network = config.build(dataset.geometry, dataset.info)
     trainer = Trainer(config, network, dataset.train, dataset.train, ranks)
     if trainer.elbo is not None:
@@ -75,7 +75,7 @@ def gradients(
 def test_parts_of_the_gradient_add_up(
     dataset: Dataset, make_config: MakeConfig, likelihood: str, processes: int, count: int
 ) -> None:
-    """Gradients of the loss and of the KL divergence, which counts once; noise is negligible.
+    """Shares of the gradients of loss and KL divergence (counted once) add up; noise is negligible.
 
     The gradient of the KL divergence, of the order of σ_p / σ, is far larger than that of the loss.
     """
@@ -91,7 +91,7 @@ def test_parts_of_the_gradient_add_up(
 def test_noise_differs_by_rank(
     dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the first rank's is that of a process alone."""
+    """The noise of the first rank equals that of a single process."""
     seeds: list[int] = []
     monkeypatch.setattr(torch, "manual_seed", seeds.append)
     config = make_config(epochs=1, batch_size=64)
@@ -102,7 +102,7 @@ def test_noise_differs_by_rank(
         network = description.run.build(dataset.geometry, dataset.info)
         trainer = Trainer(config, network, dataset.train, dataset.test, ranks)
         trainer.train_epoch(0, _NoProgress())  # type: ignore[arg-type]
-    noise = seeds[1::2]  # the others are for the initial weights
+    noise = seeds[1::2]  # all other seeds are for the initial weights
     assert noise[0] == noise[1] != noise[2]
 
 
@@ -113,7 +113,7 @@ class _NoProgress:
 def torchrun(
     config: Model, data: Path, run: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
-    """Train in two processes; configuration beside the run."""
+    """Train with two processes; the configuration file is beside the run folder."""
     path = run.with_suffix(".yaml")
     path.write_text(yaml.safe_dump(config.plain()))
     return subprocess.run(
@@ -147,7 +147,7 @@ def test_two_processes_train_as_one(
     make_config: MakeConfig,
     recipe: dict[str, Any],
 ) -> None:
-    """Global batches are the same, and so are losses, weights and the files that one writes."""
+    """The batches are the same, and so are losses, weights and files; one process writes."""
     config = make_config(epochs=3, **UNEVEN, **recipe)
     one, two = trained(config, dataset, tmp_path / "one"), RunFolder(tmp_path / "two")
     done = torchrun(config, data, two.folder)
@@ -165,7 +165,7 @@ def test_two_processes_train_as_one(
 def test_two_processes_go_on_after_a_stop(
     tmp_path: Path, data: Path, make_config: MakeConfig
 ) -> None:
-    """Bit for bit, an early stop included."""
+    """Resuming with two processes is exact, bit for bit, also with early stopping."""
     config = make_config(epochs=6, early_stopping={"patience": 5}, **UNEVEN)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
     for run, options in ((whole, ()), (parts, ("--stop-after", "2")), (parts, ())):
@@ -179,7 +179,7 @@ def test_two_processes_go_on_after_a_stop(
 def test_what_one_process_refuses_all_do(
     tmp_path: Path, data: Path, make_config: MakeConfig
 ) -> None:
-    """In one line of ours, and without a traceback; torchrun adds lines of its own."""
+    """The error is one line without a traceback; torchrun adds its own lines."""
 
     def refused(config: Model, run: Path, part: str) -> None:
         done = torchrun(config, data, run)

@@ -22,7 +22,10 @@ PRIOR = 0.3
 
 
 class Linear(nn.Module):
-    """Means linear in a probabilistic kernel, ρ held by a bias: its bound is known exactly."""
+    """A network whose means are linear in a probabilistic kernel, with a constant ρ from a bias.
+
+    Its evidence lower bound is known in closed form.
+    """
 
     def __init__(self, rho: float) -> None:
         super().__init__()
@@ -44,7 +47,7 @@ def field_network(dataset: Dataset, rho: float) -> FieldNetwork:
 
 
 def fisher_information(network: FieldNetwork, force: Tensor) -> Tensor:
-    """h by one gradient a datum: of the means over σ, and of ln σ."""
+    """Compute h with one gradient per datum of mean/σ and one of ln σ."""
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
     prediction = network(force)
@@ -62,7 +65,7 @@ def fisher_information(network: FieldNetwork, force: Tensor) -> Tensor:
 
 
 def test_fisher_information_against_one_gradient_a_datum(dataset: Dataset) -> None:
-    """The estimate's mean over many signs; each has a relative standard deviation below √2."""
+    """The mean of many estimates is h; each has a relative standard deviation below √2."""
     network = field_network(dataset, rho=-2.0)
     force = dataset.train.force[:3]
     spreads = GaussNewtonStd(network, samples=3)
@@ -76,7 +79,10 @@ def test_fisher_information_against_one_gradient_a_datum(dataset: Dataset) -> No
 
 @pytest.mark.parametrize("factor", [1.0, 0.25])
 def test_spread_maximises_the_bound_of_a_linear_network(dataset: Dataset, factor: float) -> None:
-    r"""E_q[NLL] + κ KL has the derivative σ h − κ (1/σ − σ/σ_p²), zero at 1/σ² = 1/σ_p² + h/κ."""
+    r"""The derivative of E_q[NLL] + κ KL by σ is σ h − κ (1/σ − σ/σ_p²).
+
+    It is zero at 1/σ² = 1/σ_p² + h/κ.
+    """
     network = field_network(dataset, rho=-2.0)
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)

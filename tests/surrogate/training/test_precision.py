@@ -26,7 +26,7 @@ def test_convolutions_in_bfloat16_all_else_in_float32(
     monkeypatch: pytest.MonkeyPatch,
     likelihood: Likelihood,
 ) -> None:
-    """Training convolves in bfloat16, validation does not; predictions and losses are float32."""
+    """Only convolutions in training use bfloat16; validation and all other results use float32."""
     convolved: set[tuple[bool, torch.dtype]] = set()
     judged: set[torch.dtype] = set()
     convolve, loss = nn.Conv2d.forward, TrainedModel.data_loss
@@ -56,7 +56,7 @@ def test_convolutions_in_bfloat16_all_else_in_float32(
 def test_training_is_that_of_float32_to_rounding(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """bfloat16 has 8 significant bits, 0.4 %; a few layers' roundings come to some per cent."""
+    """bfloat16 has 8 significant bits (0.4 %); round-off of several layers is a few per cent."""
     losses = []
     for precision in ("float32", "bfloat16"):
         run = trained(make_config(epochs=4, precision=precision), dataset, tmp_path / precision)
@@ -70,7 +70,7 @@ def test_bfloat16_resumes(tmp_path: Path, dataset: Dataset, make_config: MakeCon
 
 
 def layout(dimension: int, precision: str, device: torch.device) -> torch.memory_format:
-    """In which the kernels of a network lie."""
+    """Return the memory layout of the kernels of a network."""
     convolution = {2: nn.Conv2d, 3: nn.Conv3d}[dimension](4, 4, 3)
     lay_out(convolution, dimension, precision, device)  # type: ignore[arg-type]
     last = {2: torch.channels_last, 3: torch.channels_last_3d}[dimension]
@@ -86,7 +86,7 @@ def test_memory_layouts() -> None:
 
 
 def test_only_kernels_are_laid_out() -> None:
-    """A scale of every node, (3, nx, ny, nz), has four dimensions, but no channels to come last."""
+    """A scale for every node, (3, nx, ny, nz), has four dimensions but is no convolution kernel."""
     convolution, scale = nn.Conv3d(4, 4, 3), nn.Parameter(torch.ones(3, 4, 5, 6))
     convolution.register_parameter("scale", scale)
     lay_out(convolution, 3, "float32", torch.device("cpu"))

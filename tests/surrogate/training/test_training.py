@@ -35,7 +35,7 @@ def untimed(run: RunFolder) -> list[dict[str, Any]]:
 
 
 def assert_same_run(first: RunFolder, second: RunFolder) -> None:
-    """Weights, states of the optimisers and measures, bit for bit."""
+    """Require equal weights, optimiser states and measures, bit for bit."""
     assert first.model.read_bytes() == second.model.read_bytes()
     one, other = load_file(first.checkpoint), load_file(second.checkpoint)
     assert list(one) == list(other)
@@ -195,7 +195,7 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
 def test_weights_that_are_not_finite_are_never_a_model(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """The only step overflows the weights; the loss before it was finite."""
+    """The only step makes the weights infinite; the loss before the step is finite."""
     run = RunFolder(tmp_path / "run")
     config = make_config("adam", learning_rate=1e39, epochs=1, batch_size=64)
     with pytest.raises(WorkError):
@@ -258,7 +258,7 @@ def test_wrong_case_is_refused(
 def test_loss_falls(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, recipe: dict[str, Any]
 ) -> None:
-    """From about 1, that of the mean field, as the loss is scaled by the root mean square."""
+    """Scaled by the root mean square, the loss starts near 1, the value of zero displacement."""
     run = RunFolder(tmp_path / "run")
     train(make_config(epochs=40, learning_rate=2e-2, **recipe), dataset, run, CPU)
     lines = run.metric_lines()
@@ -286,7 +286,7 @@ def test_gradient_clip_bounds_the_gradient(
 
 
 def test_streams_of_one_seed_differ() -> None:
-    """Initial weights, validation part, order and noise of every epoch, and every pass."""
+    """Every purpose has its own stream: weights, validation split, order, noise, passes."""
     counted = [(7, kind, number) for kind in (2, 3, 4) for number in range(100)]
     used = [(7, 0), (7, 1), *counted, (8, 0), (8, 1), (8, 2, 0), (8, 3, 0), (8, 4, 0)]
     assert len({stream(*numbers) for numbers in used}) == len(used)

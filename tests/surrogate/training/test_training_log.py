@@ -27,11 +27,11 @@ NAMES = {
 
 
 def test_what_a_line_has(tmp_path: Path, dataset: Dataset, make_config: MakeConfig) -> None:
-    """43 training samples in batches of 16 are 3 steps; a linear decay, without warm-up."""
+    """43 training samples in batches of 16 make 3 steps; linear decay without warm-up."""
     config = make_config(epochs=2, learning_rate=0.01, schedule={"name": "linear"})
     lines = trained(config, dataset, tmp_path / "run").metric_lines()
     assert all(set(line) == NAMES for line in lines)
-    # steps 2 and 5 of 6: 1 - 2/6 and 1 - 5/6 of the peak
+    # rates of steps 2 and 5 of 6, relative to the peak: 1 - 2/6 and 1 - 5/6
     assert [line["learning_rate"] for line in lines] == pytest.approx([0.01 * 4 / 6, 0.01 / 6])
     assert 0 < lines[0]["seconds"] < lines[1]["seconds"]
     for line, seconds in zip(lines, (lines[0]["seconds"], lines[1]["seconds"]), strict=True):
@@ -41,7 +41,7 @@ def test_what_a_line_has(tmp_path: Path, dataset: Dataset, make_config: MakeConf
 def test_terms_of_a_variational_network(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """Loss per datum = negative log-likelihood + factor · divergence; half of it at weight 1/2."""
+    """Loss per datum = negative log-likelihood + factor · KL divergence, with factor 1/2."""
     config = make_config(
         epochs=2, likelihood="variational_bayes", variational={"weight": 0.5, "prior_std": 0.5}
     )
@@ -54,7 +54,7 @@ def test_terms_of_a_variational_network(
 
 
 def scalars(folder: Path) -> dict[str, list[tuple[int, float]]]:
-    """Every series that TensorBoard shows of a folder."""
+    """Return all series that TensorBoard reads from a folder."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     events = EventAccumulator(str(folder))
@@ -69,7 +69,7 @@ def scalars(folder: Path) -> dict[str, list[tuple[int, float]]]:
 def test_tensorboard_shows_the_lines(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """After a stop as well, with nothing twice."""
+    """After a stop and a resume, every line still occurs only once."""
     config, run = make_config(epochs=4), RunFolder(tmp_path / "run")
     train(config, dataset, run, CPU, stop_after=2, tensorboard=True)
     train(config, dataset, run, CPU, tensorboard=True)

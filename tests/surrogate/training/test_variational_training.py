@@ -1,4 +1,4 @@
-"""The loss of probabilistic networks beside the paper's, and their training."""
+"""The loss of probabilistic networks compared with the paper's, and their training."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def trainer_of(config: TrainedModel, dataset: Dataset) -> Trainer:
 
 
 def summed_likelihood(dataset: Dataset, prediction: Prediction, reference: Tensor) -> float:
-    """-Σ Σ ln N(u; μ, σ²) over samples and free components, in nats of densities in 1/m."""
+    """Return -Σ Σ ln N(u; μ, σ²) over samples and free components, in nats, densities in 1/m."""
     free = torch.from_numpy(~dataset.geometry.clamped)  # the mesh is in grid order
     assert prediction.std is not None
     mean, std, u = (
@@ -68,8 +68,9 @@ def test_loss_is_the_papers(
 ) -> None:
     """Eq. ELBO_expand of Deshpande et al. (2022) from a batch of 8 of N = 48 samples.
 
-    N·F·loss = N/8 · Σ NLL + KL[q|p], but for N·F·ln(unit), as the loss has lengths in units. F
-    counts the components of the free nodes: 28 of 32 in the plane, 112 of 128 in space.
+    N·F·loss = N/8 · Σ NLL + KL[q|p] − N·F·ln(unit); the last term occurs because the loss measures
+    lengths in units. F is the number of components of the free nodes: 28 of 32 nodes in 2D, 112 of
+    128 in 3D.
     """
     samples = {2: dataset, 3: dataset_3d}[dimension]
     config = make_config(
@@ -78,7 +79,7 @@ def test_loss_is_the_papers(
         variational={"prior_mean": prior_mean, "biases": biases, "prior_std": 0.3},
     )
     trainer = trainer_of(config, samples)
-    for parameter in posteriors(trainer):  # away from the start, where means are prior means
+    for parameter in posteriors(trainer):  # change the means, which start at the prior means
         torch.nn.init.normal_(parameter.mean, std=0.1)
         torch.nn.init.normal_(parameter.rho, mean=-3.0, std=0.5)
     batch = samples.train[torch.arange(8)]
@@ -103,7 +104,7 @@ def test_loss_is_the_papers(
 
 
 def test_maximum_likelihood_loss_is_the_papers(dataset: Dataset, make_config: MakeConfig) -> None:
-    """Eq. MLE_loss: the same without the weights."""
+    """Eq. MLE_loss is the same without the KL divergence of the weights."""
     trainer = trainer_of(make_config(likelihood="maximum_likelihood"), dataset)
     batch = dataset.train[torch.arange(8)]
     (loss,) = trainer.differentiate(batch, len(batch)).double().tolist()
@@ -116,7 +117,7 @@ def test_maximum_likelihood_loss_is_the_papers(dataset: Dataset, make_config: Ma
 def test_divergence_of_an_ensemble_is_the_mean_of_its_members(
     dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """Half of the sum of two, as the loss is the mean of the losses."""
+    """It is half of the sum for two members, because the loss is the mean of their losses."""
     config = make_config(likelihood="variational_bayes").model_copy(update={"ensemble": 2})
     trainer = trainer_of(config, dataset)
     for parameter in posteriors(trainer):
@@ -134,7 +135,7 @@ def test_divergence_of_an_ensemble_is_the_mean_of_its_members(
 def test_sampled_divergence_averages_to_the_closed_one(
     dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """Over 200 perturbations, within four standard errors."""
+    """The mean over 200 perturbations is within four standard errors of the closed form."""
 
     def bound(divergence: str) -> tuple[Trainer, EvidenceLowerBound]:
         trainer = trainer_of(
@@ -164,7 +165,7 @@ def test_sampled_divergence_averages_to_the_closed_one(
 def test_divergence_grows_over_the_warm_up(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, weight: float
 ) -> None:
-    """Ten epochs of one step, the first four of them warming up: 1/4, 1/2, 3/4, 1, 1, ..."""
+    """Ten epochs of one step; in the first four, the warm-up, the factor is 1/4, 1/2, 3/4, 1."""
     config = make_config(
         epochs=10,
         batch_size=64,
@@ -200,7 +201,7 @@ LIKELIHOODS: list[Any] = [
 def test_loss_falls(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, changes: dict[str, Any]
 ) -> None:
-    """By half a nat a datum, or half of the mean square, and on the validation part as well."""
+    """The training loss falls by 0.5 per datum; validation loss and error fall, too."""
     run = RunFolder(tmp_path / "run")
     train(make_config(epochs=30, learning_rate=1e-2, **changes), dataset, run, CPU)
     first, last = run.metric_lines()[0], run.metric_lines()[-1]
@@ -214,7 +215,7 @@ def test_loss_falls(
 def test_prior_means_are_trained_if_they_are_to_be(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
-    """Trainable ones move with the means and end between start and means; others stay at zero."""
+    """Trainable prior means end between their start and the means; others stay at zero."""
     for prior_mean in ("trainable", "zero"):
         config = make_config(
             epochs=2, likelihood="variational_bayes", variational={"prior_mean": prior_mean}
@@ -239,11 +240,11 @@ def test_validation_is_of_the_mean_weights(dataset: Dataset, make_config: MakeCo
 
 @pytest.mark.parametrize("prior_mean", ["trainable", "zero"])
 def test_parameters_of_the_paper(prior_mean: str) -> None:
-    """Three levels from c = 128, second convolutions probabilistic: 15.2 M; deterministic 7.53 M.
+    """The network with three levels and c = 128 has 15.2 M parameters; deterministic 7.53 M.
 
-    A probabilistic kernel has ρ and a prior mean for every weight beside its mean. The second
-    kernels: 9 · (128² + 256² + 512² + 256² + 128²) = 3 833 856. The last convolution has twice the
-    outputs: 2 · 128 + 2 more. The paper has 15.1 M.
+    The second convolutions are probabilistic: their kernels have a mean, ρ and a prior mean for
+    each of the 9 · (128² + 256² + 512² + 256² + 128²) = 3 833 856 weights. The last convolution has
+    twice the outputs, which adds 2 · 128 + 2 parameters. The paper states 15.1 M.
     """
     config = VariationalConfig.model_validate({"prior_mean": prior_mean})
     with torch.device("meta"):
