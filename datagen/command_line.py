@@ -168,7 +168,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _structure(options: argparse.Namespace) -> None:
-    from datagen.structure.structure import structure
+    from datagen.structure.reindexing import structure
 
     order = options.order, options.order_seed
     info = structure(options.nodal, options.out, *order, options.grid).structured

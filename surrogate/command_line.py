@@ -255,9 +255,9 @@ def _reproduce(options: argparse.Namespace) -> None:
 
 def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = False) -> None:
     from surrogate.device import choose_device
-    from surrogate.studies.framework.report import PAGE
     from surrogate.studies.framework.resources import Resources
     from surrogate.studies.framework.scale import read_scale
+    from surrogate.studies.framework.studies_report import PAGE
     from surrogate.studies.reproduction import reproduce
 
     scale, device = read_scale(options.scale), choose_device(options.device)

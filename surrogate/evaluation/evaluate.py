@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
+from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset, read_dataset
-from surrogate.data.same_body import BODY_KEYS, Body, require_same_body
-from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_errors
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
-from surrogate.evaluation.metrics import ErrorMeasures, measure, sample_errors
 from surrogate.evaluation.paper import PAPER
+from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder

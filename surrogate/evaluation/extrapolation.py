@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
-from surrogate.data.same_body import Body, require_same_body
-from surrogate.evaluation.metrics import sample_errors
+from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.uncertainty.calibration import half_width
 

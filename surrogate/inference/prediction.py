@@ -18,7 +18,7 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
-from surrogate.probabilistic.passes import Passes
+from surrogate.probabilistic.stochastic_passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 

@@ -61,7 +61,7 @@ class NodalNetwork(nn.Module):
         self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
     def forward(self, force: Tensor, passes: int = 1) -> Prediction:
-        """Predict with one pass, or with several drawn passes (`probabilistic.passes`).
+        """Predict with one pass, or with several drawn passes (`probabilistic.stochastic_passes`).
 
         Parameters
         ----------

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
-from surrogate.evaluation.metrics import ErrorMeasures
+from surrogate.evaluation.error_metrics import ErrorMeasures
 from surrogate.presentation.field_figures import NODAL_ERROR, NODAL_STD
 
 COUNTS = LinearSegmentedColormap.from_list("counts", ["#c3d2f5", NETWORK, "#0a1a45"])

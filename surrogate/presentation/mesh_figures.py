@@ -19,7 +19,7 @@ from shared_schema.drawing.figure_style import (
 )
 from shared_schema.drawing.mesh_drawing import Drawing, make_drawing
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.metrics import node_errors
+from surrogate.evaluation.error_metrics import node_errors
 from surrogate.presentation.field_figures import NODAL_ERROR, add_field
 
 Array = NDArray[np.float64]

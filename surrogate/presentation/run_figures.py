@@ -5,8 +5,8 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from shared_schema.drawing.figure_style import save
+from surrogate.evaluation.error_metrics import displacement_at_load, sample_errors
 from surrogate.evaluation.evaluate import Evaluation
-from surrogate.evaluation.metrics import displacement_at_load, sample_errors
 from surrogate.presentation.calibration_curves import calibration_curves
 from surrogate.presentation.error_figures import error_over_displacement, error_over_uncertainty
 from surrogate.presentation.field_figures import error_field, uncertainty_field

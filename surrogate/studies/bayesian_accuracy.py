@@ -11,9 +11,9 @@ from surrogate.studies.components.errors_on_test_split import (
     name_of,
     split_errors,
 )
-from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table
 from surrogate.uncertainty.calibration import INTERVALS, CalibrationMeasures, measure_calibration
 
 CASES = ("beam2d", "lshape2d")

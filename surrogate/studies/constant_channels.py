@@ -10,10 +10,10 @@ from surrogate.evaluation.paper import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import load
 from surrogate.studies.components.errors_on_test_split import MM, split_errors
-from surrogate.studies.framework.record import MARGIN, Cell, Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.scale import Scale
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import MARGIN, Cell, Claim, Table, compare
 from surrogate.studies.framework.timing import prediction_seconds
 
 RUNS, STANDARD = "beam3d-c*", "beam3d-det"

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from surrogate.evaluation.paper import PAPER
 from surrogate.studies.components.dataset_figures import draw_bodies, draw_padding
 from surrogate.studies.components.errors_on_test_split import BODIES
-from surrogate.studies.framework.record import Cell, Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Cell, Claim, Table
 
 NAMES = {"beam2d": "2D beam", "beam2d_f1": "2D beam#"} | BODIES
 OTHERS = (

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.drawing.figure_style import make_figure, styled
-from surrogate.evaluation.metrics import displacement_at_load, sample_errors
+from surrogate.evaluation.error_metrics import displacement_at_load, sample_errors
 from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.curve_colours import CURVES
 from surrogate.studies.components.errors_on_test_split import MM, name_of, split_errors
-from surrogate.studies.framework.record import MARGIN, Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import MARGIN, Claim, Table, compare
 
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")

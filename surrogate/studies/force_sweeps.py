@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.sweep_curves import sweep_curves
 from surrogate.studies.components.errors_on_test_split import MM
-from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table
 
 MATCH = 0.05  # error up to which a prediction matches, relative to the largest displacement
 GROWTH = 0.9  # rank correlation from which uncertainty grows steadily

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.studies.components.errors_on_test_split import BODIES, MM, split_errors
-from surrogate.studies.framework.record import Cell, Claim, Comparison, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Cell, Claim, Comparison, Table, compare
 
 LINEAR = "*-linear"
 ORDER_OF_MAGNITUDE = math.sqrt(10)  # larger ratios are nearer to 10 than to 1, in decades

@@ -13,9 +13,9 @@ from surrogate.presentation.mesh_figures import deformed_meshes
 from surrogate.studies.components.errors_by_load_distance import ErrorsByLoadDistance
 from surrogate.studies.components.errors_on_test_split import MM
 from surrogate.studies.components.vertical_force import describe_vertical_force
-from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
 TWO_ORDERS = 10**1.5  # smallest factor that counts as two orders of magnitude, rounded

@@ -5,9 +5,9 @@ from __future__ import annotations
 from surrogate.evaluation.paper import PAPER
 from surrogate.presentation.loss_curves import loss_curves
 from surrogate.studies.components.errors_on_test_split import name_of
-from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table
 
 Losses = dict[str, list[float]]  # losses of every epoch, by example
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation import metrics
-from surrogate.evaluation.example import find_example, tip_measures
+from surrogate.evaluation.error_metrics import measure as measure_errors
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.paper import PAPER
+from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.inference.prediction import Surrogate
 from surrogate.presentation.mesh_figures import meshes_and_errors
 from surrogate.studies.components.error_displacement_correlation import (
@@ -18,9 +18,9 @@ from surrogate.studies.components.error_displacement_correlation import (
     split_correlations,
 )
 from surrogate.studies.components.errors_on_test_split import MM, split_errors
-from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table, compare
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"
@@ -83,7 +83,7 @@ def error_table(resources: Resources, loads: Extrapolation) -> Table:
     """Table of errors under one load, several loads, and of the superposition of predictions."""
     geometry, samples = loads.surrogate.geometry, loads.samples
     several, superposed = (
-        metrics.measure(samples.force, mean, samples.displacement, geometry.tip)
+        measure_errors(samples.force, mean, samples.displacement, geometry.tip)
         for mean in (loads.predicted.mean, superposition(loads.surrogate, samples.force))
     )
     measured = {

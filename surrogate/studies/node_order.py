@@ -12,9 +12,9 @@ from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.paper import PAPER, PaperErrors
 from surrogate.studies.components.errors_on_test_split import MM, split_errors
-from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table, compare
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
 PAPER_ORDERS: dict[str, PaperErrors] = {

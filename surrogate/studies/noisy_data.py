@@ -14,9 +14,9 @@ from surrogate.studies.components.noisy_data_sweeps import (
     without_noise,
 )
 from surrogate.studies.force_sweeps import GROWTH
-from surrogate.studies.framework.record import Claim, Table, join_named
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table, join_named
 
 NOISE_FREE = {"beam2d": "beam2d_f1-vb", "lshape2d": "lshape2d-vb"}
 RUNS = tuple(f"{body}_noisy-{kind}" for body in NOISE_FREE for kind in ("mle", "vb"))

@@ -33,9 +33,9 @@ from surrogate.studies.components.times_by_load import (
     solving_ends,
     solving_grows,
 )
-from surrogate.studies.framework.record import Claim, Comparison, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Comparison, compare
 from surrogate.studies.framework.timing import (
     Solutions,
     alternating_seconds,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from shared_schema.common.errors import InputError
 from surrogate.studies.catalogue import STUDIES
-from surrogate.studies.framework.report import write_report
 from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.studies_report import write_report
 from surrogate.studies.framework.study import Study, current_record, run_study
 
 

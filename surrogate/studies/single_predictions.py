@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.example import find_example, tip_measures
 from surrogate.evaluation.paper import PAPER, PaperExample
+from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.presentation.mesh_figures import close_up, meshes_and_errors
 from surrogate.studies.components.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
 from surrogate.studies.components.errors_on_test_split import BODIES, MM
-from surrogate.studies.framework.record import Claim, Table, compare
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table, compare
 
 Array = NDArray[np.float64]
 CLOSE = 0.35  # m, extent of the close-up figures about the load

@@ -10,9 +10,9 @@ from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.presentation.curve_colours import OTHER
 from surrogate.studies.components.errors_on_test_split import MM
-from surrogate.studies.framework.record import Claim, Table
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Claim, Table
 from surrogate.uncertainty.calibration import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"

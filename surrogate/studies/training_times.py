@@ -7,9 +7,9 @@ from typing import NamedTuple
 from surrogate.evaluation.paper import PAPER
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.studies.components.errors_on_test_split import BODIES, name_of
-from surrogate.studies.framework.record import Cell, Claim, Table, compare, format_cell
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import Study, StudyResult
+from surrogate.studies.framework.study_record import Cell, Claim, Table, compare, format_cell
 
 PLANE = ("beam2d", "lshape2d")
 RUNS = ("beam2d-det", "beam2d-vb", "lshape2d-det", "lshape2d-vb", "beam3d-det")

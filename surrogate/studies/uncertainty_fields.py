@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation.example import find_example
 from surrogate.evaluation.paper import PAPER
+from surrogate.evaluation.shown_sample import find_example
 from surrogate.inference.prediction import Distribution
 from surrogate.presentation.field_figures import error_beside_uncertainty
 from surrogate.studies.components.error_uncertainty_correlation import (

@@ -24,7 +24,7 @@ from mpi4py import MPI
 
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
-from datagen.structure.structure import structure
+from datagen.structure.reindexing import structure
 from shared_schema.layout import Arrays, Kind
 from shared_schema.shard_reader import read_shard
 from shared_schema.shard_writer import write_shard

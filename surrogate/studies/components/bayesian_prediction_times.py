@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.studies.components.errors_on_test_split import BODIES
-from surrogate.studies.framework.record import Cell, Comparison, Table, compare
+from surrogate.studies.framework.study_record import Cell, Comparison, Table, compare
 
 PAPER_DEVICE = "not said; its GPU is a V100"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.evaluation.metrics import node_errors
+from surrogate.evaluation.error_metrics import node_errors
 from surrogate.studies.framework.resources import Resources
 from surrogate.uncertainty.calibration import rank_correlation
 

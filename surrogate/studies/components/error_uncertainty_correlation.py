@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.evaluation.error_metrics import node_errors
 from surrogate.evaluation.extrapolation import BAND
-from surrogate.evaluation.metrics import node_errors
 from surrogate.studies.components.errors_on_test_split import MM
-from surrogate.studies.framework.record import Claim, Table
+from surrogate.studies.framework.study_record import Claim, Table
 from surrogate.uncertainty.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]

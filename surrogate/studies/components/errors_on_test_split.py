@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from surrogate.evaluation.metrics import ErrorMeasures, measure
+from surrogate.evaluation.error_metrics import ErrorMeasures, measure
 from surrogate.evaluation.paper import PaperErrors
-from surrogate.studies.framework.record import Comparison, Table, compare
 from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study_record import Comparison, Table, compare
 
 BODIES = {"beam2d": "2D beam", "lshape2d": "2D L-shape", "beam3d": "3D beam"}
 LIKELIHOODS = {"deterministic": "D", "maximum_likelihood": "MLE", "variational_bayes": "VB"}

@@ -10,7 +10,7 @@ import torch
 from surrogate.evaluation.paper import PAPER
 from surrogate.hardware import hardware
 from surrogate.studies.components.errors_on_test_split import BODIES
-from surrogate.studies.framework.record import Cell, Claim, Table
+from surrogate.studies.framework.study_record import Cell, Claim, Table
 
 FASTER = {"CPU": 10, "GPU": 100}  # smallest speed-ups that agree with the paper's ratios
 CPU = torch.device("cpu")

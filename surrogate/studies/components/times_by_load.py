@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.studies.components.errors_on_test_split import BODIES
-from surrogate.studies.framework.record import Cell, Claim, Table, join_named
+from surrogate.studies.framework.study_record import Cell, Claim, Table, join_named
 from surrogate.studies.framework.timing import Solutions
 
 TENTH = 10  # reciprocal of the share of load cases that counts as small, and as large

@@ -18,8 +18,8 @@ from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.inference.prediction import Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
-from surrogate.studies.framework.record import DatasetRecord, RunRecord
 from surrogate.studies.framework.scale import Scale
+from surrogate.studies.framework.study_record import DatasetRecord, RunRecord
 from surrogate.training.train import train
 
 Value = TypeVar("Value")

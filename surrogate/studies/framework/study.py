@@ -15,7 +15,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.drawing.figure_style import save
 from shared_schema.manifest import digest_of
 from surrogate.hardware import hardware
-from surrogate.studies.framework.record import (
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.study_record import (
     Claim,
     Comparison,
     Record,
@@ -24,7 +25,6 @@ from surrogate.studies.framework.record import (
     read_record,
     write_record,
 )
-from surrogate.studies.framework.resources import Resources
 
 
 @dataclass

@@ -17,7 +17,7 @@ from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob
-from datagen.structure.structure import structure
+from datagen.structure.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError, StoppedError
 from tests.datagen.farm_runs import (
@@ -253,7 +253,7 @@ def test_a_killed_structure_step(whole: Path, tmp_path: Path) -> None:
     killed = f"""
 import os, pathlib
 os.fsync = lambda _: os.kill(os.getpid(), 9)
-from datagen.structure.structure import structure
+from datagen.structure.reindexing import structure
 structure(pathlib.Path({str(whole)!r}), pathlib.Path({str(out)!r}))
 """
     assert finish([sys.executable, "-c", killed]).returncode == -signal.SIGKILL

@@ -19,7 +19,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.material import NeoHookean, Volumetric
 from datagen.solver.settings import SolverSettings
 from datagen.solver.stiffness import stiffness_of
-from datagen.structure.structure import structure
+from datagen.structure.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader

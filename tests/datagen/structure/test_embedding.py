@@ -17,7 +17,7 @@ from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.structure.embedding import element_size, embed, locate, multilinear, shape_functions
-from datagen.structure.structure import nodal_forces_of, structure
+from datagen.structure.reindexing import nodal_forces_of, structure
 from shared_schema.cells import CELL_TYPES
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError

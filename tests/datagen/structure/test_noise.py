@@ -11,7 +11,7 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from datagen.structure.noise import add_noise
-from datagen.structure.structure import structure
+from datagen.structure.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest

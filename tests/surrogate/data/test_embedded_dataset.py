@@ -17,8 +17,8 @@ from shared_schema.grid_arrays import grid_arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
 from shared_schema.shard_reader import read_shard
 from shared_schema.shard_writer import write_shard
+from surrogate.data.body_check import differing_array
 from surrogate.data.dataset import read_dataset
-from surrogate.data.same_body import differing_array
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
 from surrogate.models.model import Model

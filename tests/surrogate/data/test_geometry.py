@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from surrogate.data.body_check import differing_array
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
-from surrogate.data.same_body import differing_array
 from tests.surrogate.l_shape import L_SHAPE
 
 

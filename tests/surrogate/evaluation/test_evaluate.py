@@ -12,8 +12,8 @@ import pytest
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
+from surrogate.evaluation.error_metrics import measure
 from surrogate.evaluation.evaluate import Evaluation, evaluate
-from surrogate.evaluation.metrics import measure
 from surrogate.networks.unet import parameter_count
 
 

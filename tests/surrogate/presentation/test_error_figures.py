@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from surrogate.data.dataset import Dataset
-from surrogate.evaluation.metrics import measure
+from surrogate.evaluation.error_metrics import measure
 from surrogate.presentation.error_figures import error_over_displacement, error_over_uncertainty
 from tests.surrogate.presentation.pictures import assert_is_picture, nodal_test
 

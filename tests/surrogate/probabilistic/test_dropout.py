@@ -10,7 +10,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
-from surrogate.probabilistic.passes import Drawable
+from surrogate.probabilistic.stochastic_passes import Drawable
 from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train

@@ -12,17 +12,17 @@ from shared_schema.common.errors import InputError
 from shared_schema.drawing.figure_style import make_figure
 from surrogate.evaluation.paper import PAPER
 from surrogate.studies.catalogue import STUDIES
-from surrogate.studies.framework.record import (
+from surrogate.studies.framework.resources import Resources, minutes_of
+from surrogate.studies.framework.scale import merged, read_scale
+from surrogate.studies.framework.studies_report import PAGE
+from surrogate.studies.framework.study import Study, StudyResult, current_record
+from surrogate.studies.framework.study_record import (
     Claim,
     RecordedFindings,
     compare,
     format_cell,
     tally,
 )
-from surrogate.studies.framework.report import PAGE
-from surrogate.studies.framework.resources import Resources, minutes_of
-from surrogate.studies.framework.scale import merged, read_scale
-from surrogate.studies.framework.study import Study, StudyResult, current_record
 from surrogate.studies.reproduction import find_studies, report, reproduce
 
 ROOT = Path(__file__).parents[3]

@@ -10,9 +10,9 @@ from pydantic import Field
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, read_yaml, validate
 from surrogate.evaluation.paper import PAPER
-from surrogate.studies.framework.record import Comparison, Record, Verdict, format_cell, tally
 from surrogate.studies.framework.scale import Scale
 from surrogate.studies.framework.study import Study
+from surrogate.studies.framework.study_record import Comparison, Record, Verdict, format_cell, tally
 
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from datagen.structure.noise import add_noise
-from datagen.structure.structure import nodal_forces_of, split, structure
+from datagen.structure.reindexing import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError

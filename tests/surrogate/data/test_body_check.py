@@ -7,9 +7,9 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
+from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
-from surrogate.data.same_body import Body, require_same_body
 
 CASE = {"mesh": "a", "supports": "b", "material": "c", "load": "d"}
 
