@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
-from shared_schema.grid import Grid
 from shared_schema.stiffness import Stiffness
 
 
@@ -68,18 +67,19 @@ class LinearMap(nn.Module):
         return grid.index_copy(2, self.points, u).reshape(force.shape)
 
 
-def compliance_of(stiffness: Stiffness, grid: Grid, clamped: NDArray[np.bool_]) -> Tensor:
-    """Return K⁻¹ in m/N of the free degrees of freedom, by component, then in grid order.
+def compliance_of(stiffness: Stiffness, nodes: NDArray[np.int64], count: int) -> Tensor:
+    """Return K⁻¹ in m/N of the degrees of freedom of some nodes, by component, then by node.
 
     Parameters
     ----------
     stiffness : Stiffness
         Stiffness of the whole body without supports.
-    grid : Grid
-    clamped : array of bool, (n_nodes,)
+    nodes : array of int, (n_free,)
+        Nodes that can move, in the order of the result; all others are held.
+    count : int
+        Number of nodes of the body.
     """
-    d = (len(stiffness.indptr) - 1) // grid.nodes
-    nodes = grid.node_at[grid.moved_by(~clamped)]
+    d = (len(stiffness.indptr) - 1) // count
     dofs = (nodes * d + np.arange(d)[:, None]).ravel()
     k = csr_array((stiffness.data, stiffness.indices, stiffness.indptr))[dofs][:, dofs]
     return torch.cholesky_inverse(torch.linalg.cholesky(torch.from_numpy(k.toarray())))

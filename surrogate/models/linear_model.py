@@ -61,7 +61,9 @@ class LinearModel(TrainedModel):
         layer, geometry = network.network, dataset.geometry
         assert isinstance(layer, LinearMap)
         assert dataset.stiffness is not None
-        compliance = compliance_of(dataset.stiffness, geometry.grid, geometry.clamped)
+        grid = geometry.grid
+        nodes = grid.node_at[grid.moved_by(~geometry.clamped)]
+        compliance = compliance_of(dataset.stiffness, nodes, grid.nodes)
         layer.start_at(compliance, network.force_scale, network.displacement_scale)
 
     @property

@@ -104,8 +104,11 @@ class Model(Frozen, ABC):
         train : Samples
             Samples that the network may learn from.
         """
+        learned = network.learned_part(train.force, train.displacement)
         if self.displacement_scale == "node":
-            network.scale_by_node(train.displacement)
+            network.scale_by_node(learned)
+        elif learned is not train.displacement:
+            network.scale_globally(learned)
 
     @abstractmethod
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:

@@ -8,12 +8,18 @@ import torch
 from pydantic import Field, model_validator
 from torch import Tensor, nn
 
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import StructuredInfo
+from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.linear_response import MOST, LinearResponse
 from surrogate.models.model import TrainedModel
 from surrogate.models.training_config import (
     DeterministicTraining,
     LikelihoodTraining,
     RecalibratedTraining,
 )
+from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.flipout import VariationalConfig
@@ -42,11 +48,11 @@ class UNetModel(TrainedModel):
     training: RecalibratedTraining
 
     @model_validator(mode="after")
-    def _one_input_a_member_at_most(self) -> Self:
-        if len(self.network.inputs) > self.ensemble:
+    def _one_transform_a_member_at_most(self) -> Self:
+        if len(self.network.force_transforms) > self.ensemble:
             raise ValueError(
-                f"'network.inputs' = {list(self.network.inputs)}: expected {self.ensemble} at "
-                "most, the number of networks ('ensemble')"
+                f"'network.force_transforms' = {list(self.network.force_transforms)}: expected "
+                f"{self.ensemble} at most, the number of networks ('ensemble')"
             )
         return self
 
@@ -60,6 +66,43 @@ class UNetModel(TrainedModel):
                 "of a weight is trained by gradients"
             )
         return self
+
+    def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
+        """Build the network between fields in SI units, with the linear response if it is used."""
+        if not self.network.needs_linear_response:
+            return super().build(geometry, info)
+        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
+        skip = self.network.skip == "linear"
+        return FieldNetwork(
+            network, geometry, info, LinearResponse(geometry), self.network.inputs, skip
+        )
+
+    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+        """Raise InputError unless the data hold what the linear response needs."""
+        if not self.network.needs_linear_response:
+            return
+        where = (
+            f"config '{self.name}': key 'network': inputs = {list(self.network.inputs)}, skip = "
+        )
+        where += f"'{self.network.skip}'"
+        geometry = dataset.geometry
+        free = geometry.dimension * int((~geometry.clamped).sum())
+        if free > MOST:
+            raise InputError(
+                f"{where}: the body has {free} free degrees of freedom, expected {MOST} at most"
+            )
+        if dataset.stiffness is None:
+            raise InputError(
+                f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' "
+                "into a new folder"
+            )
+
+    def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Set the linear response, then the scales."""
+        if isinstance(network.linear, LinearResponse):
+            assert dataset.stiffness is not None
+            network.linear.fit(dataset.stiffness, train.force)
+        super().start_from_data(network, dataset, train)
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the U-Net, or the ensemble: (N, d, *grid) → (K·N, d or 2d, *grid)."""

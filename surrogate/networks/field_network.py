@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -30,6 +31,12 @@ class FieldNetwork(nn.Module):
         Geometry of the body; displacements are zero at grid points that are clamped or not nodes.
     info : StructuredInfo
         Statistics of the training split, for the scales.
+    linear : nn.Module, optional
+        Linear response of the body: from forces in N to displacements in m and scaled gradients.
+    inputs : sequence of {"force", "linear_gradient"}
+        Inputs of the network, in order; gradients need `linear`.
+    skip : bool
+        Add the linear response to the mean.
 
     Attributes
     ----------
@@ -59,9 +66,18 @@ class FieldNetwork(nn.Module):
     aleatoric_factor: Tensor
     epistemic_factor: Tensor
 
-    def __init__(self, network: nn.Module, geometry: Geometry, info: StructuredInfo) -> None:
+    def __init__(
+        self,
+        network: nn.Module,
+        geometry: Geometry,
+        info: StructuredInfo,
+        linear: nn.Module | None = None,
+        inputs: Sequence[str] = ("force",),
+        skip: bool = False,
+    ) -> None:
         super().__init__()
         self.network = network
+        self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
         self.node_fraction = float(geometry.grid.mask.mean())
         free = torch.from_numpy(geometry.free_mask).float()
         rms = root_mean_square(info)
@@ -79,6 +95,17 @@ class FieldNetwork(nn.Module):
         if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
         super()._load_from_state_dict(state, prefix, *others)
+
+    def scale_globally(self, displacement: Tensor) -> None:
+        """Scale all components by their common root mean square over some samples.
+
+        Parameters
+        ----------
+        displacement : Tensor, (N, d, nx, ny[, nz])
+            In m.
+        """
+        rms = displacement.flatten(2).index_select(2, self.free_points).square().mean().sqrt()
+        self.displacement_scale.copy_(torch.where(rms > 0, rms, self.displacement_rms))
 
     def scale_by_node(self, displacement: Tensor) -> None:
         """Scale every component of every node by its own root mean square over some samples.
@@ -98,16 +125,38 @@ class FieldNetwork(nn.Module):
 
     def forward(self, force: Tensor) -> Prediction:
         """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
-        output: Tensor | Prediction = self.network(force / self.force_scale)
+        inputs, linear = self._inputs(force)
+        output: Tensor | Prediction = self.network(inputs)
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
         if isinstance(output, Prediction):
             mean, std = output
             return Prediction(mean * scale, None if std is None else std * scale)
         output = output.to(force.dtype)
+        mean = output[:, :d] * scale
+        if linear is not None:
+            mean = mean + linear.repeat(self.members, *[1] * (linear.ndim - 1)) * self.free
         if output.shape[1] == d:
-            return Prediction(output * scale, None)
+            return Prediction(mean, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
-        return Prediction(output[:, :d] * scale, std * scale)
+        return Prediction(mean, std * scale)
+
+    def _inputs(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Scaled inputs of the network, and the linear response that its output is added to."""
+        scaled = force / self.force_scale
+        if self.linear is None:
+            return scaled, None
+        displacement, gradient = self.linear(force)
+        fields = {"force": scaled, "linear_gradient": gradient}
+        inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
+        return inputs, displacement if self.skip else None
+
+    @torch.no_grad()
+    def learned_part(self, force: Tensor, displacement: Tensor) -> Tensor:
+        """Part of some displacements in m that the network has to learn, given their forces."""
+        if self.linear is None or not self.skip:
+            return displacement
+        difference: Tensor = displacement - self.linear(force)[0]
+        return difference
 
 
 def root_mean_square(info: StructuredInfo) -> float:

@@ -3,41 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.grid import Grid
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.weighted_sums import WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
-
-
-class WeightedSums(nn.Module):
-    """A sparse linear map: every output is a weighted sum of a few inputs.
-
-    Parameters
-    ----------
-    sources : array of int, (n_out, k)
-        Numbers of the inputs of each output.
-    weights : array, (n_out, k)
-        Weights of these inputs.
-    """
-
-    sources: Tensor
-    weights: Tensor
-
-    def __init__(self, sources: NDArray[np.int64], weights: NDArray[np.float64]) -> None:
-        super().__init__()
-        self.register_buffer("sources", torch.from_numpy(sources.T.flatten()))
-        self.register_buffer("weights", torch.from_numpy(weights.T.astype(np.float32)))
-
-    def forward(self, values: Tensor) -> Tensor:
-        """Apply the map: (…, n_in) → (…, n_out)."""
-        terms = values.index_select(-1, self.sources)
-        terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
-        sums: Tensor = (terms * self.weights).sum(dim=-2)
-        return sums
 
 
 class NodalNetwork(nn.Module):
@@ -98,35 +69,3 @@ class NodalNetwork(nn.Module):
         weight = reach.clamp(min=1).pow(-4)
         network = self.network
         return network.aleatoric_factor**weight, network.epistemic_factor**weight
-
-
-def transposed(
-    sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Transpose a sparse map.
-
-    Parameters
-    ----------
-    sources : array of int, (n_out, k)
-    weights : array, (n_out, k)
-    columns : int
-        Number of inputs n_in.
-
-    Returns
-    -------
-    sources, weights : array, (n_in, m)
-        Transposed map in the same form; shorter rows are padded with weights of zero.
-    """
-    starts = np.arange(0, sources.size + 1, sources.shape[1])
-    shape = (len(sources), columns)
-    matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
-    matrix.eliminate_zeros()
-    matrix = matrix.tocsc()  # column by column, with ascending row numbers
-    counts = np.diff(matrix.indptr)
-    column = np.repeat(np.arange(columns), counts)
-    position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
-    new_shape = (columns, max(1, int(counts.max())))
-    new_sources, new_weights = np.zeros(new_shape, dtype=np.int64), np.zeros(new_shape)
-    new_sources[column, position] = matrix.indices
-    new_weights[column, position] = matrix.data
-    return new_sources, new_weights

@@ -9,10 +9,10 @@ layer is a 1×1(×1) convolution without activation.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, Self
 
 import torch
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -24,7 +24,8 @@ CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
-Input = Literal["linear", "asinh", "saturating"]
+Transform = Literal["linear", "asinh", "saturating"]
+Input = Literal["force", "linear_gradient"]
 
 
 def saturating(force: Tensor) -> Tensor:
@@ -32,7 +33,7 @@ def saturating(force: Tensor) -> Tensor:
     return force * torch.rsqrt(1 + force.square() / 3)
 
 
-INPUTS: dict[Input, Callable[[Tensor], Tensor]] = {
+TRANSFORMS: dict[Transform, Callable[[Tensor], Tensor]] = {
     "linear": lambda force: force,
     "asinh": torch.asinh,
     "saturating": saturating,
@@ -54,8 +55,13 @@ class UNetConfig(Frozen):
         Number of rows of zeros around the grid on every side.
     activation : {"relu", "gelu", "silu"}
     batch_norm : bool
-    inputs : tuple of {"linear", "asinh", "saturating"}
-        Input of the first convolution as a function of the scaled forces f: f, arsinh f or
+    inputs : tuple of {"force", "linear_gradient"}
+        Input channels of the first convolution: the d components of the force, as in the paper, and
+        the d² components of the displacement gradient of the linear response K⁻¹ f.
+    skip : {"none", "linear"}
+        With ``linear`` the network predicts the difference from the linear response.
+    force_transforms : tuple of {"linear", "asinh", "saturating"}
+        Function of the scaled forces f that the first convolution is given: f, arsinh f or
         f / √(1 + f²/3). Within the training range, −√3 to √3, all are equally good. Beyond it the
         network extrapolates linearly in its input. The members of an ensemble take the functions in
         turn, so that the ensemble covers responses that stay linear, stiffen or saturate.
@@ -70,8 +76,30 @@ class UNetConfig(Frozen):
     padding: int = Field(2, ge=0)
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
-    inputs: tuple[Input, ...] = Field(("linear",), min_length=1)
+    inputs: tuple[Input, ...] = Field(("force",), min_length=1)
+    skip: Literal["none", "linear"] = "none"
+    force_transforms: tuple[Transform, ...] = Field(("linear",), min_length=1)
     dropout: float = Field(0.0, ge=0, lt=1)
+
+    @model_validator(mode="after")
+    def _each_input_once(self) -> Self:
+        if len(set(self.inputs)) < len(self.inputs):
+            raise ValueError(f"inputs = {list(self.inputs)}: expected each once")
+        if "force" not in self.inputs and self.force_transforms != ("linear",):
+            raise ValueError(
+                f"force_transforms = {list(self.force_transforms)}: expected with input 'force'"
+            )
+        return self
+
+    @property
+    def needs_linear_response(self) -> bool:
+        """True if an input or the output needs the linear response of the body."""
+        return "linear_gradient" in self.inputs or self.skip == "linear"
+
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of input channels in d dimensions."""
+        channels = {"force": dimension, "linear_gradient": dimension**2}
+        return sum(channels[name] for name in self.inputs)
 
     def level_channels(self) -> list[int]:
         """Return the number of channels of every level, finest first."""
@@ -107,12 +135,12 @@ class DoubleConvolution(nn.Sequential):
 
 
 class UNet(nn.Module):
-    """U-Net from force grid (N, d, nx, ny[, nz]) to displacement grid (N, outputs, nx, ny[, nz]).
+    """U-Net from input grid (N, inputs, nx, ny[, nz]) to displacement grid (N, outputs, …).
 
     Parameters
     ----------
     dimension : int
-        Number of space dimensions d, 2 or 3; also the number of input channels.
+        Number of space dimensions d, 2 or 3.
     outputs : int
         Number of output channels.
     config : UNetConfig
@@ -133,7 +161,9 @@ class UNet(nn.Module):
         super().__init__()
         self.dimension = dimension
         self.padding = config.padding
-        self.transform = INPUTS[config.inputs[member % len(config.inputs)]]
+        self.inputs = config.inputs
+        transforms = config.force_transforms
+        self.transform = TRANSFORMS[transforms[member % len(transforms)]]
         self.coarsening = 2 ** (config.levels - 1)
         channels = config.level_channels()
 
@@ -144,7 +174,8 @@ class UNet(nn.Module):
             return DoubleConvolution(dimension, inputs, channels[level], config, probabilistic)
 
         self.encoder = nn.ModuleList(
-            double(level, inputs) for level, inputs in enumerate([dimension, *channels[:-1]])
+            double(level, inputs)
+            for level, inputs in enumerate([config.input_channels(dimension), *channels[:-1]])
         )
         self.decoder = nn.ModuleList(
             double(level, channels[level + 1] + channels[level])
@@ -153,10 +184,13 @@ class UNet(nn.Module):
         self.pool = POOLINGS[dimension](2)
         self.head = CONVOLUTIONS[dimension](channels[0], outputs, kernel_size=1)
 
-    def forward(self, force: Tensor) -> Tensor:
-        """Predict the displacement grid from the force grid, both in scaled units."""
-        size = force.shape[2:]
-        x = functional.pad(self.transform(force), self._pads(size))
+    def forward(self, fields: Tensor) -> Tensor:
+        """Predict the displacement grid from the input grid, both in scaled units.
+
+        The channels of the inputs are in the order of `UNetConfig.inputs`.
+        """
+        size = fields.shape[2:]
+        x = functional.pad(self._transformed(fields), self._pads(size))
         skipped = []
         for level in self.encoder[:-1]:
             x = level(x)
@@ -171,6 +205,16 @@ class UNet(nn.Module):
             x = x.narrow(axis, self.padding, length)
         cropped: Tensor = x
         return cropped
+
+    def _transformed(self, fields: Tensor) -> Tensor:
+        """Transform the channels of the forces, and no others."""
+        if self.inputs == ("force",):
+            return self.transform(fields)
+        if "force" not in self.inputs:
+            return fields
+        widths = [self.dimension if n == "force" else self.dimension**2 for n in self.inputs]
+        channels = zip(self.inputs, torch.split(fields, widths, dim=1), strict=True)
+        return torch.cat([self.transform(x) if n == "force" else x for n, x in channels], dim=1)
 
     def _pads(self, size: torch.Size) -> list[int]:
         """Return the padding of each axis, last axis first.

@@ -98,7 +98,8 @@ def make_optimisers(
 def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
     """Return True for a kernel between hidden layers, or for the mean of such a kernel."""
     is_kernel = name.endswith(("weight", "kernel.mean")) and not name.endswith("head.weight")
-    return is_kernel and parameter.ndim > 2 and parameter.shape[1] > 3
+    is_first = "encoder.0.0." in name
+    return is_kernel and not is_first and parameter.ndim > 2 and parameter.shape[1] > 3
 
 
 def set_learning_rate(optimisers: list[torch.optim.Optimizer], learning_rate: float) -> None:

@@ -13,6 +13,7 @@ from surrogate.models.model import Model
 RENAMED = {  # keys of version 1, by section
     "variational": {"divergence": "kl_divergence", "spread": "posterior_std"},
     "training": {"residency": "samples_on"},
+    "network": {"inputs": "force_transforms"},
 }
 
 
@@ -26,8 +27,9 @@ def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
         if isinstance(content.get(section), Mapping):
             content[section] = {names.get(k, k): v for k, v in content[section].items()}
     network, members = content.get("network"), content.get("ensemble", 1)
-    if isinstance(network, Mapping) and "inputs" in network:
-        content["network"] = {**network, "inputs": network["inputs"][:members]}
+    if isinstance(network, Mapping) and "force_transforms" in network:
+        used = network["force_transforms"][:members]
+        content["network"] = {**network, "force_transforms": used}
     return _known(content, kind)
 
 

@@ -60,6 +60,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "probabilistic",
         "networks",
         "baselines",
+        "mechanics",
         "models",
         "runs",
         "inference",

@@ -119,8 +119,8 @@ def test_what_does_not_fit_is_named(tmp_path: Path, text: str, part: str) -> Non
             "key 'training.schedule': final = 0.1: expected none with name 'constant'",
         ),
         (
-            "network: {inputs: [linear, asinh]}",
-            "'network.inputs' = ['linear', 'asinh']: expected 1 at most, the number of networks",
+            "network: {force_transforms: [linear, asinh]}",
+            "'network.force_transforms' = ['linear', 'asinh']: expected 1 at most, the number of",
         ),
         ("model: pod\npod: {gp_samples: 9}", "unknown key 'pod.gp_samples' (model pod, likelihood"),
         (

@@ -9,7 +9,8 @@ from torch import Tensor, nn
 
 from shared_schema.grid import Grid
 from shared_schema.layout import NO_NODE
-from surrogate.networks.nodal_network import NodalNetwork, WeightedSums, transposed
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.weighted_sums import WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
 
 RNG = np.random.default_rng(0)

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from surrogate.networks.unet import INPUTS, Input, UNet, UNetConfig, parameter_count
+from surrogate.networks.unet import TRANSFORMS, Transform, UNet, UNetConfig, parameter_count
 
 
 def count_by_formula(dimension: int, channels: list[int], batch_norm: bool) -> int:
@@ -172,14 +172,14 @@ def test_activation_by_name(name: str, kind: type[nn.Module]) -> None:
         ("saturating", [0.01, 1.5, -12 / 7]),  # 3 / √(1 + 9/3), 12 / √(1 + 144/3)
     ],
 )
-def test_inputs_by_hand(name: Input, expected: list[float]) -> None:
+def test_inputs_by_hand(name: Transform, expected: list[float]) -> None:
     """All input functions are about f for small forces f."""
-    found = INPUTS[name](torch.tensor([0.01, 3.0, -12.0]))
+    found = TRANSFORMS[name](torch.tensor([0.01, 3.0, -12.0]))
     torch.testing.assert_close(found, torch.tensor(expected), rtol=1e-4, atol=0.0)
 
 
 def test_members_take_the_inputs_in_turn() -> None:
-    config = UNetConfig(levels=1, channels=4, inputs=("linear", "saturating"))
+    config = UNetConfig(levels=1, channels=4, force_transforms=("linear", "saturating"))
     force = torch.full((1, 2, 4, 4), 50.0)
     networks = [UNet(2, 2, config, member=member).eval() for member in range(3)]
     networks[1].load_state_dict(networks[0].state_dict())

@@ -64,6 +64,10 @@ TRAINING: dict[str, Any] = {
 def as_version_1(config: Model) -> dict[str, Any]:
     """Return the configuration in version 1: all keys of all models, with their old names."""
     content = SPELLED_OUT | config.plain()
+    network = dict(content["network"])
+    network["inputs"] = network.pop("force_transforms", ["linear"])
+    network.pop("skip", None)
+    content["network"] = network
     content["training"] = TRAINING | content["training"]
     content["training"]["residency"] = content["training"].pop("samples_on", "auto")
     if content["pod"] is not None:
@@ -138,10 +142,11 @@ def test_inputs_that_no_member_took_are_dropped(dataset: Dataset, tmp_path: Path
     content = yaml.safe_load(run.config.read_text())
     del content["version"]
     content["run"]["network"]["inputs"] = ["linear", "asinh"]
+    del content["run"]["network"]["force_transforms"], content["run"]["network"]["skip"]
     run.config.write_text(yaml.safe_dump(content))
     config = run.description().run
     assert isinstance(config, UNetModel)
-    assert config.network.inputs == ("linear",)
+    assert config.network.force_transforms == ("linear",)
 
 
 def test_a_wrong_key_of_today_is_no_key_of_then(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Mechanics inside networks: the linear response of the undeformed body."""

@@ -1,0 +1,69 @@
+"""Sparse linear maps as PyTorch modules, and their transposes."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from torch import Tensor, nn
+
+
+class WeightedSums(nn.Module):
+    """A sparse linear map: every output is a weighted sum of a few inputs.
+
+    Parameters
+    ----------
+    sources : array of int, (n_out, k)
+        Numbers of the inputs of each output.
+    weights : array, (n_out, k)
+        Weights of these inputs.
+    """
+
+    sources: Tensor
+    weights: Tensor
+
+    def __init__(self, sources: NDArray[np.int64], weights: NDArray[np.float64]) -> None:
+        super().__init__()
+        columns, values = torch.from_numpy(sources.T.flatten()), weights.T.astype(np.float32)
+        self.register_buffer("sources", columns, persistent=False)
+        self.register_buffer("weights", torch.from_numpy(values), persistent=False)
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Apply the map: (…, n_in) → (…, n_out)."""
+        terms = values.index_select(-1, self.sources)
+        terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
+        sums: Tensor = (terms * self.weights).sum(dim=-2)
+        return sums
+
+
+def transposed(
+    sources: NDArray[np.int64], weights: NDArray[np.float64], columns: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Transpose a sparse map.
+
+    Parameters
+    ----------
+    sources : array of int, (n_out, k)
+    weights : array, (n_out, k)
+    columns : int
+        Number of inputs n_in.
+
+    Returns
+    -------
+    sources, weights : array, (n_in, m)
+        Transposed map in the same form; shorter rows are padded with weights of zero.
+    """
+    starts = np.arange(0, sources.size + 1, sources.shape[1])
+    shape = (len(sources), columns)
+    matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
+    matrix.eliminate_zeros()
+    matrix = matrix.tocsc()  # column by column, with ascending row numbers
+    counts = np.diff(matrix.indptr)
+    column = np.repeat(np.arange(columns), counts)
+    position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
+    new_shape = (columns, max(1, int(counts.max())))
+    new_sources, new_weights = np.zeros(new_shape, dtype=np.int64), np.zeros(new_shape)
+    new_sources[column, position] = matrix.indices
+    new_weights[column, position] = matrix.data
+    return new_sources, new_weights
