@@ -98,6 +98,6 @@ class LinearResponse(Fitted):
             nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, self.free_nodes, u)
             gradient = torch.cat([operator(nodal) for operator in self.derivatives], dim=1)
             fields = torch.cat([nodal, gradient / self.gradient_rms], dim=1)
-            grid = self.to_grid(fields).reshape(len(force), -1, *self.shape)
+            grid = self.to_grid(fields).reshape(force.shape[0], -1, *self.shape)
         d = force.shape[1]
         return grid[:, :d], grid[:, d:]

@@ -107,7 +107,7 @@ class Model(Frozen, ABC):
         learned = network.learned_part(train.force, train.displacement)
         if self.displacement_scale == "node":
             network.scale_by_node(learned)
-        elif learned is not train.displacement:
+        elif network.skip:
             network.scale_globally(learned)
 
     @abstractmethod

@@ -14,10 +14,9 @@ import torch
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
 from shared_schema.manifest import read_manifest, write_manifest
-from shared_schema.stiffness import Stiffness, stiffness_problems, write_stiffness
+from shared_schema.stiffness import stiffness_problems, write_stiffness
 from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data.dataset import Dataset, read_dataset
-from surrogate.data.geometry import Geometry
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
 from surrogate.models.model import Model
@@ -26,33 +25,9 @@ from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
+from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
 
 CPU = torch.device("cpu")
-LAM, MU = 500 * 0.4 / (1.4 * 0.2), 500 / 2.8
-CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-
-
-def plane_strain_stiffness(geometry: Geometry) -> np.ndarray:
-    """Assemble bilinear quadrilaterals with 2 x 2 Gauss points; return (n_dofs, n_dofs) in N/m."""
-    law = np.array([[LAM + 2 * MU, LAM, 0], [LAM, LAM + 2 * MU, 0], [0, 0, MU]])
-    k = np.zeros(2 * (geometry.coordinates.size,))
-    for cell in geometry.cells:
-        dofs = (2 * cell[:, None] + np.arange(2)).ravel()
-        for point in CORNERS / np.sqrt(3):
-            slope = CORNERS * (1 + CORNERS * point)[:, ::-1] / 4
-            jacobian = slope.T @ geometry.coordinates[cell]
-            gradient = slope @ np.linalg.inv(jacobian).T
-            strain = np.zeros((3, 8))
-            strain[0, ::2], strain[1, 1::2] = gradient.T
-            strain[2, ::2], strain[2, 1::2] = gradient[:, ::-1].T
-            k[np.ix_(dofs, dofs)] += strain.T @ law @ strain * np.linalg.det(jacobian)
-    return k
-
-
-def sparse(k: np.ndarray) -> Stiffness:
-    k = (k + k.T) / 2
-    row, column = np.nonzero(k)
-    return Stiffness(k[row, column], column, np.searchsorted(row, np.arange(len(k) + 1)))
 
 
 @pytest.fixture(scope="module")
