@@ -69,7 +69,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
         code = FAILED
     if alone and comm.size > 1:
         comm.Abort(FAILED)
-    counters.free()
+    counters.close()
     return code
 
 

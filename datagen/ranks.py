@@ -86,7 +86,7 @@ class RankGroup:
 class SharedCounters:
     """Integer counters in the memory of rank 0 that every rank reads and adds to (MPI RMA).
 
-    Additions are atomic. Creation and `free` are collective; `add` and `read` are not.
+    Additions are atomic. Creation and `close` are collective; `add` and `read` are not.
 
     Parameters
     ----------
@@ -117,6 +117,6 @@ class SharedCounters:
         """Return the value of a counter."""
         return self.add(name, 0)
 
-    def free(self) -> None:
+    def close(self) -> None:
         """Release the memory of the counters (collective)."""
         self._window.Free()

@@ -142,7 +142,7 @@ def _make_shards(
         progress.close()
         group.world.barrier()
         interrupted = counters.read("interrupted") > 0
-        counters.free()
+        counters.close()
     if interrupted:
         raise StoppedError
 

@@ -40,14 +40,14 @@ class PointLoad:
         """
         expected = "X,Y:FX,FY" if dimension == 2 else "X,Y,Z:FX,FY,FZ"
         try:
-            parts = [tuple(float(v) for v in part.split(",")) for part in text.split(":")]
+            vectors = [tuple(float(v) for v in vector.split(",")) for vector in text.split(":")]
         except ValueError:
-            parts = []
-        if len(parts) != 2 or any(len(part) != dimension for part in parts):
+            vectors = []
+        if len(vectors) != 2 or any(len(vector) != dimension for vector in vectors):
             raise InputError(f"--load '{text}': expected {expected}, metres and newtons")
-        if not np.isfinite(parts).all():
+        if not np.isfinite(vectors).all():
             raise InputError(f"--load '{text}': expected finite numbers")
-        return cls(*parts)
+        return cls(*vectors)
 
 
 def nodal_forces(

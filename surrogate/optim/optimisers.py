@@ -69,17 +69,15 @@ def make_optimisers(
     rate: float | Tensor = config.learning_rate
     if capturable:
         rate = torch.tensor(rate, device=parameters[0].device)
-    spreads = [
-        p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad
-    ]
-    taken = {id(p) for p in (*kernels, *spreads)}
+    rhos = [p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad]
+    taken = {id(p) for p in (*kernels, *rhos)}
     rest = [p for p in parameters if id(p) not in taken]
     optimisers: list[torch.optim.Optimizer] = []
     if kernels:
         optimisers.append(Muon(kernels, rate, config.momentum, config.weight_decay))
     for group, decay, factor in (
         (rest, config.weight_decay, 1.0),
-        (spreads, 0.0, config.rho_factor),
+        (rhos, 0.0, config.rho_factor),
     ):
         if group:
             optimiser = torch.optim.AdamW(

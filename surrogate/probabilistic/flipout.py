@@ -154,8 +154,8 @@ class FlipoutConvolution(nn.Module):
             padding=1,
             groups=passes,
         )
-        parts = y.reshape(samples, passes, kernel.shape[1], *grid).transpose(0, 1)
-        return parts.reshape(passes * samples, kernel.shape[1], *grid)
+        by_pass = y.reshape(samples, passes, kernel.shape[1], *grid).transpose(0, 1)
+        return by_pass.reshape(passes * samples, kernel.shape[1], *grid)
 
 
 def flipouts(network: nn.Module) -> Iterator[FlipoutConvolution]:

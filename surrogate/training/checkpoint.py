@@ -35,7 +35,7 @@ def save_checkpoint(
     path: Path,
     epoch: int,
     seconds: float,
-    parts: Mapping[str, Stateful],
+    states: Mapping[str, Stateful],
     optimisers: list[Any],
 ) -> None:
     """Write a checkpoint atomically.
@@ -47,13 +47,13 @@ def save_checkpoint(
         Number of finished epochs.
     seconds : float
         Training time so far.
-    parts : dict of Stateful
+    states : dict of Stateful
         Network and all other objects whose state changes from epoch to epoch, by name.
     optimisers : list of torch.optim.Optimizer
     """
     tensors: dict[str, Tensor] = {
-        f"{part}.{name}": value
-        for part, stateful in parts.items()
+        f"{owner}.{name}": value
+        for owner, stateful in states.items()
         for name, value in stateful.state_dict().items()
     }
     for number, optimiser in enumerate(optimisers):
@@ -65,7 +65,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    path: Path, parts: Mapping[str, Stateful], optimisers: list[Any]
+    path: Path, states: Mapping[str, Stateful], optimisers: list[Any]
 ) -> tuple[int, float]:
     """Restore a checkpoint in place.
 
@@ -84,8 +84,8 @@ def load_checkpoint(
     tensors, metadata = load_tensors(path)
     try:
         status = json.loads(metadata["status"])
-        for part, stateful in parts.items():
-            stateful.load_state_dict(_state(part, tensors))
+        for owner, stateful in states.items():
+            stateful.load_state_dict(_state(owner, tensors))
         for number, optimiser in enumerate(optimisers):
             _restore(optimiser, _below(f"optimiser.{number}.", tensors))
         return int(status["epoch"]), float(status["seconds"])
@@ -106,9 +106,9 @@ def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> No
                 values[key] = torch.empty_like(parameter).copy_(value)
 
 
-def _state(part: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+def _state(owner: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """Return the tensors of a part of the checkpoint, stored by its present or earlier name."""
-    return _below(f"{part}.", tensors) or _below(f"{EARLIER.get(part, part)}.", tensors)
+    return _below(f"{owner}.", tensors) or _below(f"{EARLIER.get(owner, owner)}.", tensors)
 
 
 def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

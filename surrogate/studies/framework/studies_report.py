@@ -58,7 +58,7 @@ def write_report(
     discussion = (
         validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
     )
-    parts = [
+    blocks = [
         f"# The paper's tables and figures, at scale `{scale.name}`",
         scale.description,
         discussion.introduction,
@@ -70,7 +70,7 @@ def write_report(
         ),
         appendix([record for record in records.values() if record is not None]),
     ]
-    write_text(out / PAGE, "\n\n".join(part.strip() for part in parts if part.strip()) + "\n")
+    write_text(out / PAGE, "\n\n".join(block.strip() for block in blocks if block.strip()) + "\n")
 
 
 def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> str:
@@ -101,19 +101,19 @@ def anchor(title: str) -> str:
 def section(study: Study, record: Record, discussion: str) -> str:
     """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
-    parts = [f"## {study.title}", f"{study.question} In the paper: {paper_numbers(study)}."]
+    blocks = [f"## {study.title}", f"{study.question} In the paper: {paper_numbers(study)}."]
     for table in found.tables:
-        parts += [
+        blocks += [
             table.caption,
             markdown_table(table.head, (map(format_cell, row) for row in table.rows)),
         ]
     if found.comparisons:
         head = ("", "here", "paper", "verdict")
-        parts.append(markdown_table(head, map(comparison_row, found.comparisons)))
-    parts += [f"- {bold(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
-    parts.append(discussion)
-    parts += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
-    return "\n\n".join(part.strip() for part in parts if part.strip())
+        blocks.append(markdown_table(head, map(comparison_row, found.comparisons)))
+    blocks += [f"- {bold(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
+    blocks.append(discussion)
+    blocks += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
+    return "\n\n".join(block.strip() for block in blocks if block.strip())
 
 
 def comparison_row(comparison: Comparison) -> tuple[str, ...]:
