@@ -107,7 +107,7 @@ def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> No
 
 
 def _state(owner: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Return the tensors of a part of the checkpoint, stored by its present or earlier name."""
+    """Return the tensors of one owner of a state, stored by its present or earlier name."""
     return _below(f"{owner}.", tensors) or _below(f"{EARLIER.get(owner, owner)}.", tensors)
 
 
