@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data.dataset import Dataset, Samples
-from surrogate.models.model import TrainedModel
+from surrogate.models.model import TrainedModel, require_stiffness
 from surrogate.models.training_config import RegressionTraining
 from surrogate.networks.field_network import FieldNetwork
 
@@ -49,11 +49,7 @@ class LinearModel(TrainedModel):
                 f"{where}: the dataset's grid is embedded on its mesh, expected one whose points "
                 "are nodes"
             )
-        if dataset.stiffness is None:
-            raise InputError(
-                f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' "
-                "into a new folder"
-            )
+        require_stiffness(dataset, where)
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scales, and the weights to K⁻¹."""

@@ -10,6 +10,7 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from shared_schema.common.configuration import Frozen
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.geometry import Geometry
@@ -186,3 +187,12 @@ class TrainedModel(Model):
     def training_summary(self) -> str:
         """Describe the training, such as "absolute error, Muon, 80 epochs, batches of 32"."""
         return f"{self.method}, {self.training.in_brief}"
+
+
+def require_stiffness(dataset: Dataset, where: str) -> None:
+    """Raise InputError, beginning with `where`, unless a dataset has the stiffness of its body."""
+    if dataset.stiffness is None:
+        raise InputError(
+            f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' into a "
+            "new folder"
+        )

@@ -13,7 +13,7 @@ from shared_schema.manifest import StructuredInfo
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.linear_response import MOST, LinearResponse
-from surrogate.models.model import TrainedModel
+from surrogate.models.model import TrainedModel, require_stiffness
 from surrogate.models.training_config import (
     DeterministicTraining,
     LikelihoodTraining,
@@ -81,21 +81,15 @@ class UNetModel(TrainedModel):
         """Raise InputError unless the data hold what the linear response needs."""
         if not self.network.needs_linear_response:
             return
-        where = (
-            f"config '{self.name}': key 'network': inputs = {list(self.network.inputs)}, skip = "
-        )
-        where += f"'{self.network.skip}'"
+        inputs, skip = list(self.network.inputs), self.network.skip
+        where = f"config '{self.name}': key 'network': inputs = {inputs}, skip = '{skip}'"
         geometry = dataset.geometry
         free = geometry.dimension * int((~geometry.clamped).sum())
         if free > MOST:
             raise InputError(
                 f"{where}: the body has {free} free degrees of freedom, expected {MOST} at most"
             )
-        if dataset.stiffness is None:
-            raise InputError(
-                f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' "
-                "into a new folder"
-            )
+        require_stiffness(dataset, where)
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the linear response, then the scales."""
@@ -135,7 +129,8 @@ class UNetModel(TrainedModel):
         activation = ACTIVATIONS.get(network.activation, network.activation)
         norm = ", batch norm" if network.batch_norm else ""
         shape = f"{network.levels} levels, c = {network.channels}"
-        return f"{count}, {shape}, {growth}, {activation}{norm}"
+        linear = ", linear response" if network.needs_linear_response else ""
+        return f"{count}, {shape}, {growth}, {activation}{norm}{linear}"
 
 
 class DeterministicUNet(UNetModel):
