@@ -89,6 +89,14 @@ def pids_of(out: Path) -> list[int]:
     return sorted(found)
 
 
+def all_end(out: Path, within: float) -> bool:
+    """Return True if no process writes to a folder any more, after some seconds at most."""
+    limit = time.monotonic() + within
+    while pids_of(out) and time.monotonic() < limit:
+        time.sleep(0.01)
+    return not pids_of(out)
+
+
 def assert_same(one: Path, other: Path) -> None:
     """Assert that stiffness and shards are equal to the last bit, except times."""
     assert (one / STIFFNESS_FILE).read_bytes() == (other / STIFFNESS_FILE).read_bytes()

@@ -15,12 +15,13 @@ from mpi4py import MPI
 
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
-from datagen.farm.journal import Journal
+from datagen.farm.journal import LOCK_WAIT, Journal
 from datagen.farm.shard_job import ShardJob
 from datagen.structure.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError, StoppedError
 from tests.datagen.farm_runs import (
+    all_end,
     assert_same,
     command,
     datagen,
@@ -239,7 +240,7 @@ def test_a_signal_to_one_process(
         _, said = process.communicate(timeout=30)
     assert process.returncode != 0
     assert "Traceback" not in said
-    assert pids_of(out) == []
+    assert all_end(out, within=LOCK_WAIT)  # mpirun may end a moment before its last process
     kept = finished(out)
     assert 5 <= len(kept) < 30
     run(read_case(str(case_file)), out, MPI.COMM_SELF)
