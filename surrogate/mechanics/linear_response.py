@@ -19,8 +19,8 @@ from shared_schema.stiffness import Stiffness
 from surrogate.baselines.fitted import Fitted
 from surrogate.baselines.linear_map import compliance_of
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.nodal_gradient import nodal_gradient, padded_rows
-from surrogate.networks.weighted_sums import WeightedSums, transposed
+from surrogate.mechanics.nodal_gradient import nodal_gradient
+from surrogate.networks.weighted_sums import WeightedSums, padded_rows, transposed
 
 MOST = 4000  # free degrees of freedom: the dense compliance then takes 64 MB
 

@@ -76,14 +76,3 @@ def nodal_gradient(coordinates: Array, cells: NDArray[np.int64], cell_type: str)
         ).tocsr()
         for j in range(coordinates.shape[1])
     ]
-
-
-def padded_rows(matrix: csr_array) -> tuple[NDArray[np.int64], Array]:
-    """Columns and weights of every row, padded to the longest by weights of zero: (n, k) each."""
-    counts = np.diff(matrix.indptr)
-    shape = (len(counts), max(1, int(counts.max())))
-    sources, weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-    row = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
-    sources[row, place], weights[row, place] = matrix.indices, matrix.data
-    return sources, weights

@@ -69,13 +69,10 @@ class UNetModel(TrainedModel):
 
     def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
-        if not self.network.needs_linear_response:
-            return super().build(geometry, info)
+        config = self.network
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        skip = self.network.skip == "linear"
-        return FieldNetwork(
-            network, geometry, info, LinearResponse(geometry), self.network.inputs, skip
-        )
+        linear = LinearResponse(geometry) if config.needs_linear_response else None
+        return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 
     def require_suitable(self, dataset: Dataset, train: Samples) -> None:
         """Raise InputError unless the data hold what the linear response needs."""

@@ -58,12 +58,24 @@ def transposed(
     shape = (len(sources), columns)
     matrix = csr_array((weights.ravel(), sources.ravel(), starts), shape=shape, copy=True)
     matrix.eliminate_zeros()
-    matrix = matrix.tocsc()  # column by column, with ascending row numbers
+    return padded_rows(matrix.tocsc().T)  # in rows, with ascending column numbers
+
+
+def padded_rows(matrix: csr_array) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return columns and weights of every row, padded to the longest row by weights of zero.
+
+    Parameters
+    ----------
+    matrix : csr_array, (n_out, n_in)
+
+    Returns
+    -------
+    sources, weights : array, (n_out, k)
+    """
     counts = np.diff(matrix.indptr)
-    column = np.repeat(np.arange(columns), counts)
-    position = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
-    new_shape = (columns, max(1, int(counts.max())))
-    new_sources, new_weights = np.zeros(new_shape, dtype=np.int64), np.zeros(new_shape)
-    new_sources[column, position] = matrix.indices
-    new_weights[column, position] = matrix.data
-    return new_sources, new_weights
+    shape = (len(counts), max(1, int(counts.max())))
+    sources, weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
+    row = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)
+    sources[row, place], weights[row, place] = matrix.indices, matrix.data
+    return sources, weights
