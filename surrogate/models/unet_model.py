@@ -8,12 +8,12 @@ import torch
 from pydantic import Field, model_validator
 from torch import Tensor, nn
 
-from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.linear_response import MOST, LinearResponse
-from surrogate.models.model import TrainedModel, require_stiffness
+from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.models.model import TrainedModel
 from surrogate.models.training_config import (
     DeterministicTraining,
     LikelihoodTraining,
@@ -67,32 +67,21 @@ class UNetModel(TrainedModel):
             )
         return self
 
-    def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
+    def build(
+        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+    ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
         config = self.network
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        linear = LinearResponse(geometry) if config.needs_linear_response else None
+        linear = None
+        if config.needs_linear_response:
+            linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
-        """Raise InputError unless the data hold what the linear response needs."""
-        if not self.network.needs_linear_response:
-            return
-        inputs, skip = list(self.network.inputs), self.network.skip
-        where = f"config '{self.name}': key 'network': inputs = {inputs}, skip = '{skip}'"
-        geometry = dataset.geometry
-        free = geometry.dimension * int((~geometry.clamped).sum())
-        if free > MOST:
-            raise InputError(
-                f"{where}: the body has {free} free degrees of freedom, expected {MOST} at most"
-            )
-        require_stiffness(dataset, where)
-
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
-        """Set the linear response, then the scales."""
+        """Set the scales of gradients and output."""
         if isinstance(network.linear, LinearResponse):
-            assert dataset.stiffness is not None
-            network.linear.fit(dataset.stiffness, train.force)
+            network.linear.scale_gradient(train.force)
         super().start_from_data(network, dataset, train)
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:

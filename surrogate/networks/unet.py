@@ -92,9 +92,14 @@ class UNetConfig(Frozen):
         return self
 
     @property
+    def needs_gradient(self) -> bool:
+        """True if an input is the gradient of the linear response."""
+        return "linear_gradient" in self.inputs
+
+    @property
     def needs_linear_response(self) -> bool:
         """True if an input or the output needs the linear response of the body."""
-        return "linear_gradient" in self.inputs or self.skip == "linear"
+        return self.needs_gradient or self.skip == "linear"
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of input channels in d dimensions."""
