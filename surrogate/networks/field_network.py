@@ -123,7 +123,8 @@ class FieldNetwork(nn.Module):
     @property
     def members(self) -> int:
         """Number K of members of the ensemble; 1 for a single network."""
-        return len(self.network.members) if isinstance(self.network, Ensemble) else 1
+        inner = getattr(self.network, "dense", self.network)
+        return len(inner.members) if isinstance(inner, Ensemble) else 1
 
     def forward(self, force: Tensor) -> Prediction:
         """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""

@@ -25,16 +25,12 @@ CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functiona
 
 
 class VariationalConfig(Frozen):
-    """Selection of the probabilistic weights, their priors, and the factor on the KL divergence.
+    """Priors of the probabilistic weights, and the factor on the KL divergence.
 
     Attributes
     ----------
-    convolutions : tuple of {1, 2}
-        Numbers of the probabilistic convolutions among the two of a level.
-    levels : tuple of int, optional
-        Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
     biases : bool
-        True if the biases of these convolutions are probabilistic too.
+        True if the biases of probabilistic layers are probabilistic too.
     prior_std : float
         Prior standard deviation σ_p.
     prior_mean : {"trainable", "zero"}
@@ -52,8 +48,6 @@ class VariationalConfig(Frozen):
         Fraction of all steps over which that factor grows linearly from zero.
     """
 
-    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
-    levels: tuple[int, ...] | None = Field(None, min_length=1)
     biases: bool = False
     prior_std: float = Field(0.1, gt=0)
     prior_mean: Literal["trainable", "zero"] = "trainable"
@@ -63,13 +57,28 @@ class VariationalConfig(Frozen):
     weight: float = Field(1.0, gt=0)
     warmup: float = Field(0.0, ge=0, le=1)
 
-    def covers(self, level: int, number: int) -> bool:
-        """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""
-        return number in self.convolutions and (self.levels is None or level in self.levels)
-
     def factor(self, step: int, steps: int) -> float:
         """Factor on the KL divergence at a step (0 … steps − 1)."""
         return self.weight * min(1.0, (step + 1) / (self.warmup * steps) if self.warmup else 1.0)
+
+
+class VariationalConvolutions(VariationalConfig):
+    """Selection of the probabilistic convolutions of a U-Net, and their priors.
+
+    Attributes
+    ----------
+    convolutions : tuple of {1, 2}
+        Numbers of the probabilistic convolutions among the two of a level.
+    levels : tuple of int, optional
+        Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
+    """
+
+    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
+    levels: tuple[int, ...] | None = Field(None, min_length=1)
+
+    def covers(self, level: int, number: int) -> bool:
+        """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""
+        return number in self.convolutions and (self.levels is None or level in self.levels)
 
 
 class FlipoutLayer(nn.Module, ABC):
