@@ -94,7 +94,7 @@ class LinearResponse(nn.Module):
             nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
             gradients = [operator(nodal) / self.gradient_rms for operator in self.derivatives]
             fields = torch.cat([nodal, *gradients], dim=1)
-            grid = self.to_grid(fields).reshape(force.shape[0], -1, *self.shape)
+            grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
         d = force.shape[1]
         return grid[:, :d], grid[:, d:]
 
