@@ -8,6 +8,7 @@ import torch
 
 from surrogate.data.dataset import Dataset
 from surrogate.mechanics import compliance
+from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
@@ -47,6 +48,17 @@ def test_dense_matrix_of_a_small_body(dataset: Dataset, inverse: np.ndarray) -> 
     assert small.factor is None
     force = loads(small.size, 5, small.size)
     assert_close(small(torch.from_numpy(force)), force @ inverse)
+
+
+def test_block_elimination_of_an_exported_file(large: Compliance, inverse: np.ndarray) -> None:
+    """In single precision; its refinements make it as accurate as the factor."""
+    assert large.factor is not None
+    solve = BlockSolve(large)
+    assert len(solve.starts) > 2
+    force = loads(large.size, 3, 5)
+    expected = force @ inverse
+    found = solve(torch.from_numpy(force).double())
+    np.testing.assert_allclose(found.numpy(), expected, atol=1e-10 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("samples", "loaded"), [(1, 3), (3, 8), (40, 3), (2, 56)])
