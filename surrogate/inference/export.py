@@ -143,9 +143,10 @@ def export(
 def _make_exportable(surrogate: Surrogate) -> None:
     """Replace the solver of a large body, which a file cannot hold, by an equal one that it can."""
     linear = surrogate.network.linear
-    if isinstance(linear, LinearResponse) and isinstance(linear.compliance, Compliance):
-        if linear.compliance.factor is not None:
-            linear.compliance = BlockSolve(linear.compliance)
+    if not isinstance(linear, LinearResponse):
+        return
+    if isinstance(linear.compliance, Compliance) and linear.compliance.factor is not None:
+        linear.compliance = BlockSolve(linear.compliance)
 
 
 def load_exported(path: Path) -> Callable[[Tensor], Fields]:
