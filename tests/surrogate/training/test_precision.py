@@ -104,8 +104,8 @@ def test_bfloat16_in_3d_beside_a_parameter_of_four_dimensions() -> None:
         network = UNet(3, 3, UNetConfig(levels=2, channels=8))
         scale = nn.Parameter(torch.rand(3, 8, 4, 4))
         network.register_parameter("scale", scale)
-        lay_out(network, 3, precision, cpu)  # type: ignore[arg-type]
-        with autocast(precision, cpu):  # type: ignore[arg-type]
+        lay_out(network, 3, precision, cpu)
+        with autocast(precision, cpu):
             output = network(torch.randn(2, 3, 8, 4, 4))
         (output.float() * scale).square().mean().backward()
         assert scale.grad is not None
@@ -124,7 +124,8 @@ def test_only_tensorfloat32_rounds_factors_on_a_gpu(
         result = convolve(self, x)
         seen.add((torch.is_grad_enabled(), torch.backends.cudnn.allow_tf32))
         if result.requires_grad:
-            result.register_hook(lambda _: seen.add((True, torch.backends.cudnn.allow_tf32)))
+            flag = torch.backends.cudnn
+            result.register_hook(lambda _: seen.add((True, flag.allow_tf32)))  # type: ignore[no-untyped-call]
         return result
 
     monkeypatch.setattr(nn.Conv2d, "forward", record)
@@ -144,7 +145,7 @@ def test_rounding_of_factors_on_cuda() -> None:
     exact = nn.functional.conv2d(x.double(), kernel.double())
     errors = {}
     for precision in ("float32", "tensorfloat32"):
-        with convolutions(precision):  # type: ignore[arg-type]
+        with convolutions(precision):
             found = nn.functional.conv2d(x, kernel)
         errors[precision] = float((found - exact).norm() / exact.norm())
     assert errors["float32"] < 1e-6
