@@ -43,21 +43,21 @@ class Step:
 
 
 STEPS = (
-    Step("gpu-tests", 80, gpu_tests),
+    Step("gpu-tests", 120, gpu_tests),
     Step("latency", 100, latency),
     Step("throughput", 100, throughput),
-    Step("profile", 50, step_profile),
-    Step("fast-beam2d-det", 60, fast_recipe("beam2d-det-fast")),
-    Step("fast-lshape2d-det", 45, fast_recipe("lshape2d-det-fast")),
+    Step("profile", 40, step_profile),
+    Step("fast-beam2d-det", 50, fast_recipe("beam2d-det-fast")),
+    Step("fast-lshape2d-det", 40, fast_recipe("lshape2d-det-fast")),
     Step("paper-beam2d-det", 480, paper_recipe("beam2d-det-paper")),
-    Step("paper-lshape2d-det", 280, paper_recipe("lshape2d-det-paper")),
+    Step("paper-lshape2d-det", 270, paper_recipe("lshape2d-det-paper")),
     Step("paper-beam2d-mle", 40, paper_recipe("beam2d-mle-paper")),
-    Step("paper-lshape2d-mle", 40, paper_recipe("lshape2d-mle-paper")),
-    Step("paper-beam2d-vb", 75, paper_recipe("beam2d-vb-paper")),
-    Step("paper-lshape2d-vb", 75, paper_recipe("lshape2d-vb-paper")),
-    Step("beam3d-c64", 70, constant_channels(64)),
-    Step("paper-beam3d-det", 90, paper_recipe("beam3d-det-paper")),
+    Step("paper-beam2d-vb", 80, paper_recipe("beam2d-vb-paper")),
+    Step("beam3d-c64", 60, constant_channels(64)),
+    Step("paper-beam3d-det", 80, paper_recipe("beam3d-det-paper")),
     Step("one-process", 40, one_process),
+    Step("paper-lshape2d-mle", 40, paper_recipe("lshape2d-mle-paper")),
+    Step("paper-lshape2d-vb", 80, paper_recipe("lshape2d-vb-paper")),
 )
 
 
