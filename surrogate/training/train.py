@@ -80,6 +80,8 @@ def train(
     """
     if stop_after is not None and stop_after < 1:
         raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
+    if not seconds > 0:
+        raise InputError(f"--seconds {seconds:g}: expected more than 0")
     if tensorboard:
         require_tensorboard()
     description = describe(config, dataset)
@@ -167,7 +169,7 @@ def _train(
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
             log.write({"epoch": epoch, **measures, "seconds": seconds, "samples_per_second": rate})
-            late = ranks.from_first(lambda: time.perf_counter() > deadline)
+            late = deadline < math.inf and ranks.from_first(lambda: time.perf_counter() > deadline)
             over = late or epoch == last or trainer.is_over(epoch)
             if over or now - saved > config.training.checkpoint_seconds:
                 if ranks.is_first:

@@ -20,7 +20,6 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.autograd.profiler_util import DeviceType
 from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 from torch.utils.flop_counter import FlopCounterMode
@@ -148,7 +147,7 @@ def by_kind(recorded: profile, steps: int) -> Results:
     for event in recorded.events() or ():  # type: ignore[no-untyped-call]
         if event.is_user_annotation:  # spans kernels that are events themselves
             continue
-        if event.device_type == DeviceType.CUDA:
+        if event.device_type.name == "CUDA":
             kind = "copies" if event.name.startswith(("Memcpy", "Memset")) else "kernels"
             times[kind] += event.time_range.elapsed_us()
             kernels[event.name[:120]] += event.time_range.elapsed_us()
