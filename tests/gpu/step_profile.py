@@ -58,7 +58,8 @@ def step_profile(setting: Setting) -> Results:
                     return {**result, "complete": False}
                 described = {"network": name, "precision": precision, "graphs": graphs}
                 measured = of_network(setting, name, precision, graphs)
-                result["steps"].append({**described, **measured})
+                least = least_times(measured, precision, result["ceilings"])
+                result["steps"].append({**described, **measured, "least_ms": least})
     return {**result, "complete": True}
 
 
@@ -81,6 +82,14 @@ def measured_ceilings(setting: Setting) -> Results:
     return {"bytes_per_second": 2 * source.nbytes / copying, "flop_per_second": rates}
 
 
+def least_times(step: Results, precision: Precision, ceilings: Results) -> Results:
+    """Times in ms that the FLOP and the bytes of a step take at the measured rates."""
+    return {
+        "flop": 1e3 * step["flop"] / ceilings["flop_per_second"][precision],
+        "bytes": 1e3 * step["bytes"] / ceilings["bytes_per_second"],
+    }
+
+
 def median(setting: Setting, work: Callable[[], object]) -> float:
     """Median time of some work in s, up to the end of its last kernel."""
 
@@ -88,7 +97,7 @@ def median(setting: Setting, work: Callable[[], object]) -> float:
         work()
         setting.wait()
 
-    return median_seconds(whole, Timing(repeats=1 if setting.small else 10, seconds=1.0))
+    return median_seconds(whole, Timing(repeats=1 if setting.small else 5, seconds=1.0))
 
 
 def of_network(setting: Setting, name: str, precision: Precision, graphs: bool) -> Results:

@@ -30,41 +30,49 @@ BATCHES = (4, 32, 256)
 SAMPLES = {4: 400, 32: 1600, 256: 5120}
 LARGEST_IN_SPACE = 32
 ROUNDS = 3
+PLAIN, COMPILED = "plain", "TF32, compiled, graphs"
+COMPILING = 30.0  # s that compiling one network may take
 WAYS: dict[str, dict[str, Any]] = {
+    PLAIN: {},
     "float32, eager": {"precision": "float32"},
     "float32, graphs": {"precision": "float32", "cuda_graphs": True},
     "TF32, graphs": {"precision": "tensorfloat32", "cuda_graphs": True},
     "bfloat16, graphs": {"precision": "bfloat16", "cuda_graphs": True},
-    "TF32, compiled, graphs": {
-        "precision": "tensorfloat32",
-        "cuda_graphs": True,
-        "compile": True,
-    },
+    COMPILED: {"precision": "tensorfloat32", "cuda_graphs": True, "compile": True},
 }
 
 
 def throughput(setting: Setting) -> Results:
-    """Time all networks and batches; those for which there is no time are left out."""
+    """Time all networks and batches, compiled ones last; without time, the rest is left out."""
     found: list[Results] = []
-    for name, (recipe, case, shape) in NETWORKS.items():
-        dataset = setting.dataset(case)
-        for batch in BATCHES[:1] if setting.small else BATCHES:
-            if dataset.geometry.dimension == 3 and batch > LARGEST_IN_SPACE:
-                continue
-            plain = None
-            for way, changes in {"plain": {}, **WAYS}.items():
-                if "compile" in changes and (setting.small or batch > BATCHES[0]):
-                    continue
-                if setting.seconds_left < (30 if "compile" in changes else 4):
-                    return {"training": found, "complete": False}
-                config = small_or_whole(
-                    setting, configuration(recipe, case, {**changes, "batch_size": batch}), shape
-                )
-                result = timed(setting, config, dataset, plain=way == "plain")
-                plain = plain or result["samples_per_second"]
-                ratio = round(result["samples_per_second"] / plain, 3)
-                found.append({"network": name, "way": way, **result, "ratio": ratio})
+    datasets = {case: setting.dataset(case) for _, case, _ in NETWORKS.values()}
+    plain: dict[tuple[str, int], float] = {}
+    for name, batch, way in combinations(setting):
+        recipe, case, shape = NETWORKS[name]
+        if setting.seconds_left < (COMPILING if way == COMPILED else 4):
+            return {"training": found, "complete": False}
+        changes = {**WAYS[way], "batch_size": batch}
+        config = small_or_whole(setting, configuration(recipe, case, changes), shape)
+        result = timed(setting, config, datasets[case], way == PLAIN)
+        rate = result["samples_per_second"]
+        ratio = round(rate / plain.setdefault((name, batch), rate), 3)
+        found.append({"network": name, "way": way, **result, "ratio": ratio})
     return {"training": found, "complete": True}
+
+
+def combinations(setting: Setting) -> list[tuple[str, int, str]]:
+    """Networks, batches and ways in order; the plain loop is the first of its network and batch."""
+    result = [
+        (name, batch, way)
+        for name, (_, case, _) in NETWORKS.items()
+        for batch in (BATCHES[:1] if setting.small else BATCHES)
+        if batch <= LARGEST_IN_SPACE or not case.endswith("3d")
+        for way in WAYS
+        if way != COMPILED
+    ]
+    if not setting.small:
+        result += [(name, BATCHES[0], COMPILED) for name in NETWORKS]
+    return result
 
 
 def small_or_whole(setting: Setting, config: UNetModel, shape: dict[str, Any]) -> UNetModel:

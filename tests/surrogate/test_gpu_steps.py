@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from tests.gpu.carried_dataset import pack, rounded_differences, summed, unpack
 from tests.gpu.fast_recipes import fast_recipe
 from tests.gpu.pack import main as pack_command
 from tests.gpu.setting import Results, Setting
+from tests.gpu.step_profile import by_kind
 from tests.gpu.steps import STEPS, Step, run_steps
 
 CPU = torch.device("cpu")
@@ -135,6 +137,34 @@ def test_a_training_goes_on_where_the_call_before_stopped(setting: Setting) -> N
     assert second["curve"][0] == first["curve"][0]
     whole = work(replace(setting, out=setting.out / "whole"))
     assert whole["test"] == second["test"]
+
+
+def test_kinds_of_events_of_a_profile() -> None:
+    """Two steps: 2 + 4 µs of one kernel, 3 µs of copies and 7 µs of launches; spans count for 0."""
+
+    def event(name: str, microseconds: float, device: str, span: bool = False) -> SimpleNamespace:
+        return SimpleNamespace(
+            name=name,
+            device_type=SimpleNamespace(name=device),
+            is_user_annotation=span,
+            time_range=SimpleNamespace(elapsed_us=lambda: microseconds),
+        )
+
+    events = [
+        event("gemm", 2, "CUDA"),
+        event("gemm", 4, "CUDA"),
+        event("Memcpy HtoD", 3, "CUDA"),
+        event("Optimizer.step", 9, "CUDA", span=True),
+        event("cudaGraphLaunch", 7, "CPU"),
+        event("aten::mm", 8, "CPU"),
+    ]
+    result = by_kind(SimpleNamespace(events=lambda: events), 2)  # type: ignore[arg-type]
+    launches = "launches by cudaGraphLaunch"
+    assert result["times_ms"] == pytest.approx(
+        {"kernels": 3e-3, "copies": 1.5e-3, launches: 3.5e-3}
+    )
+    assert result["counts"] == {"kernels": 1.0, "copies": 0.5, launches: 0.5}
+    assert result["longest_kernels_ms"] == pytest.approx({"gemm": 3e-3, "Memcpy HtoD": 1.5e-3})
 
 
 def test_archive_has_results_and_parts_of_weights(
