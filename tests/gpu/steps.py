@@ -55,7 +55,7 @@ STEPS = (
     Step("paper-beam2d-vb", 80, paper_recipe("beam2d-vb-paper")),
     Step("beam3d-c64", 60, constant_channels(64)),
     Step("paper-beam3d-det", 80, paper_recipe("beam3d-det-paper")),
-    Step("one-process", 40, one_process),
+    Step("one-process", 60, one_process),
     Step("paper-lshape2d-mle", 40, paper_recipe("lshape2d-mle-paper")),
     Step("paper-lshape2d-vb", 80, paper_recipe("lshape2d-vb-paper")),
 )

@@ -207,7 +207,8 @@ def test_rehearsal_on_the_cpu(
     datasets: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """All steps run with small networks; a second call has nothing to do."""
-    call = [str(tmp_path), "--data", str(datasets), "--device", "cpu", "--small"]
+    options = ["--device", "cpu", "--small", "--seconds", "500"]
+    call = [str(tmp_path), "--data", str(datasets), *options]
     assert command.main(call) == 0
     assert "all steps are done" in capsys.readouterr().out
     results = {step.name: result_of(tmp_path, step.name) for step in STEPS}
