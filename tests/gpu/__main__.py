@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import logging
 import math
+import os
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from shared_schema.common.command_line import run_command
@@ -40,6 +42,19 @@ def chosen(names: Sequence[str] | None) -> list[Step]:
     return [step for step in STEPS if names is None or step.name in names]
 
 
+def start_afresh(options: argparse.Namespace, setting: Setting, rest: Sequence[Step]) -> None:
+    """Go on in a new process: after an error on a GPU, later work in this one may fail as well."""
+    if not rest or not setting.on_gpu:
+        return
+    words = ["-m", "tests.gpu", str(options.out), "--data", str(options.data)]
+    words += ["--device", options.device, "--total", str(max(1.0, setting.seconds_left))]
+    words += ["--small"] if options.small else []
+    words += ["--seconds", str(options.seconds)] if options.seconds else []
+    if options.step is not None:
+        words += [word for step in rest for word in ("--step", step.name)]
+    os.execv(sys.executable, [sys.executable, *words])
+
+
 def run(options: argparse.Namespace) -> None:
     """Run the chosen steps."""
     if options.list:
@@ -61,7 +76,9 @@ def run(options: argparse.Namespace) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     logging.disable(logging.WARNING)
     again = options.step is not None
-    unfinished = run_steps(setting, steps, again, options.seconds)
+    unfinished = run_steps(
+        setting, steps, again, options.seconds, partial(start_afresh, options, setting)
+    )
     failed = [step.name for step in steps if "error" in earlier(options.out, step)]
     if unfinished:
         print(f"to be gone on with, by the same command: {', '.join(unfinished)}")

@@ -73,7 +73,11 @@ def earlier(out: Path, step: Step) -> Results:
 
 
 def run_steps(
-    setting: Setting, steps: Sequence[Step], again: bool, seconds: float | None
+    setting: Setting,
+    steps: Sequence[Step],
+    again: bool,
+    seconds: float | None,
+    after_error: Callable[[Sequence[Step]], None] = lambda _: None,
 ) -> list[str]:
     """Run steps one after the other until the setting's deadline; return the unfinished ones.
 
@@ -87,9 +91,11 @@ def run_steps(
         Run steps that are done, too.
     seconds : float, optional
         Time limit of every step instead of its own.
+    after_error : callable
+        Function that is called with the following steps after one that has failed.
     """
     unfinished = []
-    for step in steps:
+    for number, step in enumerate(steps, start=1):
         before = {} if again else earlier(setting.out, step)
         if before.get("finished"):
             say(f"{step.name}: done")
@@ -114,6 +120,8 @@ def run_steps(
         say(f"{step.name}: {'FAILED' if 'error' in results else 'done' if finished else 'begun'}")
         if not finished:
             unfinished.append(step.name)
+        if "error" in results:
+            after_error(steps[number:])
     return unfinished
 
 

@@ -6,7 +6,7 @@ import json
 import math
 import tarfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,7 +96,13 @@ def test_what_is_done_is_not_done_again(setting: Setting) -> None:
         return Step(name, 100, work)
 
     steps = [step("a", {"x": 1}), step("b"), step("c", {"finished": False}, {"x": 3})]
-    assert run_steps(setting, steps, False, None) == ["c"]
+    following: list[str] = []
+
+    def after_error(rest: Sequence[Step]) -> None:
+        following.extend(step.name for step in rest)
+
+    assert run_steps(setting, steps, False, None, after_error) == ["c"]
+    assert following == ["c"]
     assert "StopIteration" in result_of(setting.out, "b")["error"]
     assert run_steps(setting, steps, False, None) == []
     assert calls == ["a", "b", "c", "c"]
@@ -104,6 +110,25 @@ def test_what_is_done_is_not_done_again(setting: Setting) -> None:
     described = result_of(setting.out, "a")
     assert described["finished"]
     assert described["machine"]["torch"] == torch.__version__
+
+
+def test_after_an_error_on_a_gpu_a_new_process_goes_on(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr("os.execv", lambda _, words: started.append(words))
+    call = [str(setting.out), "--data", "d", "--total", "100", "--small"]
+    for device, again in (("cpu", []), ("cuda", []), ("cuda", ["--step", "b", "--step", "c"])):
+        options = command.parser().parse_args([*call, "--device", device, *again])
+        given = replace(setting, device=torch.device(device), deadline=time.monotonic() + 60)
+        command.start_afresh(options, given, [])
+        command.start_afresh(options, given, [Step("c", 1, lambda _: {})])
+    assert len(started) == 2
+    later = [command.parser().parse_args(words[3:]) for words in started]
+    assert all(words[1:3] == ["-m", "tests.gpu"] for words in started)
+    assert [options.total for options in later] == pytest.approx([60, 60], abs=1)
+    assert [options.step for options in later] == [None, ["c"]]
+    assert all(options.small and options.device == "cuda" for options in later)
 
 
 def test_a_step_gets_what_is_left_of_its_time(setting: Setting) -> None:
