@@ -16,5 +16,5 @@ the GPU, in the root of the repository::
 A call ends within ``--total`` seconds. The next one goes on with the first step whose result is
 not yet in OUT; a training goes on from its checkpoint. ``--list`` lists the steps with their time
 limits, whose sum is less than 30 minutes, and ``--step NAME`` runs one step (again).
-``--device cpu --small`` rehearses all of it in a minute.
+``--device cpu --small`` rehearses all of it.
 """
