@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -39,6 +40,13 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         metavar="EPOCH",
         help="stop after this epoch, with a checkpoint to resume from",
+    )
+    train.add_argument(
+        "--seconds",
+        type=float,
+        default=math.inf,
+        metavar="S",
+        help="begin no epoch after this time, and write a checkpoint to resume from",
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
@@ -146,7 +154,16 @@ def _train(options: argparse.Namespace) -> None:
     run = RunFolder(options.out)
     with joined(options.device) as (ranks, device):
         dataset = read_dataset(options.data)
-        train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
+        train(
+            config,
+            dataset,
+            run,
+            device,
+            options.stop_after,
+            ranks,
+            options.tensorboard,
+            options.seconds,
+        )
     if not ranks.is_first:
         return
     lines = run.metric_lines()

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.device import convolutions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -164,6 +165,7 @@ class Surrogate:
         return nodal
 
     @torch.inference_mode()
+    @convolutions("float32")
     def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
         """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
         force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)

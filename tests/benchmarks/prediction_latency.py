@@ -21,7 +21,6 @@ from itertools import count, product
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 import torch
 from numpy.typing import NDArray
 
@@ -105,8 +104,10 @@ def shape_of(recipe: str, dimension: int) -> UNetConfig:
     return UNetConfig(levels=3 if dimension == 2 else 4)
 
 
-def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> RunFolder:
-    """Write a run folder with random weights and scales of 1."""
+def untrained(
+    body: Body, recipe: str, likelihood: Likelihood, folder: Path, shape: UNetConfig | None = None
+) -> RunFolder:
+    """Write a run folder with random weights and scales of 1; `shape` replaces the recipe's."""
     dimension = body.geometry.dimension
     zero, one = (0.0,) * dimension, (1.0,) * dimension
     units = ComponentStatistics(mean=zero, std=one, max_abs=one)
@@ -124,7 +125,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
             "name": recipe,
             "case": body.manifest.name,
             "likelihood": likelihood,
-            "network": shape_of(recipe, dimension).model_dump(),
+            "network": (shape or shape_of(recipe, dimension)).model_dump(),
             **({"variational": {}} if likelihood == "variational_bayes" else {}),
         }
     )
@@ -169,6 +170,8 @@ def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
 
 def by_onnx(run: RunFolder, passes: int | None, force: Array) -> Work:
     """Make a function that predicts with the exported file, on as many threads as PyTorch uses."""
+    import onnxruntime
+
     path = run.folder / "model.onnx"
     export(run.folder, "onnx", path, passes)
     options = onnxruntime.SessionOptions()
@@ -284,6 +287,8 @@ def main() -> None:
 
 def measure(options: argparse.Namespace) -> Results:
     """Results for all networks on all bodies."""
+    import onnxruntime
+
     logging.disable(logging.WARNING)
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
     bodies = [read_body(folder) for folder in options.nodal]
