@@ -123,10 +123,25 @@ class FieldNetwork(nn.Module):
         """Number K of members of the ensemble; 1 for a single network."""
         return len(self.network.members) if isinstance(self.network, Ensemble) else 1
 
-    def forward(self, force: Tensor) -> Prediction:
-        """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
-        inputs, linear = self._inputs(force)
-        output: Tensor | Prediction = self.network(inputs)
+    def forward(self, force: Tensor, passes: int = 1) -> Prediction:
+        """Predict displacements in m from forces in N, for each of some drawn passes.
+
+        Parameters
+        ----------
+        force : Tensor, (N, d, nx, ny[, nz])
+            In N.
+        passes : int
+            Number of drawn passes T.
+
+        Returns
+        -------
+        Prediction
+            Fields (K·T·N, d, nx, ny[, nz]) in m.
+        """
+        inputs, linear = self.network_inputs(force)
+        ones = (1,) * (force.ndim - 1)
+        repeated = inputs.repeat(passes, *ones) if passes > 1 else inputs
+        output: Tensor | Prediction = self.network(repeated)
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
         if isinstance(output, Prediction):
             mean, std = output
@@ -134,13 +149,13 @@ class FieldNetwork(nn.Module):
         output = output.to(force.dtype)
         mean = output[:, :d] * scale
         if linear is not None:
-            mean = mean + linear.repeat(self.members, *[1] * (linear.ndim - 1)) * self.free
+            mean = mean + linear.repeat(self.members * passes, *ones) * self.free
         if output.shape[1] == d:
             return Prediction(mean, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
         return Prediction(mean, std * scale)
 
-    def _inputs(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
+    def network_inputs(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
         """Scaled inputs of the network, and the linear response that its output is added to."""
         scaled = force / self.force_scale
         if self.linear is None:
