@@ -22,6 +22,7 @@ from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
 
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
@@ -262,14 +263,20 @@ def make_surrogate(
 
 
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
-    """Load a trained network from its run folder; nothing is unpickled.
+    """Load a trained network; nothing is unpickled.
+
+    Parameters
+    ----------
+    run : str or Path
+        Run folder, or the name of a network that comes with the package.
+    device : str
 
     Raises
     ------
     InputError
         If there is no finished run, or its files are damaged.
     """
-    folder = RunFolder(Path(run))
+    folder = RunFolder(find_run(run))
     description = folder.description()
     tensors = folder.read_tensors()
     try:

@@ -48,10 +48,11 @@ def untrained(dataset: Dataset, **content: Any) -> Surrogate:
 
 
 def loads(dataset: Dataset) -> np.ndarray:
-    """No load, a load on one node, loads on all nodes: (3, n_nodes, d) in N."""
+    """No load, a load on one node, loads on all free nodes: (3, n_nodes, d) in N."""
     force = np.zeros((3, *dataset.geometry.coordinates.shape))
     force[1, dataset.geometry.tip] = 1.0
     force[2] = np.random.default_rng(0).normal(size=force[2].shape)
+    force[2, dataset.geometry.clamped] = 0.0
     return force
 
 
@@ -105,7 +106,8 @@ def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset
 
 def test_stochastic_networks_average_their_passes(make_run: Callable[..., Path]) -> None:
     model = load(make_run(epochs=1, likelihood="variational_bayes"))
-    force = np.ones(model.geometry.coordinates.shape)
+    force = np.zeros(model.geometry.coordinates.shape)
+    force[model.geometry.tip] = 1.0
     assert model._one_load is None
     np.testing.assert_array_equal(model.predict(force), model.predict_distribution(force).mean)
 
