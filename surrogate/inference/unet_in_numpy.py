@@ -40,6 +40,7 @@ MERGED = {  # sums of the taps 0, 1, 2 along an axis, at even (0) and odd (1) po
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+Activation = Callable[[Single], None]  # it changes an array in place
 
 
 class Product(NamedTuple):
@@ -47,21 +48,19 @@ class Product(NamedTuple):
 
     Attributes
     ----------
-    rows : array of int, (n_points, n_taps)
-        Numbers of the neighbours of every point.
+    parts : tuple of (array of int, (n_some · n_taps,), slice)
+        Numbers of the neighbours of some points, and the place of these points in the output.
     matrix : array, (n_taps · inputs, outputs)
     """
 
-    rows: Numbers
+    parts: tuple[tuple[Numbers, slice], ...]
     matrix: Single
 
     def of(self, x: Single, out: Single) -> None:
         """Write the products with the rows of x, (n_rows, inputs), to (n_points, outputs)."""
-        step = max(1, GATHERED // len(self.matrix))
-        for start in range(0, len(out), step):
-            rows = self.rows[start : start + step]
-            gathered = x.take(rows.ravel(), axis=0).reshape(len(rows), -1)
-            np.matmul(gathered, self.matrix, out=out[start : start + step])
+        for rows, points in self.parts:
+            gathered = x.take(rows, axis=0).reshape(-1, len(self.matrix))
+            np.matmul(gathered, self.matrix, out=out[points])
 
 
 class Convolution(NamedTuple):
@@ -69,26 +68,27 @@ class Convolution(NamedTuple):
 
     Attributes
     ----------
+    points : int
+        Number of points of the output.
     fine : Product
         Part of the field.
     coarse : tuple of Product
         Parts of the coarser field, one for each block of points; empty if there is none.
     bias : array, (outputs,)
     activation : callable
-        It changes an array in place.
     """
 
+    points: int
     fine: Product
     coarse: tuple[Product, ...]
     bias: Single
-    activation: Callable[[Single], None]
+    activation: Activation
 
     def of(self, x: Single, refined: Single | None = None) -> Single:
         """Convolve: (n + 1, inputs) → (n_points + 1, outputs); the last rows are zero."""
-        count = len(self.fine.rows)
-        y = np.empty((count + 1, len(self.bias)), np.float32)
-        y[count] = 0
-        inner = y[:count]
+        y = np.empty((self.points + 1, len(self.bias)), np.float32)
+        y[-1] = 0
+        inner = y[:-1]
         self.fine.of(x, inner)
         if refined is not None:
             blocks = inner.reshape(len(self.coarse), -1, len(self.bias))
@@ -129,36 +129,32 @@ class UNetInNumPy:
         self.transformed = None if unet.transform is TRANSFORMS["linear"] else unet.transformed
         self.encoder: list[tuple[Convolution, ...]] = []
         self.decoder: list[tuple[Convolution, ...]] = []
+
+        def convolution(level: int, source: Numbers, layer: Layer) -> Convolution:
+            fine = product_of(layer.kernel, levels[level], source)
+            return Convolution(len(levels[level]), fine, (), layer.bias, layer.activation)
+
         for level, layers in enumerate(unet.encoder):
-            sources = (numbers[level] if level else on_grid, numbers[level])
+            first, second = convolutions(layers)
+            source = numbers[level] if level else on_grid
             self.encoder.append(
-                tuple(
-                    Convolution(product_of(kernel, levels[level], source), (), bias, activation)
-                    for (kernel, bias, activation), source in zip(
-                        convolutions(layers), sources, strict=True
-                    )
-                )
+                (convolution(level, source, first), convolution(level, numbers[level], second))
             )
         for level, layers in zip(reversed(range(count - 1)), unet.decoder, strict=True):
-            first, (kernel, bias, activation) = convolutions(layers)
-            refined = self.encoder[level + 1][-1].bias.size
-            fine = product_of(first[0][:, refined:], levels[level], numbers[level])
-            coarse = tuple(
+            first, second = convolutions(layers)
+            refined = len(self.encoder[level + 1][-1].bias)  # its first inputs are the refined ones
+            fine = first._replace(kernel=first.kernel[:, refined:])
+            coarse = (
                 product_of(
-                    merged(first[0][:, :refined], parity),
+                    merged(first.kernel[:, :refined], parity),
                     levels[level + 1],
                     numbers[level + 1],
                     np.array(parity) - 1,
                 )
                 for parity in product((0, 1), repeat=d)
             )
-            second = product_of(kernel, levels[level], numbers[level])
-            self.decoder.append(
-                (
-                    Convolution(fine, coarse, *first[1:]),
-                    Convolution(second, (), bias, activation),
-                )
-            )
+            joined = convolution(level, numbers[level], fine)._replace(coarse=tuple(coarse))
+            self.decoder.append((joined, convolution(level, numbers[level], second)))
         head = array(unet.head.weight)[:outputs].reshape(outputs, -1)
         self.head: Single = np.ascontiguousarray(head.T, np.float32)
         self.head_bias: Single = array(unet.head.bias)[:outputs].astype(np.float32)
@@ -240,8 +236,10 @@ def product_of(
     rows = numbers[tuple(np.moveaxis(points[:, None] + offsets + 1, -1, 0))]
     inside = (rows < numbers.max()).any(axis=0)
     taps = kernel.reshape(*kernel.shape[:2], -1)[:, :, inside]
-    matrix = taps.transpose(2, 1, 0).reshape(-1, len(kernel))
-    return Product(np.ascontiguousarray(rows[:, inside]), np.ascontiguousarray(matrix, np.float32))
+    matrix = np.ascontiguousarray(taps.transpose(2, 1, 0).reshape(-1, len(kernel)), np.float32)
+    rows, step = rows[:, inside], max(1, GATHERED // len(matrix))
+    places = (slice(start, start + step) for start in range(0, len(rows), step))
+    return Product(tuple((rows[place].ravel(), place) for place in places), matrix)
 
 
 # --- weights and functions ------------------------------------------------------------------------
@@ -254,8 +252,16 @@ def array(parameter: torch.Tensor | None) -> Array:
     return copied
 
 
-def convolutions(layers: nn.Module) -> Iterator[tuple[Array, Single, Callable[[Single], None]]]:
-    """Kernel, bias and activation of each convolution of a level; batch norm is part of them."""
+class Layer(NamedTuple):
+    """Kernel (outputs, inputs, 3, 3[, 3]), bias and activation of a convolution."""
+
+    kernel: Array
+    bias: Single
+    activation: Activation
+
+
+def convolutions(layers: nn.Module) -> Iterator[Layer]:
+    """Convolutions of a level of the U-Net; batch norm is part of their kernels and biases."""
     kernel, bias = np.empty(0), np.empty(0)
     for module in layers.children():
         if isinstance(module, nn.Conv2d | nn.Conv3d):
@@ -265,7 +271,7 @@ def convolutions(layers: nn.Module) -> Iterator[tuple[Array, Single, Callable[[S
             kernel = kernel * factor.reshape(-1, *[1] * (kernel.ndim - 1))
             bias = (bias - array(module.running_mean)) * factor + array(module.bias)
         else:
-            yield kernel, bias.astype(np.float32), ACTIVATIONS[type(module)]
+            yield Layer(kernel, bias.astype(np.float32), ACTIVATIONS[type(module)])
 
 
 def merged(kernel: Array, parity: tuple[int, ...]) -> Array:
@@ -297,7 +303,7 @@ def gelu(x: Single) -> None:
     x *= half
 
 
-ACTIVATIONS: dict[type[nn.Module], Callable[[Single], None]] = {
+ACTIVATIONS: dict[type[nn.Module], Activation] = {
     nn.ReLU: relu,
     nn.SiLU: silu,
     nn.GELU: gelu,

@@ -57,14 +57,14 @@ def loads(dataset: Dataset) -> np.ndarray:
 
 
 def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
-    """Every load gives the same alone and in a batch, to 1e-6 of the largest displacement."""
+    """Every load gives the same alone and in a batch, to float32: 2e-6 of the largest value."""
     force = loads(dataset)
     batch = model.predict(force)
     assert np.abs(batch).max() > 1e-3
     for f, expected in zip(force, batch, strict=True):
         found = model.predict(f)
         assert found.dtype == np.float64
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(batch).max())
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-6 * np.abs(batch).max())
         np.testing.assert_array_equal(model.predict(f[None])[0], found)
 
 

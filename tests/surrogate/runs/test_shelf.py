@@ -16,6 +16,7 @@ import yaml
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
+from surrogate.presentation.trained_list import Row
 from surrogate.runs import shelf
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
@@ -88,19 +89,23 @@ def test_it_predicts_from_anywhere(name: str, elsewhere: Path) -> None:
     assert -max(info.displacement.max_abs) < moved < -rest
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_load_alone_and_in_a_batch(name: str) -> None:
+    """The difference is 1e-6 of the largest displacement at most."""
+    model = surrogate.load(name)
+    limit = model.description.data.info.force.max_abs
+    forces = np.random.default_rng(0).uniform(-1, 1, (8, *model.geometry.coordinates.shape)) * limit
+    forces *= np.random.default_rng(1).random((*forces.shape[:2], 1)) < 4 / forces.shape[1]
+    forces[:, model.geometry.clamped] = 0.0
+    for force, expected in zip(forces, model.predict(forces), strict=True):
+        atol = 1e-6 * np.abs(expected).max()
+        np.testing.assert_allclose(model.predict(force), expected, rtol=0, atol=atol)
+
+
 def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
-    assert head.split() == [
-        "name",
-        "network",
-        "body",
-        "nodes",
-        "parameters",
-        "error",
-        "tip",
-        "size",
-    ]
+    assert tuple(head.split()) == Row._fields
     assert [line.split()[0] for line in lines] == NAMES
     (line,) = (line for line in lines if line.startswith("beam2d_any "))
     evaluation = RunFolder(find_run("beam2d_any")).read_evaluation()
