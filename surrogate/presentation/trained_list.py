@@ -13,7 +13,7 @@ class Row(NamedTuple):
     """A network; the fields are the columns."""
 
     name: str
-    kind: str
+    network: str
     body: str
     nodes: str
     parameters: str
@@ -22,7 +22,7 @@ class Row(NamedTuple):
     size: str
 
 
-HEAD = Row("name", "network", "body", "nodes", "parameters", "error", "tip", "size")
+HEAD = Row(*Row._fields)
 
 
 def row_of(name: str) -> Row:

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.inference.export import export
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.prediction import load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.shelf import find_run, shelved
+from tests.benchmarks.prediction_latency import by_pytorch
 from tests.benchmarks.publication import (
     Results,
     argument_parser,
@@ -54,17 +55,6 @@ def solve(case: str, samples: int, folder: Path) -> tuple[Array, Array]:
     arrays = reader.joined(names)
     nodes, loads, seconds = (arrays[name] for name in names)
     return scatter_forces(nodes, loads, len(reader.body["mesh/coordinates"])), seconds
-
-
-def by_pytorch(model: Surrogate) -> Predict:
-    """Make a function that predicts one load with the network in PyTorch."""
-
-    @torch.inference_mode()
-    def predict(force: Array) -> Array:
-        single = torch.from_numpy(force[None].astype(np.float32))
-        return np.asarray(model.nodal_network(single).mean.mean(dim=0)[0].double().numpy())
-
-    return predict
 
 
 def by_onnx(run: Path, folder: Path) -> Predict:
@@ -95,12 +85,13 @@ def seconds_of(ways: dict[str, Predict], forces: Array, repeats: int) -> dict[st
 def compare(name: str, samples: int, repeats: int) -> Results:
     """Measure one network: half of the solutions before the predictions, half after them."""
     model = load(name)
+    in_pytorch = by_pytorch(model)
     case = model.description.run.case
     with tempfile.TemporaryDirectory() as folder:
         forces, before = solve(case, samples, Path(folder, "before"))
         ways = {
             "predict": model.predict,
-            "PyTorch": by_pytorch(model),
+            "PyTorch": lambda force: in_pytorch(force[None]),
             "ONNX Runtime": by_onnx(find_run(name), Path(folder)),
         }
         taken = seconds_of(ways, forces, repeats)
