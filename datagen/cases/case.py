@@ -11,11 +11,11 @@ from datagen.loads import LoadFamily, load_family
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.regions import Region
-from datagen.solver.material import NeoHookean, Volumetric
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import digest_of
+from shared_schema.material import NeoHookean, Volumetric
 
 SHIPPED = Path(__file__).parents[1] / "configs"
 

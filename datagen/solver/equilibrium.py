@@ -34,12 +34,12 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.mesh.node_numbering import node_numbering
 from datagen.solver.distributed_assembly import DistributedAssembly
 from datagen.solver.linear_solver import INEXACT_TOLERANCE, set_up_direct, set_up_multigrid
-from datagen.solver.material import NeoHookean
 from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.serial_assembly import SerialAssembly
 from datagen.solver.settings import SolverSettings
 from datagen.solver.weak_form import weak_form
 from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.material import NeoHookean
 
 INVERTED = "inverted element (J <= 0)"
 

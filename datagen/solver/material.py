@@ -27,45 +27,13 @@ the state is plane strain: F is completed by :math:`F_{33} = 1`, so that
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import ufl
-from pydantic import Field
 
-from shared_schema.common.configuration import Frozen
-
-Volumetric = Literal["paper", "quadratic"]
+from shared_schema.material import Volumetric
 
 Expression = Any  # a UFL expression; ufl has no types
-
-
-class NeoHookean(Frozen):
-    """Compressible Neo-Hookean solid.
-
-    Attributes
-    ----------
-    young_modulus : float
-        Young's modulus E in Pa, positive.
-    poisson_ratio : float
-        Poisson's ratio ν, above -1 and below 0.5.
-    volumetric : {"paper", "quadratic"}
-        Name of the volumetric term U(J).
-    """
-
-    young_modulus: float = Field(gt=0)
-    poisson_ratio: float = Field(gt=-1, lt=0.5)
-    volumetric: Volumetric = "paper"
-
-    @property
-    def lame_lambda(self) -> float:
-        """First Lamé parameter λ = Eν / ((1 + ν)(1 − 2ν)) in Pa."""
-        e, nu = self.young_modulus, self.poisson_ratio
-        return e * nu / ((1 + nu) * (1 - 2 * nu))
-
-    @property
-    def lame_mu(self) -> float:
-        """Shear modulus μ = E / (2(1 + ν)) in Pa."""
-        return self.young_modulus / (2 * (1 + self.poisson_ratio))
 
 
 def volumetric_paper(j: Expression, lam: Expression) -> Expression:

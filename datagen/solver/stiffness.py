@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.material import NeoHookean
 from datagen.solver.settings import SolverSettings
+from shared_schema.material import NeoHookean
 from shared_schema.stiffness import Stiffness
 
 

@@ -21,8 +21,8 @@ from datagen.cases.case import Case, read_case
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.material import NeoHookean, Volumetric
 from datagen.solver.settings import SolverSettings
+from shared_schema.material import NeoHookean, Volumetric
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]

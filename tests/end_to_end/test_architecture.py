@@ -28,6 +28,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
         "cells",
+        "material",
         "layout",
         "manifest",
         "shard_problems",

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from datagen.cases.body import Body
 from datagen.solver.equilibrium import INVERTED, EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
-from datagen.solver.material import Volumetric
 from datagen.solver.settings import SolverSettings
+from shared_schema.material import Volumetric
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]

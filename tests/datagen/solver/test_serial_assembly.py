@@ -9,7 +9,7 @@ import pytest
 from dolfinx.fem import petsc as fem_petsc
 
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.material import Volumetric
+from shared_schema.material import Volumetric
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])

@@ -16,7 +16,6 @@ from datagen.farm.farm import run
 from datagen.mesh.box import Box
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.material import NeoHookean, Volumetric
 from datagen.solver.settings import SolverSettings
 from datagen.solver.stiffness import stiffness_of
 from datagen.structure.reindexing import structure
@@ -24,6 +23,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest
+from shared_schema.material import NeoHookean, Volumetric
 from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import read_stiffness, stiffness_problems
 

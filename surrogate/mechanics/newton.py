@@ -1,0 +1,114 @@
+r"""Correction of a prediction: Newton's method with a line search on the potential energy.
+
+.. math:: u_{k+1} = u_k + α δ(u_k), \qquad Π(u_k + α δ) \le Π(u_k) + 10^{-4} α \, r · δ
+
+with the largest :math:`α = 2^{-m}` (Armijo's rule). Π is infinite where a cell is inverted, so no
+step inverts one, and Π decreases along every δ (`surrogate.mechanics.equilibrium`); so every start
+leads to an equilibrium. A good prediction saves iterations. A bad one could cost many, or lead to
+another equilibrium; therefore the start is the state of lowest Π among the prediction, the linear
+response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import WorkError
+from surrogate.mechanics.equilibrium import Equilibrium
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-8  # of ‖r‖₂ in N, that of the finite elements
+ITERATIONS, HALVINGS = 200, 40
+SUFFICIENT = 1e-4  # part of the decrease of Π that its slope promises
+ROUNDING = 1e-13  # of Π, relative to the largest of its terms
+
+
+@dataclass(frozen=True)
+class Correction:
+    """An equilibrium, and how it was found.
+
+    Attributes
+    ----------
+    displacement : array, (n_nodes, d)
+        In m.
+    start : str
+        Start with the lowest energy: "prediction", "linear response" or "undeformed body".
+    iterations : int
+        Number of Newton iterations.
+    residual_norm : float
+        ‖r‖₂ of the displacement in N.
+    """
+
+    displacement: Array
+    start: str
+    iterations: int
+    residual_norm: float
+
+
+def correct(
+    equilibrium: Equilibrium, forces: Array, predicted: Array, tolerance: float = TOLERANCE
+) -> Correction:
+    """Go on from a prediction to the equilibrium.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    forces, predicted : array, (n_nodes, d)
+        Nodal forces in N, and predicted displacements in m, which may be arbitrarily wrong.
+    tolerance : float
+        Largest ‖r‖₂ of the result in N.
+
+    Raises
+    ------
+    WorkError
+        If 200 iterations do not lead to an equilibrium.
+    """
+    f = forces[None]
+    start, u = safest_start(equilibrium, f, predicted[None])
+    potential = equilibrium.potential(u, f)
+    for iteration in range(ITERATIONS + 1):
+        r = equilibrium.out_of_balance(u, f)
+        norm = float(np.linalg.norm(r))
+        if norm <= tolerance:
+            return Correction(u[0], start, iteration, norm)
+        step, _ = equilibrium.newton_steps(u, r)
+        slope = float((r * step).sum())
+        rounding = ROUNDING * float(np.abs(f * u).sum() + np.abs(potential).max())
+        for halving in range(HALVINGS):
+            trial = u + 0.5**halving * step
+            found = equilibrium.potential(trial, f)
+            if found <= potential + SUFFICIENT * 0.5**halving * slope + rounding:
+                break
+        else:
+            break
+        u, potential = trial, found
+    raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} N")
+
+
+def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[str, Array]:
+    """Choose the start of lowest potential energy: its name, and the displacement.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    f, predicted : array, (1, n_nodes, d)
+        In N and m.
+    """
+    linear = equilibrium.linear_response(f)
+    while equilibrium.inverted(linear).any():
+        linear = linear / 2
+    starts = {
+        "prediction": np.where(equilibrium.free[:, None], predicted, 0.0),
+        "linear response": linear,
+        "undeformed body": np.zeros_like(f),
+    }
+    potentials = {
+        name: float(equilibrium.potential(u, f)[0])
+        for name, u in starts.items()
+        if np.isfinite(u).all()
+    }
+    name = min(potentials, key=lambda key: potentials[key])
+    return name, starts[name]

@@ -1,0 +1,126 @@
+r"""A Neo-Hookean solid of finite elements: strain energy, internal forces, tangent.
+
+With the displacements u at the nodes, the shape functions' gradients :math:`G_a = ∇N_a` and the
+quadrature volumes :math:`w_q`,
+
+.. math::
+    F = I + \sum_a u_a ⊗ G_a, \qquad E(u) = \sum_q w_q W(F_q), \qquad
+    f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a.
+
+The tangent of a cell follows from ∂P/∂F (`surrogate.mechanics.neo_hookean`) with the gradients
+:math:`g_a = F^{-T} G_a` on the deformed body:
+
+.. math::
+    K_{ab} = \frac{∂f_{int,a}}{∂u_b} = \sum_q w_q \left[ μ (G_a · G_b) I
+    + (μ - J U') \, g_b ⊗ g_a + (J U' + J^2 U'') \, g_a ⊗ g_b \right].
+
+The same equations, in UFL, are those of `datagen`; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from shared_schema.material import NeoHookean
+from surrogate.mechanics.elements import cell_gradients
+from surrogate.mechanics.neo_hookean import (
+    determinant,
+    energy_density,
+    inverse_transpose,
+    stress,
+    tangent_moduli,
+)
+
+
+class Solid(nn.Module):
+    """Energy and forces of a body, for N displacement fields at once.
+
+    Its tensors are in double precision on the CPU; ``.to(device, dtype)`` moves them.
+
+    Parameters
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+        Meshio's name of the cells.
+    material : NeoHookean
+    """
+
+    cells: Tensor
+    gradients: Tensor
+    volumes: Tensor
+    constant: Tensor
+
+    def __init__(
+        self,
+        coordinates: NDArray[np.float64],
+        cells: NDArray[np.int64],
+        cell_type: str,
+        material: NeoHookean,
+    ) -> None:
+        super().__init__()
+        gradients, volumes = cell_gradients(coordinates, cells, cell_type)
+        constant = material.lame_mu * np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
+        self.material = material
+        self.register_buffer("cells", torch.from_numpy(cells), persistent=False)
+        self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
+        self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
+        self.register_buffer("constant", torch.from_numpy(constant), persistent=False)
+
+    def deformation_gradient(self, u: Tensor) -> Tensor:
+        """F at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""
+        count, points, corners, d = self.gradients.shape
+        at_corners = u[:, self.cells].permute(1, 0, 3, 2).reshape(count, -1, corners)
+        slopes = self.gradients.transpose(1, 2).reshape(count, corners, points * d)
+        h = torch.bmm(at_corners, slopes).reshape(count, len(u), d, points, d)
+        identity = torch.eye(d, dtype=u.dtype, device=u.device)
+        return h.permute(2, 4, 0, 1, 3).contiguous() + identity[:, :, None, None, None]
+
+    def inverted(self, u: Tensor) -> Tensor:
+        """Number of cells with J ≤ 0 (or no number) at a point: (N, n_nodes, d) in m → (N,)."""
+        j = determinant(self.deformation_gradient(u))
+        return (~((j > 0) & (j < torch.inf))).any(dim=2).sum(dim=0)  # true for NaN as well
+
+    def energy(self, u: Tensor) -> Tensor:
+        """Strain energy E(u) in J, +∞ if a cell is inverted: (N, n_nodes, d) in m → (N,)."""
+        density = energy_density(self.deformation_gradient(u), self.material)
+        return (self.volumes[:, None] * density).sum((0, 2))
+
+    def internal_forces(self, u: Tensor) -> Tensor:
+        """f_int = ∂E/∂u in N, no meaning if a cell is inverted: (N, n_nodes, d) in m → same."""
+        count, points, corners, d = self.gradients.shape
+        p = self.volumes[:, None] * stress(self.deformation_gradient(u), self.material)
+        p = p.permute(2, 3, 0, 4, 1).reshape(count, len(u) * d, points * d)
+        slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
+        forces = torch.bmm(p, slopes).reshape(count, len(u), d, corners)
+        forces = forces.permute(1, 0, 3, 2).reshape(len(u), -1, d)
+        return torch.zeros_like(u).index_add(1, self.cells.flatten(), forces)
+
+    def cell_tangents(self, u: Tensor) -> Tensor:
+        """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).
+
+        Rows and columns are numbered corner · d + component.
+        """
+        count, points, corners, d = self.gradients.shape
+        f = self.deformation_gradient(u)
+        j = determinant(f)
+        inverse = inverse_transpose(f, j).permute(2, 4, 1, 3, 0).reshape(count * points, d, -1)
+        g = torch.bmm(self.gradients.reshape(-1, corners, d), inverse)
+        g = g.reshape(count, points, corners, len(u), d).permute(3, 0, 1, 2, 4)
+        g = g.reshape(len(u) * count, points, corners * d)
+        crossed, squared = (
+            (self.volumes[:, None] * factor).transpose(0, 1).reshape(-1, points, 1)
+            for factor in tangent_moduli(j, self.material)
+        )
+        k = torch.bmm((squared * g).transpose(1, 2), g)
+        k = k.reshape(-1, corners, d, corners, d)
+        swapped = torch.bmm((crossed * g).transpose(1, 2), g).reshape(k.shape)
+        k += swapped.permute(0, 3, 2, 1, 4)
+        k = k.reshape(len(u), count, corners, d, corners, d)
+        k.diagonal(dim1=3, dim2=5).add_(self.constant[..., None])
+        return k.reshape(len(u), count, corners * d, corners * d)
