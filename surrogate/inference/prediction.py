@@ -15,6 +15,7 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.inference.one_load import OneLoad, in_numpy
+from surrogate.mechanics.reassembly import with_reassembled
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -258,7 +259,8 @@ def make_surrogate(
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
     network = description.run.build(geometry, description.data.info)
-    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
+    stored = {k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)}
+    network.load_state_dict(with_reassembled(stored, network, geometry, description.data.case))
     return Surrogate(network.to(device), geometry, description)
 
 

@@ -1,16 +1,20 @@
 """Trained networks that come with the package: small run folders, found by their names.
 
 A run folder has the files of `KEPT`: what prediction, export, report and `surrogate list` read. It
-has no checkpoint, metrics or figures.
+has no checkpoint, metrics or figures, and no tensors that follow from mesh and material
+(`surrogate.mechanics.reassembly`).
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from shared_schema.common.errors import InputError
+from surrogate.mechanics.reassembly import without_reassembled
 from surrogate.runs.folder import RunFolder
 
 SHELF = Path(__file__).parents[1] / "trained"
@@ -76,39 +80,45 @@ def shelve(run: Path, name: str) -> Path:
         raise InputError(f"NAME '{name}': expected letters, digits and underscores")
     source = RunFolder(run)
     source.description()
-    source.read_tensors()
+    tensors = source.read_tensors()
     if not source.read_evaluation().get("trained_on_this_data"):
         raise InputError(f"{run}: evaluated on another dataset, expected that of its training")
     others = sum(size_of(SHELF / other) for other in shelved() if other != name)
-    size = sum(file.stat().st_size for file in _files(run))
-    for what, found, limit in (
-        (f"{run}", size, LARGEST),
-        ("all networks of the package", others + size, LARGEST_SHELF),
-    ):
-        if found > limit:
-            raise InputError(f"{what}: {found / 1e6:.1f} MB, expected {limit / 1e6:.0f} at most")
-    copy_run(run, SHELF / name)
+    with _copied(run, SHELF / name) as copy:
+        RunFolder(copy).write_tensors(without_reassembled(tensors))
+        size = size_of(copy)
+        for what, found, limit in (
+            (f"{run}", size, LARGEST),
+            ("all networks of the package", others + size, LARGEST_SHELF),
+        ):
+            if found > limit:
+                found_mb, limit_mb = found / 1e6, limit / 1e6
+                raise InputError(f"{what}: {found_mb:.1f} MB, expected {limit_mb:.0f} at most")
     return SHELF / name
 
 
 def copy_run(run: Path, folder: Path) -> None:
-    """Copy the files of a run that are kept to a folder, in place of what it holds."""
+    """Copy the files of a run that are kept to a new folder."""
+    with _copied(run, folder):
+        pass
+
+
+@contextmanager
+def _copied(run: Path, folder: Path) -> Iterator[Path]:
+    """Yield a copy of the files that are kept; it then takes the place of `folder`."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent) as parts:
-        copied = Path(parts) / folder.name
-        copied.mkdir()
-        for file in _files(run):
-            shutil.copy(file, copied)
+        copy = Path(parts) / folder.name
+        copy.mkdir()
+        for name in (*KEPT, *KEPT_IF_THERE):
+            if (run / name).is_file():
+                shutil.copy(run / name, copy)
+        yield copy
         if folder.exists():
             folder.rename(Path(parts) / "replaced")
-        copied.rename(folder)
+        copy.rename(folder)
 
 
 def size_of(folder: Path) -> int:
     """Return the bytes of all files of a folder."""
     return sum(file.stat().st_size for file in folder.iterdir())
-
-
-def _files(run: Path) -> list[Path]:
-    there = [name for name in (*KEPT, *KEPT_IF_THERE) if (run / name).is_file()]
-    return [run / name for name in there]
