@@ -20,16 +20,16 @@ pooling is the largest of 2^d blocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.special import erf
 from torch import nn
 
+from surrogate.inference.dense_in_numpy import ACTIVATIONS, Activation, Array, Single, array
 from surrogate.networks.unet import TRANSFORMS, UNet
 
 GATHERED = 2**19  # values gathered at once: 2 MB, about a core's cache
@@ -37,10 +37,7 @@ MERGED = {  # sums of the taps 0, 1, 2 along an axis, at even (0) and odd (1) po
     0: np.array([[1.0, 0, 0], [0, 1, 1]]),
     1: np.array([[1.0, 1, 0], [0, 0, 1]]),
 }
-Single = NDArray[np.float32]
-Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
-Activation = Callable[[Single], None]  # it changes an array in place
 
 
 class Product(NamedTuple):
@@ -242,14 +239,7 @@ def product_of(
     return Product(tuple((rows[place].ravel(), place) for place in places), matrix)
 
 
-# --- weights and functions ------------------------------------------------------------------------
-
-
-def array(parameter: torch.Tensor | None) -> Array:
-    """Weights in double precision, for sums of them."""
-    assert parameter is not None
-    copied: Array = parameter.detach().double().cpu().numpy()
-    return copied
+# --- weights ----------------------------------------------------------------------------------
 
 
 class Layer(NamedTuple):
@@ -279,32 +269,3 @@ def merged(kernel: Array, parity: tuple[int, ...]) -> Array:
     for axis, odd in enumerate(parity, start=2):
         kernel = np.moveaxis(np.tensordot(MERGED[odd], kernel, (1, axis)), 0, axis)
     return kernel
-
-
-def relu(x: Single) -> None:
-    """Replace x by max(x, 0)."""
-    np.maximum(x, 0, out=x)
-
-
-def silu(x: Single) -> None:
-    """Replace x by x / (1 + exp(−x))."""
-    denominator = np.negative(x)
-    np.exp(denominator, out=denominator)
-    denominator += 1
-    x /= denominator
-
-
-def gelu(x: Single) -> None:
-    """Replace x by x/2 (1 + erf(x / √2))."""
-    half = x * np.float32(0.5)
-    x *= np.float32(0.5**0.5)
-    erf(x, out=x)
-    x += 1
-    x *= half
-
-
-ACTIVATIONS: dict[type[nn.Module], Activation] = {
-    nn.ReLU: relu,
-    nn.SiLU: silu,
-    nn.GELU: gelu,
-}
