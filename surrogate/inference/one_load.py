@@ -13,8 +13,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from surrogate.inference.dense_in_numpy import ReducedInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
 from surrogate.probabilistic.ensemble import Ensemble
 
@@ -91,8 +93,8 @@ class OneLoad:
             Scaled inputs at the grid points, then displacements of the nodes in m.
         """
         field = self.network.network
-        inputs, linear = field.network_inputs(self.network.on_grid(force))
-        parts = [inputs]
+        inputs, linear = field.inputs_of(self.network.on_grid(force))
+        parts = [field.scaled(inputs)]
         if linear is not None:
             parts.append(self.network.to_nodes((linear * field.free).flatten(2)))
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
@@ -110,6 +112,8 @@ def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[G
     outputs : int
         Number of output channels to compute, the first ones.
     """
+    if isinstance(network, ReducedNetwork):
+        return [ReducedInNumPy(network, outputs)]
     members = list(network.members) if isinstance(network, Ensemble) else [network]
     unets = [member for member in members if isinstance(member, UNet)]
     if len(unets) < len(members):

@@ -15,7 +15,6 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.inference.one_load import OneLoad, in_numpy
-from surrogate.mechanics.reassembly import with_reassembled
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -100,7 +99,7 @@ class Surrogate:
     def predict(self, forces: ArrayLike) -> Array:
         """Predict displacements, the mean of `predict_distribution`.
 
-        Under a single load, a U-Net that is not stochastic predicts in NumPy on a CPU
+        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on a CPU
         (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
         Parameters
@@ -258,9 +257,9 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
-    network = description.run.build(geometry, description.data.info)
-    stored = {k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)}
-    network.load_state_dict(with_reassembled(stored, network, geometry, description.data.case))
+    data = description.data
+    network = description.run.build(geometry, data.info, data.material)
+    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 
 

@@ -7,9 +7,10 @@ from typing import Any, Literal, cast
 
 from pydantic import model_validator
 
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.models.model import Model
 from surrogate.runs.configuration import KINDS, RunConfig, tag_of
@@ -36,6 +37,11 @@ class DataFingerprint(Frozen):
     dimension: int
     cell_type: str
     info: StructuredInfo
+
+    @property
+    def material(self) -> NeoHookean:
+        """Material of the body; InputError if the case does not name it."""
+        return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
 
 
 class RunDescription(Frozen):

@@ -1,8 +1,7 @@
 """Trained networks that come with the package: small run folders, found by their names.
 
 A run folder has the files of `KEPT`: what prediction, export, report and `surrogate list` read. It
-has no checkpoint, metrics or figures, and no tensors that follow from mesh and material
-(`surrogate.mechanics.reassembly`).
+has no checkpoint, metrics or figures.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from shared_schema.common.errors import InputError
-from surrogate.mechanics.reassembly import without_reassembled
 from surrogate.runs.folder import RunFolder
 
 SHELF = Path(__file__).parents[1] / "trained"
@@ -80,12 +78,11 @@ def shelve(run: Path, name: str) -> Path:
         raise InputError(f"NAME '{name}': expected letters, digits and underscores")
     source = RunFolder(run)
     source.description()
-    tensors = source.read_tensors()
+    source.read_tensors()
     if not source.read_evaluation().get("trained_on_this_data"):
         raise InputError(f"{run}: evaluated on another dataset, expected that of its training")
     others = sum(size_of(SHELF / other) for other in shelved() if other != name)
     with _copied(run, SHELF / name) as copy:
-        RunFolder(copy).write_tensors(without_reassembled(tensors))
         size = size_of(copy)
         for what, found, limit in (
             (f"{run}", size, LARGEST),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from torch import nn
 
 from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
@@ -17,7 +18,6 @@ from surrogate.models.model import Model
 from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe
 from tests.surrogate.data.test_embedded_dataset import averaging
-from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
 
 MECHANICS = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
 KINDS: dict[str, dict[str, Any]] = {
@@ -29,21 +29,25 @@ KINDS: dict[str, dict[str, Any]] = {
         "ensemble": 3,
         "network": {"force_transforms": ["linear", "asinh", "saturating"], **MECHANICS},
     },
+    "reduced": {"model": "reduced"},
+    "reduced ensemble": {"model": "reduced", "ensemble": 2, "likelihood": "maximum_likelihood"},
 }
-
-
-@pytest.fixture(scope="module")
-def stiff(dataset: Dataset) -> Dataset:
-    return replace(dataset, stiffness=sparse(plane_strain_stiffness(dataset.geometry)))
+SMALL = {
+    "unet": {"levels": 2, "channels": 8},
+    "reduced": {"input_modes": 8, "output_modes": 10, "width": 32},
+}
 
 
 def untrained(dataset: Dataset, **content: Any) -> Surrogate:
     """A surrogate with random weights, scales from the data."""
     case = dataset.manifest.name
-    small = {"levels": 2, "channels": 8, **content.pop("network", {})}
+    small = {**SMALL[content.get("model", "unet")], **content.pop("network", {})}
     config: Model = run_config({"name": "a", "case": case, "network": small, **content})
-    network = config.build(dataset.geometry, dataset.info)
+    network = config.build(dataset.geometry, dataset.info, dataset.material)
     config.start_from_data(network, dataset, dataset.train)
+    for name, parameter in network.named_parameters():
+        if name.endswith("head.weight"):  # zero in a reduced network
+            nn.init.normal_(parameter, std=0.1)
     return Surrogate(network, dataset.geometry, describe(config, dataset))
 
 
@@ -69,30 +73,33 @@ def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_load_alone_and_in_a_batch(stiff: Dataset, kind: str) -> None:
-    model = untrained(stiff, **KINDS[kind])
+def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
+    model = untrained(dataset, **KINDS[kind])
     assert model._one_load is not None
     assert model._one_load.matrix is not None
-    assert_same_alone(model, stiff)
+    assert_same_alone(model, dataset)
 
 
-def test_large_bodies_have_no_matrix(stiff: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(one_load, "LARGEST", 1000)
-    model = untrained(stiff, network=MECHANICS)
+    model = untrained(dataset, network=MECHANICS)
     assert model._one_load is not None
     assert model._one_load.matrix is None
-    assert_same_alone(model, stiff)
+    assert_same_alone(model, dataset)
 
 
-def test_three_dimensions(dataset_3d: Dataset) -> None:
-    assert_same_alone(untrained(dataset_3d), dataset_3d)
+@pytest.mark.parametrize("model", ["unet", "reduced"])
+def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the linear response of a body is too large for a matrix, too."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    assert_same_alone(untrained(dataset_3d, model=model), dataset_3d)
 
 
-def test_embedded_grid(stiff: Dataset) -> None:
+def test_embedded_grid(dataset: Dataset) -> None:
     """One node is the mean of two grid points."""
-    grid = averaging(stiff.geometry.grid)
+    grid = averaging(dataset.geometry.grid)
     assert not grid.points_are_nodes
-    between = replace(stiff, geometry=replace(stiff.geometry, grid=grid))
+    between = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
     assert_same_alone(untrained(between, network=MECHANICS), between)
 
 
@@ -112,11 +119,11 @@ def test_stochastic_networks_average_their_passes(make_run: Callable[..., Path])
     np.testing.assert_array_equal(model.predict(force), model.predict_distribution(force).mean)
 
 
-def test_passes_respond_linearly_once(stiff: Dataset) -> None:
+def test_passes_respond_linearly_once(dataset: Dataset) -> None:
     """The linear response of a load does not depend on the pass, and is computed once."""
-    model = untrained(stiff, likelihood="variational_bayes", variational={}, network=MECHANICS)
+    model = untrained(dataset, likelihood="variational_bayes", variational={}, network=MECHANICS)
     assert model.network.linear is not None
     batches: list[int] = []
     model.network.linear.register_forward_hook(lambda _, inputs, __: batches.append(len(inputs[0])))
-    model.predict_distribution(loads(stiff), passes=5)
+    model.predict_distribution(loads(dataset), passes=5)
     assert batches == [3]

@@ -16,7 +16,6 @@ import yaml
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.mechanics.reassembly import without_reassembled
 from surrogate.presentation.trained_list import Row
 from surrogate.runs import shelf
 from surrogate.runs.folder import RunFolder
@@ -59,12 +58,6 @@ def test_files_are_those_of_a_network_and_part_of_the_package(name: str) -> None
     settings = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["tool"]["setuptools"]
     packed = {p for glob in settings["package-data"]["surrogate"] for p in PACKAGE.glob(glob)}
     assert set((shelf.SHELF / name).iterdir()) <= packed
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_what_mesh_and_material_determine_is_left_out(name: str) -> None:
-    tensors = RunFolder(shelf.SHELF / name).read_tensors()
-    assert without_reassembled(tensors).keys() == tensors.keys()
 
 
 @pytest.mark.parametrize("name", NAMES)
