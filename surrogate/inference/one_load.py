@@ -1,7 +1,8 @@
 """Prediction of the displacements under one load in NumPy, where PyTorch's calls take most time.
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
-response, gradient, scales. On small bodies it is one matrix, found by unit forces.
+response, gradient, scales. On small bodies it is one matrix, found by unit forces. On large bodies
+it is computed by PyTorch; for a reduced network on a grid of nodes, by a few columns of K⁻¹.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from torch import Tensor, nn
 
 from surrogate.inference.dense_in_numpy import ReducedInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
@@ -45,6 +48,11 @@ class OneLoad:
         scale = (field.displacement_scale * field.free).reshape(d, -1).numpy().T
         self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
         self.scales = weights[:, :, None] * scale[self.sources] / np.float32(len(members))
+        to_grid = network.to_grid
+        grid_weights = to_grid.weights[0] / field.force_scale
+        self.grid_sources = to_grid.sources.numpy()[: len(grid_weights)]
+        self.grid_weights = grid_weights[:, None].numpy()
+        self.response = response_at_nodes(network)
         with torch.inference_mode():
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
             self.inputs = values - self.nodes * d if field.skip else values
@@ -69,6 +77,8 @@ class OneLoad:
     def _linear_part(self, force: Single) -> Single:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
         if self.matrix is None:
+            if self.response is not None:
+                return self._by_columns(force, self.response)
             with torch.inference_mode():
                 part: Single = self.linear_part(torch.from_numpy(force[None]))[0].numpy()
             return part
@@ -78,6 +88,15 @@ class OneLoad:
             flat, matrix = flat[loaded], matrix[loaded]
         found: Single = flat @ matrix
         return found
+
+    def _by_columns(self, force: Single, response: Compliance) -> Single:
+        """Return `linear_part` of forces and linear response at the nodes, without gradients."""
+        free = response.free_nodes.numpy()
+        by_component = np.ascontiguousarray(force[free].T).ravel()
+        u = np.zeros_like(force)
+        u[free] = response.respond(by_component[None]).reshape(force.shape[1], -1).T
+        fields = force.take(self.grid_sources, axis=0) * self.grid_weights
+        return np.concatenate((fields.ravel(), u.ravel()))
 
     def linear_part(self, force: Tensor) -> Tensor:
         """Return the network's inputs and, where its output is added to it, the linear response.
@@ -98,6 +117,22 @@ class OneLoad:
         if linear is not None:
             parts.append(self.network.to_nodes((linear * field.free).flatten(2)))
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
+
+
+def response_at_nodes(network: NodalNetwork) -> Compliance | None:
+    """Compliance of a large body whose nodes are the grid points, for a network without gradients.
+
+    None for all other networks.
+    """
+    field = network.network
+    linear = field.linear
+    maps = network.to_nodes, network.to_grid
+    if not isinstance(linear, LinearResponse) or not field.skip or field.inputs != ("force",):
+        return None
+    if any(len(sums.weights) > 1 for sums in (*maps, linear.to_grid, linear.to_nodes)):
+        return None
+    found = linear.compliance
+    return found if isinstance(found, Compliance) and not len(found.matrix) else None
 
 
 def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:

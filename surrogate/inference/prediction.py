@@ -99,8 +99,8 @@ class Surrogate:
     def predict(self, forces: ArrayLike) -> Array:
         """Predict displacements, the mean of `predict_distribution`.
 
-        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on a CPU
-        (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
+        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
+        a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
         Parameters
         ----------

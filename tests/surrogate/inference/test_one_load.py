@@ -90,9 +90,13 @@ def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("model", ["unet", "reduced"])
 def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the linear response of a body is too large for a matrix, too."""
+    """Large bodies, for which no matrix is kept."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    assert_same_alone(untrained(dataset_3d, model=model), dataset_3d)
+    monkeypatch.setattr(one_load, "LARGEST", 1000)
+    surrogate = untrained(dataset_3d, model=model)
+    assert surrogate._one_load is not None
+    assert (surrogate._one_load.response is None) == (model == "unet")
+    assert_same_alone(surrogate, dataset_3d)
 
 
 def test_embedded_grid(dataset: Dataset) -> None:
