@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
+from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -22,10 +23,12 @@ from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
 
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
+LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
 
 
@@ -95,7 +98,10 @@ class Surrogate:
         return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
-        """Predict displacements, as the mean of `predict_distribution`.
+        """Predict displacements, the mean of `predict_distribution`.
+
+        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
+        a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
         Parameters
         ----------
@@ -112,7 +118,10 @@ class Surrogate:
         InputError
             If the shape is wrong or a force is not finite.
         """
-        return self.predict_distribution(forces).mean
+        nodal = self._checked(forces)
+        if self._is_one(nodal) and self._one_load is not None:
+            return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
+        return self._predicted(nodal, PASSES, 0).mean
 
     def predict_distribution(
         self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
@@ -136,6 +145,25 @@ class Surrogate:
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
+        if self._is_one(nodal) and not self.is_probabilistic:
+            mean = self.predict(nodal)
+            return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
+        return self._predicted(nodal, passes, seed)
+
+    @cached_property
+    def _one_load(self) -> OneLoad | None:
+        """The network in NumPy, for one load; None if it is stochastic or has no such form."""
+        if self.is_stochastic or self.network.free.device.type != "cpu":
+            return None
+        outputs = len(self.network.displacement_scale)
+        members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
+        return None if members is None else OneLoad(self.nodal_network, members)
+
+    def _is_one(self, nodal: Array) -> bool:
+        return nodal.size == self.geometry.coordinates.size
+
+    def _predicted(self, nodal: Array, passes: int, seed: int) -> Distribution:
+        """Predict any number of loads in batches."""
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         passes = passes if self.is_stochastic else 1
         batches = [
@@ -160,7 +188,7 @@ class Surrogate:
         expected = self.geometry.coordinates.shape
         if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
-        if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
+        if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
         return nodal
 
@@ -238,14 +266,20 @@ def make_surrogate(
 
 
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
-    """Load a trained network from its run folder; nothing is unpickled.
+    """Load a trained network; nothing is unpickled.
+
+    Parameters
+    ----------
+    run : str or Path
+        Run folder, or the name of a network that comes with the package.
+    device : str
 
     Raises
     ------
     InputError
         If there is no finished run, or its files are damaged.
     """
-    folder = RunFolder(Path(run))
+    folder = RunFolder(find_run(run))
     description = folder.description()
     tensors = folder.read_tensors()
     try:
