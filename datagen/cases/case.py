@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import Field, SerializeAsAny, field_validator
 
+from datagen.cases.dataset_settings import DatasetSettings
 from datagen.loads import LoadFamily, load_family
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
@@ -18,27 +19,6 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import digest_of
 
 SHIPPED = Path(__file__).parents[1] / "configs"
-
-
-class DatasetSettings(Frozen):
-    """Number of samples, their seed, and their division into shards and splits.
-
-    Attributes
-    ----------
-    samples : int
-        Number of load cases, training and test together.
-    seed : int
-        Seed of the random loads; seed and sample number determine a load.
-    shard_size : int
-        Number of load cases in a shard, the unit in which work is distributed and stored.
-    test_fraction : float
-        Fraction of the samples that `datagen structure` puts into the test split.
-    """
-
-    samples: int = Field(gt=0)
-    seed: int = Field(0, ge=0)
-    shard_size: int = Field(500, gt=0)
-    test_fraction: float = Field(0.05, gt=0, lt=1)
 
 
 class Case(Frozen):
