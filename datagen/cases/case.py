@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, SerializeAsAny, field_validator
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.loads import LoadFamily, load_family
@@ -46,8 +46,9 @@ class Case(Frozen):
 
     @field_validator("load", mode="before")
     @classmethod
-    def _of_its_family(cls, value: Any) -> Any:
-        return load_family(value) if isinstance(value, dict) else value
+    def _of_its_family(cls, value: Any, info: ValidationInfo) -> Any:
+        """Build the family; the context is the folder of a case file, or None of a dataset."""
+        return load_family(value, info.context) if isinstance(value, dict) else value
 
     def plain(self) -> dict[str, Any]:
         """The whole configuration as plain data, as the manifest stores it."""
@@ -58,8 +59,15 @@ class Case(Frozen):
         return digest_of(self.plain())
 
 
-def read_case(name: str, volumetric: Volumetric | None = None, samples: int | None = None) -> Case:
+def read_case(
+    name: str,
+    volumetric: Volumetric | None = None,
+    samples: int | None = None,
+    trust: bool = False,
+) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
+
+    The file of a user's own load family is imported.
 
     Parameters
     ----------
@@ -69,6 +77,8 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
         Replaces the material's volumetric term.
     samples : int, optional
         Replaces the number of samples.
+    trust : bool
+        Allow a gmsh script of the case to run programs and to write files.
 
     Raises
     ------
@@ -82,10 +92,11 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
     ):
         if value is not None and isinstance(content.get(section), dict):
             content[section][key] = value
-    case = validate(Case, content, source)
+    folder = Path(source).parent
+    case = validate(Case, content, source, context=folder)
     if isinstance(case.mesh, MeshFile):
         try:
-            mesh = case.mesh.found_from(Path(source).parent)
+            mesh = case.mesh.found_from(folder, trust)
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
         case = case.model_copy(update={"mesh": mesh})

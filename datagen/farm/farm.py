@@ -33,6 +33,11 @@ from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
 
+
+class NothingSolvedError(WorkError):
+    """No load case of a dataset could be solved; every rank raises it."""
+
+
 POLL = 0.05  # seconds between two updates of the progress, while rank 0 waits for the others
 
 
@@ -58,8 +63,10 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     Raises
     ------
     InputError
-        On every rank, if the folder belongs to another case or run, the case fits no mesh, or
-        `ranks_per_solve` does not divide the number of ranks.
+        On every rank, if the folder belongs to another case or run, the case fits no mesh, its load
+        family draws no load case, or `ranks_per_solve` does not divide the number of ranks.
+    NothingSolvedError
+        On every rank, if the dataset is complete and no load case has an equilibrium.
     StoppedError
         On every rank, after SIGINT or SIGTERM to any of them; solved samples are kept.
     """
@@ -73,9 +80,15 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
         if remaining:
             _make_shards(case, journal, remaining, group, body or _body(case, group))
-        return on_rank_zero(comm, lambda: _finish(case, journal))
+        manifest = on_rank_zero(comm, lambda: _finish(case, journal))
     finally:
         journal.close()
+    if manifest.samples == 0:
+        raise NothingSolvedError(
+            f"{folder}: none of the {manifest.failed} load cases has an equilibrium; "
+            "`datagen info` counts the reasons"
+        )
+    return manifest
 
 
 def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
@@ -130,6 +143,7 @@ def _make_shards(
     def is_last(piece: Piece) -> bool:
         return counters.add(finished[piece.shard], 1) == piece.of - 1
 
+    wrong: InputError | None = None
     with Interruption() as interruption:
 
         def stopped() -> bool:
@@ -141,11 +155,11 @@ def _make_shards(
             position = group.agree(lambda: counters.add("taken", 1))
             if position >= len(pieces):
                 break
-            try:
-                _make_piece(case, journal, body, pieces[position], group, count, stopped, is_last)
-            except InputError as error:  # raised on these ranks only
-                name = shard_name(pieces[position].shard)
-                raise WorkError(f"{name}: {error}") from error
+            wrong = _make_piece(
+                case, journal, body, pieces[position], group, count, stopped, is_last
+            )
+            if wrong is not None:  # on the ranks of this group only
+                counters.add("interrupted", 1)
         counters.add("ended", 1)
         if group.world.rank == 0:
             while counters.read("ended") < group.world.size:
@@ -156,6 +170,10 @@ def _make_shards(
         group.world.barrier()
         interrupted = counters.read("interrupted") > 0
         counters.close()
+    found = group.world.allgather(wrong)
+    for error in found:
+        if error is not None:
+            raise error
     if interrupted:
         raise StoppedError
 
@@ -169,17 +187,34 @@ def _make_piece(
     count: Callable[[bool], None],
     stopped: Callable[[], bool],
     is_last: Callable[[Piece], bool],
-) -> None:
+) -> InputError | None:
     """Solve a piece and keep its solved samples, even if stopped (collective over the group).
 
-    The group that finishes the last piece of a shard merges the pieces and writes the shard.
+    The group that finishes the last piece of a shard merges the pieces and writes the shard. The
+    result is what is wrong with a load case that the family drew, if anything is.
     """
     job = ShardJob(case, body, piece.numbers)
-    while not (job.is_complete or stopped()):
-        count(job.solve_next())
-    if not group.is_leader:
-        return
-    cell_type, extends = body.mesh.cell_type, journal.extends(piece.shard)
+    wrong = None
+    while not (wrong or job.is_complete or stopped()):
+        try:
+            count(job.solve_next())
+        except InputError as error:
+            wrong = error
+    if group.is_leader:
+        _keep(case, journal, body.mesh.cell_type, piece, job, is_last)
+    return wrong
+
+
+def _keep(
+    case: Case,
+    journal: Journal,
+    cell_type: str,
+    piece: Piece,
+    job: ShardJob,
+    is_last: Callable[[Piece], bool],
+) -> None:
+    """Write the solved samples of a piece: as a part, or with all others as a shard."""
+    extends = journal.extends(piece.shard)
     if job.done and (extends or not (job.is_complete and piece.of == 1)):
         journal.keep_part(piece.shard, job.arrays(), case, cell_type)
     if extends or not (job.is_complete and is_last(piece)):
