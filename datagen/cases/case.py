@@ -36,7 +36,7 @@ class Case(Frozen):
     dataset : DatasetSettings
     """
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
     material: NeoHookean
     supports: tuple[Region, ...] = Field(min_length=1)

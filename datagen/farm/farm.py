@@ -27,6 +27,7 @@ from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
+from shared_schema.common.memory import require_memory
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
@@ -38,6 +39,7 @@ class NothingSolvedError(WorkError):
     """No load case of a dataset could be solved; every rank raises it."""
 
 
+BYTES_PER_SAMPLE = 80  # of the plan of a run, on every rank
 POLL = 0.05  # seconds between two updates of the progress, while rank 0 waits for the others
 
 
@@ -71,10 +73,14 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
         On every rank, after SIGINT or SIGTERM to any of them; solved samples are kept.
     """
     group = RankGroup.of(comm, ranks_per_solve)
+    settings = case.dataset
+    said = f"key 'dataset.samples' = {settings.samples}"
+    on_rank_zero(comm, lambda: require_memory(BYTES_PER_SAMPLE * settings.samples, said))
     journal = Journal(folder)
-    body = None
+    body: Body | None = None
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input is found here, before anything is written
+        on_rank_zero(comm, lambda: _require_memory(case, body.mesh.coordinates.size))
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
@@ -89,6 +95,13 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
             "`datagen info` counts the reasons"
         )
     return manifest
+
+
+def _require_memory(case: Case, dofs: int) -> None:
+    """Raise InputError unless a group can keep the displacements of a shard, and write them."""
+    samples = min(case.dataset.shard_size, case.dataset.samples)
+    what = f"key 'dataset.shard_size': {samples} samples of {dofs} degrees of freedom"
+    require_memory(3 * 8.0 * dofs * samples, what)
 
 
 def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:

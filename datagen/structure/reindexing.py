@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.mesh.raw_mesh import RawMesh
+from datagen.quantities import LARGEST_SEED
 from datagen.solver.material import NeoHookean
 from datagen.solver.stiffness import stiffness_of
 from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
@@ -19,6 +21,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
@@ -75,12 +78,14 @@ def structure(
         If the source is not an intact nodal dataset, order or shape do not fit its mesh, or the
         folder holds something else.
     """
+    if not 0 <= order_seed <= LARGEST_SEED:
+        raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
     settings, material = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    grid = _grid_of(_mesh(reader), shape, order, order_seed)
+    grid = _grid_of(reader, shape, order, order_seed)
     made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
@@ -187,9 +192,10 @@ def _mesh(reader: DatasetReader) -> RawMesh:
 
 
 def _grid_of(
-    mesh: RawMesh, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
+    reader: DatasetReader, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
 ) -> Grid:
     """Grid of the mesh with its nodes in the given order, or an embedded one."""
+    mesh = _mesh(reader)
     x = mesh.coordinates
     if shape is None:
         try:
@@ -199,11 +205,20 @@ def _grid_of(
                 raise InputError(f"--order {order}: {error}") from None
     elif order != "preferred":
         raise InputError(f"--order {order}: an embedded grid (--grid) has no other order")
-    elif len(shape) != x.shape[1] or min(shape) < 2:
-        raise InputError(
-            f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
-        )
+    else:
+        _require_sensible(shape, reader)
     return embed(x, mesh.cells, mesh.cell_type, shape)
+
+
+def _require_sensible(shape: tuple[int, ...], reader: DatasetReader) -> None:
+    """Raise InputError unless an embedded grid fits the dimension and the memory."""
+    text, dimension = ",".join(str(count) for count in shape), reader.manifest.dimension
+    if len(shape) != dimension or min(shape) < 2:
+        raise InputError(f"--grid {text}: expected {dimension} numbers of grid points, at least 2")
+    corners = reader.body["mesh/cells"].shape[1]
+    samples = max(entry.samples for entry in reader.manifest.shards)
+    numbers = 4 * corners + 4 * dimension * samples  # 8 bytes each: both operators, both fields
+    require_memory(8.0 * numbers * math.prod(shape), f"--grid {text}")
 
 
 def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
