@@ -257,6 +257,7 @@ def _info(options: argparse.Namespace) -> None:
         from datagen.output.dataset_figure import SUFFIXES, plot_dataset
 
         require_suffix(options.figure, SUFFIXES, "--figure")
+        require_writable(options.figure, "--figure")
         plot_dataset(options.dataset, options.figure)
     print(summary(options.dataset))
 

@@ -23,7 +23,9 @@ from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
 from shared_schema.manifest import read_manifest
 from shared_schema.shard_reader import read_shard
+from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
+from tests.datagen.small_disk import SmallDisk
 
 Steps = dict[int, dict[str, np.ndarray]]
 
