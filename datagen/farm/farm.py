@@ -288,11 +288,12 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     """Assemble and write the stiffness of the shards' mesh; make the manifest of the dataset."""
     path = journal.folder / shards[0].file
     first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
-    checksum = journal.stiffness
+    checksum, history = journal.stiffness, journal.history
     if checksum is None:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
         stiffness = stiffness_of(mesh, case.material)
-        checksum = write_stiffness(journal.folder, stiffness, case.digest(), cell_type)
+        first_digest = history[0].case_digest if history else case.digest()
+        checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
     return Manifest(
         kind="nodal",
         name=case.name,
@@ -303,7 +304,7 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
         dimension=first["mesh/coordinates"].shape[1],
         samples=sum(entry.samples for entry in shards),
         failed=sum(entry.failed for entry in shards),
-        history=journal.history,
+        history=history,
         shards=shards,
         stiffness=checksum,
     )

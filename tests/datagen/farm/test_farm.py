@@ -6,7 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
-import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
     ENVIRONMENT,
+    all_end,
     assert_near,
     assert_same,
     command,
@@ -39,6 +40,19 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
+
+STOPPED = """
+import os, signal, sys
+from datagen.command_line import main
+from datagen.farm.shard_job import ShardJob
+solve_next = ShardJob.solve_next
+def solve_and_stop(job):
+    if job.number == 100:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return solve_next(job)
+ShardJob.solve_next = solve_and_stop
+sys.exit(main())
+"""
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +122,10 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     ) as process:
         wait_until(lambda: recorded(killed) >= 5, process)
         os.killpg(process.pid, signal.SIGKILL)
-    subprocess.run(["pkill", "-9", "-f", str(killed)], check=False)  # ranks in groups of their own
-    time.sleep(0.2)
+    for pid in pids_of(killed):  # ranks are in groups of their own
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    assert all_end(killed, within=60)
     done = {p.name: p.stat().st_mtime_ns for p in killed.glob("shard-*.h5")}
     assert 5 <= len(done) < 50
     assert not (killed / "manifest.json").exists()
@@ -175,11 +191,10 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
     """SIGTERM to one rank ends all after their sample; what was solved is kept and not redone."""
     case_file = write_case(tmp_path, samples=4000, shard_size=500)
     out = tmp_path / "nodal"
-    with start(command(ranks, case_file, out)) as process:
-        wait_until(lambda: recorded(out) > 0, process)
-        time.sleep(0.1)  # into the next shard
-        os.kill(pids_of(out)[0], signal.SIGTERM)
-        _, said = process.communicate(timeout=60)
+    words = command(ranks, case_file, out)
+    program = words.index("-m")
+    with start([*words[:program], "-c", STOPPED, *words[program + 2 :]]) as process:
+        _, said = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "stopped; resume with the same command" in said
     parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
