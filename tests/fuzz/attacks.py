@@ -140,6 +140,8 @@ def difference(
             continue
         if key == "stdout" and name in ("rerun", "grow", "retrain", "evaluate"):
             continue  # which may say that nothing was left to do
+        if name in ("rerun", "grow") and key.endswith((".sha256", "digest")):
+            continue  # of a damaged shard that is solved again, in another time
         if found.get(key) != value:
             return f"silently changed result: {key}"
     return ""
