@@ -168,6 +168,9 @@ def test_a_disk_without_room_for_one_more_file(
         (0, "structure", "grid"),
         (0, "noise", "noisy"),
         (0, "solve", "u.npz"),
+        (0, "plot", "a.png"),
+        (0, "export", "a.xdmf"),
+        (0, "info", "a.png"),
     ],
 )
 def test_a_read_only_disk(
@@ -175,10 +178,11 @@ def test_a_read_only_disk(
 ) -> None:
     disk = make_disk("ro,size=16m")
     out = disk.folder / name
-    source = whole if step in ("structure", "noise") else case_file
+    source = case_file if step in ("run", "solve") else whole
     load = ["--load", "4,1:0,-1"] if step == "solve" else []
-    result = finish(disk.words(datagen(step, source, *load, "--out", out, ranks=ranks)))
-    said = f"datagen: error: --out '{out}': cannot be written to (Read-only file system)\n"
+    option = "--figure" if step == "info" else "--out"
+    result = finish(disk.words(datagen(step, source, *load, option, out, ranks=ranks)))
+    said = f"datagen: error: {option} '{out}': cannot be written to (Read-only file system)\n"
     assert (result.returncode, result.stderr) == (2, said)
     assert list(disk.seen.iterdir()) == []
 
