@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
@@ -134,6 +135,15 @@ def _passes(options: argparse.Namespace) -> dict[str, int]:
     return {name: value for name, value in given.items() if value is not None}
 
 
+def _remark_unsealed(folder: Path) -> None:
+    """Warn if a run folder has no manifest."""
+    from surrogate.runs.folder import RunFolder
+
+    remark = RunFolder(folder).unsealed
+    if remark:
+        print(f"surrogate: warning: {remark}", file=sys.stderr)
+
+
 def _train(options: argparse.Namespace) -> None:
     from surrogate.data.dataset import read_dataset
     from surrogate.models.model import TrainedModel
@@ -144,6 +154,7 @@ def _train(options: argparse.Namespace) -> None:
 
     config = read_config(options.config)
     run = RunFolder(options.out)
+    require_writable(run.folder)
     with joined(options.device) as (ranks, device):
         dataset = read_dataset(options.data)
         train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
@@ -151,7 +162,8 @@ def _train(options: argparse.Namespace) -> None:
         return
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
-    state = "trained" if run.model.is_file() else "stopped; resume with the same command"
+    _remark_unsealed(run.folder)
+    state = "trained" if run.is_finished else "stopped; resume with the same command"
     epochs = ""
     if isinstance(config, TrainedModel):
         epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
@@ -161,10 +173,12 @@ def _train(options: argparse.Namespace) -> None:
 def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
     from surrogate.evaluation.evaluate import evaluate
-    from surrogate.presentation.run_figures import write_figures
+    from surrogate.presentation.run_figures import write_evaluation
     from surrogate.runs.folder import RunFolder
 
     device = choose_device(options.device).type
+    require_writable(options.run, "RUN")
+    _remark_unsealed(options.run)
     evaluation = evaluate(
         options.run,
         options.data,
@@ -173,7 +187,7 @@ def _evaluate(options: argparse.Namespace) -> None:
         conformal=options.conformal,
         **_passes(options),
     )
-    write_figures(evaluation, RunFolder(options.run))
+    write_evaluation(evaluation, RunFolder(options.run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
         f"{options.run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
@@ -196,9 +210,13 @@ def _predict(options: argparse.Namespace) -> None:
     from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     intervals = None
     if options.conformal:
-        intervals = load_intervals(RunFolder(options.run).intervals)
+        run = RunFolder(options.run)
+        run.seal.require_intact(run.intervals)
+        intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
@@ -224,6 +242,8 @@ def _predict(options: argparse.Namespace) -> None:
 def _export(options: argparse.Namespace) -> None:
     from surrogate.inference.export import export
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     difference = export(options.run, options.format, options.out, **_passes(options))
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")
 
@@ -231,6 +251,8 @@ def _export(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     from surrogate.presentation.report import write_report
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())
 
@@ -262,6 +284,8 @@ def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = Fal
 
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
+    require_writable(out)
+    require_writable(options.runs, "--runs")
     done = reproduce(studies, Resources(scale, options.data, options.runs, device), out, again)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")

@@ -1,10 +1,10 @@
-"""Evaluation of a run on the test split: its measures, written into ``evaluation.json``."""
+"""Evaluation of a run on the test split: its measures, the content of ``evaluation.json``."""
 
 from __future__ import annotations
 
 import json
 import platform
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset, read_dataset
@@ -24,7 +23,7 @@ from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
 from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
-from surrogate.uncertainty.intervals import fit_intervals
+from surrogate.uncertainty.intervals import Intervals, fit_intervals
 
 
 @dataclass(frozen=True)
@@ -44,6 +43,10 @@ class Evaluation:
         Calibration measures of a probabilistic surrogate.
     extrapolation : Extrapolation or None
         Predictions under other loads.
+    intervals : Intervals or None
+        Conformal intervals.
+    content : dict
+        All measures and their origin as plain data.
     """
 
     surrogate: Surrogate
@@ -53,6 +56,8 @@ class Evaluation:
     measures: ErrorMeasures
     calibration: CalibrationMeasures | None
     extrapolation: Extrapolation | None
+    intervals: Intervals | None = None
+    content: dict[str, Any] = field(default_factory=dict)
 
     @property
     def predicted(self) -> NDArray[np.float64]:
@@ -74,6 +79,14 @@ class Evaluation:
         moved, error = tip_measures(self.predicted[example], self.reference[example], tip)
         return {"tip_displacement": moved, "relative_tip_error": error}
 
+    def files(self, run: RunFolder) -> dict[Path, bytes]:
+        """Content of the files of the evaluation in a run folder, except figures."""
+        text = json.dumps(self.content, indent=1) + "\n"
+        files = {run.evaluation: text.encode()}
+        if self.intervals is not None:
+            files[run.intervals] = self.intervals.serialised()
+        return files
+
 
 def evaluate(
     run_folder: Path,
@@ -84,7 +97,7 @@ def evaluate(
     loads: Path | None = None,
     conformal: float | None = None,
 ) -> Evaluation:
-    """Evaluate a run on the test split of a dataset and write the measures into it.
+    """Evaluate a run on the test split of a dataset; nothing is written.
 
     Parameters
     ----------
@@ -131,9 +144,11 @@ def evaluate(
         measure(force, distribution.mean, reference, surrogate.geometry.tip),
         _calibration(surrogate, distribution, reference),
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
+        intervals,
     )
     lines = run.metric_lines()
-    content: dict[str, Any] = {
+    content = evaluation.content
+    content |= {
         "run": description.run.name,
         "case": description.run.case,
         "recipe": description.run.recipe,
@@ -158,8 +173,6 @@ def evaluate(
         content["extrapolation"] = evaluation.extrapolation.plain()
     if intervals is not None:
         content["conformal"] = intervals.measures(surrogate, distribution, reference)
-        intervals.save(run.intervals)
-    write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     return evaluation
 
 

@@ -109,7 +109,7 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong or a force is not finite.
+            If the shape is wrong, a force is not finite, or one acts at a clamped node.
         """
         return self.predict_distribution(forces).mean
 
@@ -131,7 +131,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, `passes` is below 1 or `seed` below 0.
+            If the shape is wrong, a force is not finite or acts at a clamped node, `passes` is
+            below 1 or `seed` below 0.
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
@@ -161,6 +162,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+        held = np.flatnonzero(
+            self.geometry.clamped & nodal.any(axis=-1).reshape(-1, expected[0]).any(axis=0)
+        )
+        if len(held):
+            raise InputError(f"forces at node {held[0]}: the node is clamped, expected a free one")
         return nodal
 
     @torch.inference_mode()
@@ -240,11 +246,14 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     Raises
     ------
     InputError
-        If there is no finished run, or its files are damaged.
+        If there is no finished run, its files are damaged, or a weight is not finite.
     """
     folder = RunFolder(Path(run))
     description = folder.description()
     tensors = folder.read_tensors()
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
         return make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 
 import torch
 from torch import Tensor
@@ -21,7 +21,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.sample_store import DeviceStore
 from surrogate.device import lay_out
 from surrogate.hardware import hardware
-from surrogate.inference.prediction import make_surrogate
+from surrogate.inference.prediction import load, make_surrogate
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork
@@ -71,7 +71,8 @@ def train(
     Raises
     ------
     InputError
-        If the dataset belongs to another case, or the folder to another run.
+        If the dataset belongs to another case, the folder to another run or to another process, or
+        a file in it is damaged.
     WorkError
         If the loss is no longer finite; the last good checkpoint is kept.
     """
@@ -80,6 +81,10 @@ def train(
     if tensorboard:
         require_tensorboard()
     description = describe(config, dataset)
+    ranks.from_first(lambda: run.require_free(description))
+    if run.is_finished:
+        load(run.folder)
+        return
     split = split_training(dataset.train, config)
     if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
@@ -87,18 +92,19 @@ def train(
             f"expected {ranks.count} at least, the number of processes"
         )
     config.require_suitable(dataset, split.train)
-    ranks.from_first(lambda: run.start(description))
-    if run.model.is_file():
-        return
-    began = time.perf_counter()
-    network = config.build(dataset.geometry, dataset.info)
-    if not run.checkpoint.is_file():
-        config.start_from_data(network, dataset, split.train)
-    if isinstance(config, TrainedModel):
-        trainer = _trainer(config, network, split, dataset, device, ranks)
-        _train(trainer, description, dataset, run, stop_after, tensorboard)
-    elif ranks.is_first:
-        _finish_fit(config, network.to(device), split, dataset, run, began)
+    with ExitStack() as held:
+        ranks.from_first(lambda: held.enter_context(run.owned()))
+        began = time.perf_counter()
+        network = config.build(dataset.geometry, dataset.info)
+        if not run.checkpoint.is_file():
+            config.start_from_data(network, dataset, split.train)
+        if isinstance(config, TrainedModel):
+            trainer = _trainer(config, network, split, dataset, device, ranks)
+            ranks.from_first(lambda: run.start(description))
+            _train(trainer, description, dataset, run, stop_after, tensorboard)
+        elif ranks.is_first:
+            run.start(description)
+            _finish_fit(config, network.to(device), split, dataset, run, began)
 
 
 def _trainer(
