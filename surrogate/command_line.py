@@ -21,7 +21,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
-    return run_command("surrogate", lambda: command(options), speaks)
+
+    def run() -> None:
+        from surrogate.hardware import memory_errors
+
+        with memory_errors():
+            command(options)
+
+    return run_command("surrogate", run, speaks)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -150,13 +157,13 @@ def _train(options: argparse.Namespace) -> None:
     from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
     from surrogate.training.data_parallel import joined
-    from surrogate.training.train import train
+    from surrogate.training.train import stays_on_disk, train
 
     config = read_config(options.config)
     run = RunFolder(options.out)
     require_writable(run.folder)
     with joined(options.device) as (ranks, device):
-        dataset = read_dataset(options.data)
+        dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
         train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
     if not ranks.is_first:
         return

@@ -121,7 +121,7 @@ def evaluate(
     run = RunFolder(run_folder)
     description = run.description()
     surrogate = load(run_folder, device)
-    dataset = read_dataset(data)
+    dataset = read_dataset(data, on_disk=True)
     require_same_body(
         Body(description.data.case, surrogate.geometry.arrays()),
         Body(dataset.manifest.case, dataset.geometry.arrays()),

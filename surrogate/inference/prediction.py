@@ -14,6 +14,7 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.hardware import memory_errors
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -255,7 +256,8 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         if not torch.isfinite(tensor).all():
             raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
-        return make_surrogate(tensors, description, device)
+        with memory_errors():
+            return make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"

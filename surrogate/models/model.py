@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sized
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
@@ -12,8 +13,9 @@ from torch import Tensor, nn
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.models.training_config import SplitConfig, TrainingConfig
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import VariationalConfig
@@ -90,7 +92,7 @@ class Model(Frozen, ABC):
             True at grid points that are nodes and not clamped.
         """
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:

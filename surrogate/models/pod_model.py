@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Literal
 
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.models.model import Gaussian, Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -39,7 +41,7 @@ class PODModel(Model):
         """Build the network, empty until `start_from_data` fits it."""
         return PODNetwork(self.pod, free)
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if `pod.rank` exceeds the largest rank that the samples can have."""
         geometry = dataset.geometry
         most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))

@@ -63,8 +63,10 @@ class TrainingConfig(SplitConfig, ABC):
         Compile the network by `torch.compile`.
     cuda_graphs : bool
         Launch a whole step as one CUDA graph; useful for small batches on a GPU.
-    samples_on : {"auto", "device", "host"}
-        Memory that holds the samples; ``auto`` chooses the device's if they fit.
+    samples_on : {"auto", "device", "host", "disk"}
+        Memory that holds the samples; ``auto`` chooses the device's if they fit. With ``disk`` the
+        samples are read from their shards in every epoch, in an order that is random within a
+        window (`surrogate.data.samples_on_disk`); the dataset may be larger than the memory.
     checkpoint_seconds : float
         Time between two checkpoints; one is always written at the end.
     """

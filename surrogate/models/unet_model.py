@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Literal, Self
 
 import torch
@@ -10,8 +11,9 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import MOST, LinearResponse
 from surrogate.models.model import TrainedModel, require_stiffness
 from surrogate.models.training_config import (
@@ -74,7 +76,7 @@ class UNetModel(TrainedModel):
         linear = LinearResponse(geometry) if config.needs_linear_response else None
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError unless the data hold what the linear response needs."""
         if not self.network.needs_linear_response:
             return

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, first_line
+from surrogate.hardware import memory_errors
 
 Tensors = dict[str, Tensor]
 DIGEST = "digest"
@@ -43,7 +44,7 @@ def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
         If the file is damaged; a single changed bit of a tensor or of the metadata is found.
     """
     try:
-        with safe_open(path, framework="pt") as file:
+        with memory_errors(), safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
+from surrogate.hardware import memory_errors
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
 EARLIER = {"posterior_std": "spreads"}  # names in run folders of version 1
@@ -85,10 +86,11 @@ def load_checkpoint(
     tensors, metadata = load_tensors(path)
     try:
         epoch, seconds = _status(metadata["status"])
-        for owner, stateful in states.items():
-            stateful.load_state_dict(_state(owner, tensors))
-        for number, optimiser in enumerate(optimisers):
-            _restore(optimiser, _below(f"optimiser.{number}.", tensors))
+        with memory_errors():
+            for owner, stateful in states.items():
+                stateful.load_state_dict(_state(owner, tensors))
+            for number, optimiser in enumerate(optimisers):
+                _restore(optimiser, _below(f"optimiser.{number}.", tensors))
     except (KeyError, RuntimeError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a checkpoint of this run ({first_line(error)})") from None
     return epoch, seconds

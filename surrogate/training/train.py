@@ -19,6 +19,8 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
 from surrogate.data.sample_store import DeviceStore
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
 from surrogate.hardware import hardware
 from surrogate.inference.prediction import load, make_surrogate
@@ -29,6 +31,7 @@ from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import TrainingSplit, split_training
+from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
@@ -85,7 +88,8 @@ def train(
     if run.is_finished:
         load(run.folder)
         return
-    split = split_training(dataset.train, config)
+    require_samples_at(config, dataset)
+    split = split_training(dataset.training, config)
     if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
             f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
@@ -97,7 +101,7 @@ def train(
         began = time.perf_counter()
         network = config.build(dataset.geometry, dataset.info)
         if not run.checkpoint.is_file():
-            config.start_from_data(network, dataset, split.train)
+            config.start_from_data(network, dataset, first_samples(split, config.seed))
         if isinstance(config, TrainedModel):
             trainer = _trainer(config, network, split, dataset, device, ranks)
             ranks.from_first(lambda: run.start(description))
@@ -107,10 +111,30 @@ def train(
             _finish_fit(config, network.to(device), split, dataset, run, began)
 
 
+def first_samples(split: TrainingSplit[Samples | SamplesOnDisk], seed: int) -> Samples:
+    """Training samples that a network starts from: all, or random ones of those on disk."""
+    if isinstance(split.train, Samples):
+        return split.train
+    return split.train.some(torch.Generator().manual_seed(stream(seed, ORDER)))
+
+
+def stays_on_disk(config: Model) -> bool:
+    """True if the training samples of a configuration are not read into memory."""
+    return isinstance(config, TrainedModel) and config.training.samples_on == "disk"
+
+
+def require_samples_at(config: Model, dataset: Dataset) -> None:
+    """Raise InputError unless the samples are on disk exactly if the configuration says so."""
+    on_disk = stays_on_disk(config)
+    if on_disk != isinstance(dataset.training, SamplesOnDisk):
+        found, expected = ("in memory", "on disk") if on_disk else ("on disk", "in memory")
+        raise InputError(f"config '{config.name}': the samples are {found}, expected {expected}")
+
+
 def _trainer(
     config: TrainedModel,
     network: FieldNetwork,
-    split: TrainingSplit,
+    split: TrainingSplit[Samples | SamplesOnDisk],
     dataset: Dataset,
     device: torch.device,
     ranks: Ranks,
@@ -179,7 +203,7 @@ def _train(
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
             surrogate = make_surrogate(tensors, description)
-            recalibrate(surrogate, trainer.validation)
+            recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
         _write_model(run, trainer.device, tensors)
 
@@ -187,7 +211,7 @@ def _train(
 def _finish_fit(
     config: Model,
     network: FieldNetwork,
-    split: TrainingSplit,
+    split: TrainingSplit[Samples | SamplesOnDisk],
     dataset: Dataset,
     run: RunFolder,
     began: float,
@@ -195,7 +219,7 @@ def _finish_fit(
     """Write a model that is fitted directly, and one line of measures with epoch 0."""
     device = network.displacement_rms.device
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
-        store = DeviceStore(split.validation, device)
+        store = DeviceStore(split.validation.in_memory(), device)
         seconds = time.perf_counter() - began
         measures = validate(config, network, store, len(split.validation))
         log.write({"epoch": 0, **measures, "seconds": seconds})

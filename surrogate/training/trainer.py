@@ -16,8 +16,9 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.command_line import Progress
-from surrogate.data.dataset import Samples
 from surrogate.data.sample_store import store_samples
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast
 from surrogate.models.model import TrainedModel
 from surrogate.networks.field_network import FieldNetwork
@@ -45,15 +46,15 @@ class Trainer:
     config : TrainedModel
     network : FieldNetwork
         Network, already on the device of the training.
-    train, validation : Samples
+    train, validation : Samples or SamplesOnDisk
     ranks : Ranks
         Processes that train the network together.
     """
 
     config: TrainedModel
     network: FieldNetwork
-    train: Samples
-    validation: Samples
+    train: Samples | SamplesOnDisk
+    validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
 
     def __post_init__(self) -> None:
@@ -62,7 +63,7 @@ class Trainer:
         self.steps = self.steps_per_epoch * training.epochs
         posterior, self.elbo, self.posterior_std = self.config.posterior, None, None
         if posterior is not None:
-            components = self.network.free_points.numel() * self.train.force.shape[1]
+            components = self.network.free_points.numel() * len(self.network.displacement_scale)
             data = len(self.train) * components * self.network.members
             self.elbo = EvidenceLowerBound(self.network, posterior, data, self.device)
             if posterior.posterior_std == "gauss_newton":
@@ -88,7 +89,7 @@ class Trainer:
     def order(self, epoch: int) -> Tensor:
         """Return the order of the training samples in an epoch."""
         generator = torch.Generator().manual_seed(stream(self.config.seed, ORDER, epoch))
-        return torch.randperm(len(self.train), generator=generator).to(self.train_store.home)
+        return self.train.order(generator).to(self.train_store.home)
 
     def differentiate(self, samples: Samples, whole: int) -> Tensor:
         """Set the gradients of this process's share of a batch of `whole` samples.

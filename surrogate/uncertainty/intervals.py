@@ -98,7 +98,7 @@ def fit_intervals(
             f"--conformal {level}: not the dataset that the run was trained on, which holds its "
             "calibration split"
         )
-    rows = split_training(dataset.train, description.run).calibration_rows
+    rows = split_training(dataset.training, description.run).calibration_rows
     if len(rows) == 0:
         raise InputError(
             f"--conformal {level}: the run has no calibration split, "

@@ -67,7 +67,7 @@ def test_untrained_it_is_linear_elasticity(
     description = describe(config, dataset)
     network = description.run.build(dataset.geometry, dataset.info)
     config.start_from_data(network, dataset, dataset.train)
-    force = np.random.default_rng(1).normal(size=(5, 32, 2))
+    force = np.random.default_rng(1).normal(size=(5, 32, 2)) * (np.arange(32) > 3)[:, None]
     found = Surrogate(network, dataset.geometry, description).predict(force)
     free = np.repeat(~dataset.geometry.clamped, 2)
     expected = np.zeros((5, 64))
