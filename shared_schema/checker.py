@@ -104,7 +104,7 @@ def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> l
 
 def _attribute_problems(manifest: Manifest, attributes: Attributes) -> list[str]:
     problems = []
-    if attributes["case_digest"] != manifest.case_digest:
+    if attributes["case_digest"] not in manifest.case_digests:
         problems.append("attribute 'case_digest' is not the manifest's: made from another case")
     if attributes["cell_type"] not in CELL_TYPES:
         problems.append(
@@ -118,6 +118,7 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
     problems = []
     if manifest.case_digest != digest_of(manifest.case):
         problems.append("manifest: 'case_digest' is not the digest of 'case'")
+    problems += _history_problems(manifest)
     for name in ("samples", "failed"):
         total = sum(getattr(entry, name) for entry in manifest.shards)
         if total != getattr(manifest, name):
@@ -139,6 +140,20 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
         problems.append(
             f"manifest: train {info.train} + test {info.test} is not samples {manifest.samples}"
         )
+    return problems
+
+
+def _history_problems(manifest: Manifest) -> list[str]:
+    """Name stages before which the dataset was no smaller one of the same case."""
+    problems = []
+    settings = manifest.case.get("dataset")
+    for number, stage in enumerate(manifest.history):
+        load_cases = stage.samples + stage.failed
+        smaller = {**settings, "samples": load_cases} if isinstance(settings, dict) else None
+        if stage.case_digest != digest_of({**manifest.case, "dataset": smaller}):
+            problems.append(
+                f"manifest: 'history.{number}' is not the same case with {load_cases} samples"
+            )
     return problems
 
 

@@ -32,6 +32,7 @@ from typing import Any, Literal
 import ufl
 from pydantic import Field
 
+from datagen.quantities import Modulus
 from shared_schema.common.configuration import Frozen
 
 Volumetric = Literal["paper", "quadratic"]
@@ -52,7 +53,7 @@ class NeoHookean(Frozen):
         Name of the volumetric term U(J).
     """
 
-    young_modulus: float = Field(gt=0)
+    young_modulus: Modulus
     poisson_ratio: float = Field(gt=-1, lt=0.5)
     volumetric: Volumetric = "paper"
 

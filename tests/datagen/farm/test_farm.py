@@ -16,7 +16,7 @@ import yaml
 from mpi4py import MPI
 
 from datagen.cases.case import SHIPPED, Case, read_case
-from datagen.farm.farm import run
+from datagen.farm.farm import NothingSolvedError, run
 from datagen.farm.journal import Journal
 from datagen.farm.work_plan import shard_count, shard_samples
 from datagen.loads.family import LoadCase
@@ -327,7 +327,9 @@ def test_a_node_that_is_drawn_twice_is_written_once(
 def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     """Loads of up to 1 MN have no equilibrium that can be found: none is dropped in silence."""
     path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
-    manifest = run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    with pytest.raises(NothingSolvedError, match="none of the 6 load cases has an equilibrium"):
+        run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    manifest = read_manifest(tmp_path / "nodal")
     assert (manifest.samples, manifest.failed) == (0, 6)
     assert check_dataset(tmp_path / "nodal") == []
     shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
@@ -336,3 +338,19 @@ def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     assert np.all(shard["failed/load_factor"] < 1)
     assert np.abs(shard["failed/force"]).max() > 1e5
     assert len(shard["samples/number"]) == 0
+
+
+@pytest.mark.mpi
+def test_nothing_solved_is_a_failure(tmp_path: Path) -> None:
+    """Exit code 1 and one line, on many ranks as on one; the dataset is there."""
+    path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
+    for ranks in (0, 2):
+        out = tmp_path / f"nodal-{ranks}"
+        result = execute(ranks, path, out)
+        assert result.returncode == 1
+        assert result.stderr.endswith(
+            f"datagen: failed: {out}: none of the 6 load cases has an equilibrium; "
+            "`datagen info` counts the reasons\n"
+        )
+        assert result.stderr.count("failed:") == 1
+        assert check_dataset(out) == []
