@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import errno
-import os
-import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import torch
 
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.memory import GIB, require_memory
 from shared_schema.common.processor import processor
-
-CONTROL_GROUPS = (  # memory limits of containers and batch jobs, of Linux
-    Path("/sys/fs/cgroup/memory.max"),
-    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
-)
-CPU = torch.device("cpu")
 
 
 def hardware(device: torch.device) -> str:
@@ -29,39 +21,20 @@ def hardware(device: torch.device) -> str:
     return f"{processor()}, {threads} thread{'s' if threads > 1 else ''}"
 
 
-def memory(device: torch.device = CPU) -> int:
-    """Return the memory in bytes that a device has, or that this process may use of the host's."""
-    if device.type == "cuda":
-        return int(torch.cuda.get_device_properties(device).total_memory)
-    limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
-    limits += [int(text) for path in CONTROL_GROUPS if (text := _text(path)).isdecimal()]
-    limits += [n for n in resource.getrlimit(resource.RLIMIT_AS) if n != resource.RLIM_INFINITY]
-    return min(limits)
+def require_device_memory(needed: int, what: str, device: torch.device) -> None:
+    """Raise InputError, beginning with `what`, if a device has less memory than needed, in bytes.
 
-
-def _text(path: Path) -> str:
-    return path.read_text().strip() if path.is_file() else ""
-
-
-def require_memory(needed: int, message: str, device: torch.device = CPU) -> None:
-    """Raise InputError unless a device has some memory.
-
-    Parameters
-    ----------
-    needed : int
-        In bytes.
-    message : str
-        Message with ``{needed}`` and ``{available}``.
-    device : torch.device
+    On a CPU, the memory that is free counts; on a GPU, all of its memory.
     """
-    available = memory(device)
-    if needed > available:
-        raise InputError(message.format(needed=in_words(needed), available=in_words(available)))
-
-
-def in_words(size: int) -> str:
-    """Return a number of bytes in words, such as "1.5 GiB"."""
-    return f"{size / 2**30:.3g} GiB" if size < 2**50 else f"{size / 2**30:.1e} GiB"
+    if device.type != "cuda":
+        require_memory(needed, what)
+        return
+    total = torch.cuda.get_device_properties(device).total_memory
+    if needed > total:
+        raise InputError(
+            f"{what}: needs {needed / GIB:.3g} GiB of memory at least, expected at most the "
+            f"{total / GIB:.3g} GiB of {torch.cuda.get_device_name(device)}"
+        )
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
@@ -19,7 +20,6 @@ from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
-from surrogate.hardware import require_memory
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,9 @@ def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
         is_test[place] = column[everything.row[place]]
     training, testing = everything[~is_test], everything[is_test]
     sample = 2 * 4 * geometry.dimension * geometry.grid.mask.size
-    require_memory(
-        sample * (len(testing) if on_disk else len(everything)),
-        f"{folder}: the samples take {{needed}} in memory, expected {{available}} at most, or "
-        "'training.samples_on' = 'disk'",
-    )
+    kept = len(testing) if on_disk else len(everything)
+    hint = "" if on_disk else " (with 'training.samples_on' = 'disk', only those of the test split)"
+    require_memory(kept * sample, f"{folder}: {kept} samples in memory{hint}")
     names = FIELDS if is_exact else (*FIELDS, *AT_NODES)
     train: Samples | None = None
     if on_disk:

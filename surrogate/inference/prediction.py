@@ -26,6 +26,7 @@ from surrogate.runs.folder import RunFolder
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
+MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
 Array = NDArray[np.float64]
 
 
@@ -218,10 +219,13 @@ class Surrogate:
 
 
 def require_passes(passes: int, seed: int) -> None:
-    """Raise InputError unless there is at least one pass and the seed is not negative."""
-    for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
-        if value < least:
-            raise InputError(f"{name} = {value}, expected {least} at least")
+    """Raise InputError unless number of passes and seed can be meant."""
+    for name, value, least, most in (
+        ("passes", passes, 1, MOST_PASSES),
+        ("seed", seed, 0, MOST_SEED),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value}, expected {least} at least and {most} at most")
 
 
 def make_surrogate(

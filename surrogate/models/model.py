@@ -67,7 +67,7 @@ class Model(Frozen, ABC):
     likelihood: Likelihood
     displacement_scale: Literal["global", "node"] = "global"
     training: SplitConfig
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, lt=2**63)
 
     def plain(self) -> dict[str, Any]:
         """Return the whole configuration as plain data."""
@@ -91,6 +91,10 @@ class Model(Frozen, ABC):
         free : Tensor of bool, (nx, ny[, nz])
             True at grid points that are nodes and not clamped.
         """
+
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of channels of the network's input in d dimensions."""
+        return dimension
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""

@@ -71,8 +71,8 @@ class TrainingConfig(SplitConfig, ABC):
         Time between two checkpoints; one is always written at the end.
     """
 
-    epochs: int = Field(600, gt=0)
-    batch_size: int = Field(4, gt=0)
+    epochs: int = Field(600, gt=0, le=10**6)
+    batch_size: int = Field(4, gt=0, le=10**6)
     optimiser: OptimiserConfig = OptimiserConfig()
     schedule: ScheduleConfig = ScheduleConfig()
     early_stopping: EarlyStoppingConfig | None = None
@@ -81,7 +81,7 @@ class TrainingConfig(SplitConfig, ABC):
     compile: bool = False
     cuda_graphs: bool = False
     samples_on: Location = "auto"
-    checkpoint_seconds: float = Field(60.0, ge=0)
+    checkpoint_seconds: float = Field(60.0, ge=0, le=10**7)
 
     @property
     def validation_users(self) -> tuple[str, ...]:

@@ -46,7 +46,7 @@ class UNetModel(TrainedModel):
 
     model: Literal["unet"] = "unet"
     network: UNetConfig = UNetConfig()
-    ensemble: int = Field(1, ge=1)
+    ensemble: int = Field(1, ge=1, le=100)
     training: RecalibratedTraining
 
     @model_validator(mode="after")
@@ -108,6 +108,10 @@ class UNetModel(TrainedModel):
         torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *others))
         outputs = output_channels(self.likelihood, dimension)
         return UNet(dimension, outputs, self.network, self.posterior, number)
+
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of channels of the input in d dimensions."""
+        return self.network.input_channels(dimension)
 
     @property
     def predicts_std(self) -> bool:

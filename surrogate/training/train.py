@@ -22,7 +22,7 @@ from surrogate.data.sample_store import DeviceStore
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
-from surrogate.hardware import hardware
+from surrogate.hardware import hardware, require_device_memory
 from surrogate.inference.prediction import load, make_surrogate
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
@@ -35,6 +35,7 @@ from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
+from surrogate.training.memory_estimate import training_memory
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
@@ -96,6 +97,13 @@ def train(
             f"expected {ranks.count} at least, the number of processes"
         )
     config.require_suitable(dataset, split.train)
+    if isinstance(config, TrainedModel):
+        batch = min(-(-config.training.batch_size // ranks.count), len(split.train))
+        require_device_memory(
+            training_memory(config, dataset.geometry, batch),
+            f"config '{config.name}': keys 'network', 'ensemble', 'training.batch_size': training",
+            device,
+        )
     with ExitStack() as held:
         ranks.from_first(lambda: held.enter_context(run.owned()))
         began = time.perf_counter()

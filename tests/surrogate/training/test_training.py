@@ -18,6 +18,7 @@ from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.device import choose_device
 from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
+from surrogate.optim.schedule import ScheduleConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.seeds import stream
 from surrogate.training.train import train
@@ -163,14 +164,16 @@ def test_lost_measures_of_epochs_after_the_checkpoint_are_made_again(
     assert_same_run(run, whole)
 
 
-def test_absurd_learning_rate_fails(
-    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+def test_diverged_training_fails(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A learning rate of 1e30, which a configuration may not have."""
     run = RunFolder(tmp_path / "run")
+    monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e30)
     with pytest.raises(
         WorkError, match=r"diverged in epoch 1, with a loss of (nan|inf); no checkpoint is kept"
     ):
-        train(make_config("adam", learning_rate=1e30), dataset, run, CPU)
+        train(make_config("adam", learning_rate=1.0), dataset, run, CPU)
     assert not run.model.exists()
     assert not run.checkpoint.exists()
 
@@ -195,11 +198,12 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
 
 
 def test_weights_that_are_not_finite_are_never_a_model(
-    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The only step makes the weights infinite; the loss before the step is finite."""
     run = RunFolder(tmp_path / "run")
-    config = make_config("adam", learning_rate=1e39, epochs=1, batch_size=64)
+    monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e39)
+    config = make_config("adam", learning_rate=1.0, epochs=1, batch_size=64)
     with pytest.raises(WorkError):
         train(config, dataset, run, CPU)
     assert not run.model.exists()
