@@ -51,6 +51,12 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
     )
+    train.add_argument(
+        "--start-from",
+        type=Path,
+        metavar="RUN",
+        help="start from the weights of another run on the same body, on any dataset of it",
+    )
     train.set_defaults(command=_train)
 
     evaluate = commands.add_parser("evaluate", help="measure a run on the test split, draw figures")
@@ -164,7 +170,16 @@ def _train(options: argparse.Namespace) -> None:
     require_writable(run.folder)
     with joined(options.device) as (ranks, device):
         dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
-        train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
+        train(
+            config,
+            dataset,
+            run,
+            device,
+            options.stop_after,
+            ranks,
+            options.tensorboard,
+            options.start_from,
+        )
     if not ranks.is_first:
         return
     lines = run.metric_lines()

@@ -10,6 +10,7 @@ import math
 import sys
 import time
 from contextlib import ExitStack, closing
+from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -39,6 +40,7 @@ from surrogate.training.memory_estimate import training_memory
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
+from surrogate.training.warm_start import warm_start
 from surrogate.uncertainty.recalibration import recalibrate
 
 
@@ -55,6 +57,7 @@ def train(
     stop_after: int | None = None,
     ranks: Ranks = ALONE,
     tensorboard: bool = False,
+    start_from: Path | None = None,
 ) -> None:
     """Fit a model, or train it to its last epoch, resuming from the run's checkpoint.
 
@@ -71,6 +74,8 @@ def train(
         Processes that train together; each calls this function, and only the first one writes.
     tensorboard : bool
         Also write files for TensorBoard.
+    start_from : Path, optional
+        Folder of another run on the same body, whose weights the training starts from.
 
     Raises
     ------
@@ -84,7 +89,8 @@ def train(
         raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
     if tensorboard:
         require_tensorboard()
-    description = describe(config, dataset)
+    start = None if start_from is None else warm_start(start_from, config, dataset)
+    description = describe(config, dataset, None if start is None else start.origin)
     ranks.from_first(lambda: run.require_free(description))
     if run.is_finished:
         load(run.folder)
@@ -109,7 +115,10 @@ def train(
         began = time.perf_counter()
         network = config.build(dataset.geometry, dataset.info)
         if not run.checkpoint.is_file():
-            config.start_from_data(network, dataset, first_samples(split, config.seed))
+            if start is None:
+                config.start_from_data(network, dataset, first_samples(split, config.seed))
+            else:
+                start.apply(network)
         if isinstance(config, TrainedModel):
             trainer = _trainer(config, network, split, dataset, device, ranks)
             ranks.from_first(lambda: run.start(description))
