@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
@@ -24,7 +25,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
-    return run_command("surrogate", lambda: command(options), speaks)
+
+    def run() -> None:
+        from surrogate.hardware import memory_errors
+
+        with memory_errors():
+            command(options)
+
+    return run_command("surrogate", run, speaks)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -53,6 +61,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
+    )
+    train.add_argument(
+        "--start-from",
+        type=Path,
+        metavar="RUN",
+        help="start from the weights of another run on the same body, on any dataset of it",
     )
     train.set_defaults(command=_train)
 
@@ -158,18 +172,29 @@ def _passes(options: argparse.Namespace) -> dict[str, int]:
     return {name: value for name, value in given.items() if value is not None}
 
 
+def _remark_unsealed(folder: Path) -> None:
+    """Warn if a run folder has no manifest."""
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+
+    remark = RunFolder(find_run(folder)).unsealed
+    if remark:
+        print(f"surrogate: warning: {remark}", file=sys.stderr)
+
+
 def _train(options: argparse.Namespace) -> None:
     from surrogate.data.dataset import read_dataset
     from surrogate.models.model import TrainedModel
     from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
     from surrogate.training.data_parallel import joined
-    from surrogate.training.train import train
+    from surrogate.training.train import stays_on_disk, train
 
     config = read_config(options.config)
     run = RunFolder(options.out)
+    require_writable(run.folder)
     with joined(options.device) as (ranks, device):
-        dataset = read_dataset(options.data)
+        dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
         train(
             config,
             dataset,
@@ -179,12 +204,14 @@ def _train(options: argparse.Namespace) -> None:
             ranks,
             options.tensorboard,
             options.seconds,
+            options.start_from,
         )
     if not ranks.is_first:
         return
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
-    state = "trained" if run.model.is_file() else "stopped; resume with the same command"
+    _remark_unsealed(run.folder)
+    state = "trained" if run.is_finished else "stopped; resume with the same command"
     epochs = ""
     if isinstance(config, TrainedModel):
         epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
@@ -194,21 +221,25 @@ def _train(options: argparse.Namespace) -> None:
 def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
     from surrogate.evaluation.evaluate import evaluate
-    from surrogate.presentation.run_figures import write_figures
+    from surrogate.presentation.run_figures import write_evaluation
     from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import copy_run, find_run, require_changeable
 
     device = choose_device(options.device).type
-    run = options.out or options.run
+    require_changeable(options.run, options.out)
+    _remark_unsealed(options.run)
     evaluation = evaluate(
         options.run,
         options.data,
         device,
         loads=options.loads,
         conformal=options.conformal,
-        out=options.out,
         **_passes(options),
     )
-    write_figures(evaluation, RunFolder(run))
+    run = find_run(options.run)
+    if options.out is not None:
+        run = copy_run(run, options.out)
+    write_evaluation(evaluation, RunFolder(run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
         f"{run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
@@ -232,9 +263,13 @@ def _predict(options: argparse.Namespace) -> None:
     from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     intervals = None
     if options.conformal:
-        intervals = load_intervals(RunFolder(find_run(options.run)).intervals)
+        run = RunFolder(find_run(options.run))
+        run.seal.require_intact(run.intervals)
+        intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
@@ -260,6 +295,8 @@ def _predict(options: argparse.Namespace) -> None:
 def _export(options: argparse.Namespace) -> None:
     from surrogate.inference.export import export
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     difference = export(options.run, options.format, options.out, **_passes(options))
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")
 
@@ -267,6 +304,8 @@ def _export(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     from surrogate.presentation.report import write_report
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())
 
@@ -311,6 +350,8 @@ def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = Fal
 
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
+    require_writable(out)
+    require_writable(options.runs, "--runs")
     done = reproduce(studies, Resources(scale, options.data, options.runs, device), out, again)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")

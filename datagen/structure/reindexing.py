@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
-from datagen.solver.material import NeoHookean
 from datagen.solver.stiffness import stiffness_of
 from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.structure.embedding import embed
@@ -38,6 +37,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
+from shared_schema.material import NeoHookean
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from shared_schema.common.errors import (
     InputError,
     StoppedError,
     WorkError,
+    first_line,
 )
 
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
@@ -50,12 +52,19 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
     """
     try:
         command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads the output, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
     except InputError as error:
         if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
     except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
+        return FAILED
+    except MemoryError as error:
+        print(f"{program}: failed: out of memory ({first_line(error)})", file=sys.stderr)
         return FAILED
     except (StoppedError, KeyboardInterrupt):
         if speaks:

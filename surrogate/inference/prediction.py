@@ -15,6 +15,7 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
+from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
@@ -29,6 +30,7 @@ BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
 LARGEST_FORCE = float(np.finfo(np.float32).max)
+MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
 Array = NDArray[np.float64]
 
 
@@ -116,7 +118,7 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong or a force is not finite.
+            If the shape is wrong, a force is not finite, or one acts at a clamped node.
         """
         nodal = self._checked(forces)
         if self._is_one(nodal) and self._one_load is not None:
@@ -141,7 +143,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, `passes` is below 1 or `seed` below 0.
+            If the shape is wrong, a force is not finite or acts at a clamped node, `passes` is
+            below 1 or `seed` below 0.
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
@@ -190,6 +193,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+        held = np.flatnonzero(
+            self.geometry.clamped & nodal.any(axis=-1).reshape(-1, expected[0]).any(axis=0)
+        )
+        if len(held):
+            raise InputError(f"forces at node {held[0]}: the node is clamped, expected a free one")
         return nodal
 
     @torch.inference_mode()
@@ -241,10 +249,13 @@ class Surrogate:
 
 
 def require_passes(passes: int, seed: int) -> None:
-    """Raise InputError unless there is at least one pass and the seed is not negative."""
-    for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
-        if value < least:
-            raise InputError(f"{name} = {value}, expected {least} at least")
+    """Raise InputError unless number of passes and seed can be meant."""
+    for name, value, least, most in (
+        ("passes", passes, 1, MOST_PASSES),
+        ("seed", seed, 0, MOST_SEED),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value}, expected {least} at least and {most} at most")
 
 
 def make_surrogate(
@@ -277,13 +288,17 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     Raises
     ------
     InputError
-        If there is no finished run, or its files are damaged.
+        If there is no finished run, its files are damaged, or a weight is not finite.
     """
     folder = RunFolder(find_run(run))
     description = folder.description()
     tensors = folder.read_tensors()
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
-        return make_surrogate(tensors, description, device)
+        with memory_errors():
+            return make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"

@@ -10,8 +10,9 @@ from torch import Tensor, nn
 
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.network_model import (
     Bayesian,
@@ -77,6 +78,10 @@ class UNetModel(NetworkModel):
         posterior = self.posterior
         assert posterior is None or isinstance(posterior, VariationalConvolutions)
         return UNet(dimension, outputs, self.network, posterior, number)
+
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of channels of the input in d dimensions."""
+        return self.network.input_channels(dimension)
 
     @property
     def has_dropout(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 
-from pydantic import model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
@@ -44,6 +44,24 @@ class DataFingerprint(Frozen):
         return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
 
 
+class Origin(Frozen):
+    """Another run whose weights a training starts from.
+
+    Attributes
+    ----------
+    run : str
+        Name of its configuration.
+    data : str
+        Digest of its dataset.
+    weights : str
+        Digest of its weights.
+    """
+
+    run: str
+    data: str
+    weights: str
+
+
 class RunDescription(Frozen):
     """Content of ``config.yaml``.
 
@@ -53,11 +71,21 @@ class RunDescription(Frozen):
         Version of the file; files of version 1 lack this key.
     run : RunConfig
     data : DataFingerprint
+    start_from : Origin or None
+        Run whose weights the training starts from; absent from the file if there is none.
     """
 
     version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
+    start_from: Origin | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_absent_origin(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if self.start_from is None:
+            del content["start_from"]
+        return content
 
     @model_validator(mode="before")
     @classmethod
@@ -71,7 +99,7 @@ class RunDescription(Frozen):
         return {**content, "version": 2, "run": upgraded(run, kind)}
 
 
-def describe(config: Model, dataset: Dataset) -> RunDescription:
+def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) -> RunDescription:
     """Describe a run.
 
     Raises
@@ -92,4 +120,4 @@ def describe(config: Model, dataset: Dataset) -> RunDescription:
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
     )
-    return RunDescription(run=cast(RunConfig, config), data=data)
+    return RunDescription(run=cast(RunConfig, config), data=data, start_from=start_from)

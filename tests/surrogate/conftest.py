@@ -29,7 +29,7 @@ from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.models.unet_model import UNetModel
-from surrogate.presentation.run_figures import write_figures
+from surrogate.presentation.run_figures import write_evaluation
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
@@ -286,5 +286,5 @@ def trained(make_run: Callable[..., Path]) -> Path:
 def evaluated(make_run: Callable[..., Path], data: Path) -> Path:
     """A trained and evaluated run; not to be changed."""
     folder = make_run(epochs=40)
-    write_figures(evaluate(folder, data), RunFolder(folder))
+    write_evaluation(evaluate(folder, data), RunFolder(folder))
     return folder
