@@ -33,7 +33,8 @@ def test_convolutions_in_bfloat16_all_else_in_float32(
 
     def record_convolution(self: nn.Conv2d, x: Tensor) -> Tensor:
         result = convolve(self, x)
-        convolved.add((torch.is_grad_enabled(), result.dtype))
+        if not result.is_meta:  # of the estimate of the memory
+            convolved.add((torch.is_grad_enabled(), result.dtype))
         return result
 
     def record_loss(
