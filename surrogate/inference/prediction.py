@@ -270,8 +270,8 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
-    data = description.data
-    network = description.run.build(geometry, data.info, data.material)
+    config, data = description.run, description.data
+    network = config.build(geometry, data.info, data.material if config.needs_material else None)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

@@ -76,6 +76,11 @@ class Model(Frozen, ABC):
 
     # --- from the configuration and the data to a network -----------------------------------------
 
+    @property
+    def needs_material(self) -> bool:
+        """True if the network contains the linear response of the body."""
+        return False
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
     ) -> FieldNetwork:

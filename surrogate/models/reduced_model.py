@@ -46,6 +46,11 @@ class ReducedModel(NetworkModel):
     model: Literal["reduced"]
     network: ReducedConfig = ReducedConfig()
 
+    @property
+    def needs_material(self) -> bool:
+        """True: the network contains the linear response of the body."""
+        return True
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
     ) -> FieldNetwork:

@@ -51,6 +51,11 @@ class UNetModel(NetworkModel):
             )
         return self
 
+    @property
+    def needs_material(self) -> bool:
+        """True if the network contains the linear response of the body."""
+        return self.network.needs_linear_response
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
     ) -> FieldNetwork:
@@ -58,7 +63,7 @@ class UNetModel(NetworkModel):
         config = self.network
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
         linear = None
-        if config.needs_linear_response:
+        if self.needs_material:
             linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 

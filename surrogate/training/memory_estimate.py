@@ -57,4 +57,5 @@ def training_memory(config: TrainedModel, geometry: Geometry, batch: int) -> int
         by_muon = training.optimiser.name == "muon" and is_hidden_kernel(name, parameter)
         weights += parameter.nbytes * (copies + (1 if by_muon else 2))
         kept.pop(parameter.untyped_storage()._cdata, None)
-    return weights + sum(kept.values())
+    share = 0.5 if training.precision == "bfloat16" else 1
+    return weights + int(share * sum(kept.values()))

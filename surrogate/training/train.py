@@ -96,6 +96,7 @@ def train(
         raise InputError(f"--seconds {seconds:g}: expected more than 0")
     if tensorboard:
         require_tensorboard()
+    deadline = time.perf_counter() + seconds
     start = None if start_from is None else warm_start(start_from, config, dataset)
     description = describe(config, dataset, None if start is None else start.origin)
     ranks.from_first(lambda: run.require_free(description))
@@ -122,7 +123,8 @@ def train(
     with ExitStack() as held:
         ranks.from_first(lambda: held.enter_context(run.owned()))
         began = time.perf_counter()
-        network = config.build(dataset.geometry, dataset.info, dataset.material)
+        material = dataset.material if config.needs_material else None
+        network = config.build(dataset.geometry, dataset.info, material)
         if start is None:
             config.start_from_data(network, dataset, first_samples(split, config.seed))
         else:
@@ -130,7 +132,6 @@ def train(
         if isinstance(config, TrainedModel):
             trainer = _trainer(config, network, split, dataset, device, ranks)
             ranks.from_first(lambda: run.start(description))
-            deadline = began + seconds
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
             run.start(description)

@@ -133,9 +133,10 @@ def build(
                 "samples/loaded_nodes": nodes[here, None],
                 "samples/force": forces[here, None],
                 "samples/displacement": displacement[here],
+                "samples/converged_reason": np.full(len(here), 2),
                 **{
                     f"samples/{name}": np.ones(len(here), dtype=np.int64)
-                    for name in ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
+                    for name in ("load_steps", "cutbacks", "newton_iterations")
                 },
                 "samples/residual_norm": np.zeros(len(here)),
                 "samples/wall_time": np.full(len(here), 0.5),
