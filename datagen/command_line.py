@@ -125,6 +125,12 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
+    solve.add_argument(
+        "--start",
+        type=Path,
+        metavar="FILE.npz",
+        help="start from the displacement in this file, such as a prediction of `surrogate`",
+    )
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     solve.set_defaults(command=_solve)
 

@@ -13,8 +13,10 @@ from tqdm import tqdm
 from shared_schema.common.errors import (
     DONE,
     FAILED,
+    NOT_CERTIFIED,
     WRONG_INPUT,
     InputError,
+    NotCertifiedError,
     StoppedError,
     WorkError,
 )
@@ -54,6 +56,9 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
+    except NotCertifiedError as error:
+        print(f"{program}: not certified: {error}", file=sys.stderr)
+        return NOT_CERTIFIED
     except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
         return FAILED

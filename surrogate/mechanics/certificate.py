@@ -62,6 +62,16 @@ class Certificate:
         """True where `max_error` is at most `tolerance` in m, and `stable`."""
         return np.asarray((self.max_error <= tolerance) & self.stable)
 
+    def summary(self) -> str:
+        """Describe the estimated error of a single prediction in a line."""
+        if self.inverted:
+            return f"{self.inverted} inverted elements, no estimate of the error"
+        return (
+            f"estimated error {_length(float(self.mean_error))} in the mean, "
+            f"{_length(float(self.max_error))} at most, "
+            f"forces out of balance by {float(self.out_of_balance):.2g} of the load"
+        )
+
     def refusal(self, tolerance: float) -> str | None:
         """Say why a single prediction is not certified; None if it is."""
         if self.inverted:
@@ -88,15 +98,15 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, _norms(r), np.inf)
     sound = np.flatnonzero(np.isfinite(residual))
-    steps, stable = np.zeros_like(u), np.zeros(len(u), dtype=bool)
+    steps, stable = np.zeros(u.shape), np.zeros(len(u), dtype=bool)
     steps[sound], stable[sound] = equilibrium.newton_steps(held[sound], r[sound])
-    error = np.full_like(u, np.inf)
-    error[sound] = (u - held - steps)[sound]
-    truth = _norms(np.where(np.isfinite(error), held + steps, 0.0))
+    error, truth = np.full(u.shape, np.inf), np.zeros(u.shape)
+    truth[sound] = held[sound] + steps[sound]
+    error[sound] = u[sound] - truth[sound]
     return Certificate(
         out_of_balance=_ratio(residual, _norms(f * equilibrium.free[:, None])).reshape(shape[:-2]),
         error=error.reshape(shape),
-        relative_error=_ratio(_norms(error), truth).reshape(shape[:-2]),
+        relative_error=_ratio(_norms(error), _norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),
         stable=stable.reshape(shape[:-2]),
     )

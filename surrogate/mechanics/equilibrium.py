@@ -24,6 +24,7 @@ from surrogate.mechanics.solid import Solid
 
 Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
+EPSILON = float(np.finfo(np.float64).eps)
 AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
 
 
@@ -42,12 +43,17 @@ class Equilibrium:
     solid : Solid
     free : array of bool, (n_nodes,)
         Nodes that are not clamped.
+    rounding : float
+        Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     """
 
     def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
         body = geometry.coordinates, geometry.cells
         self.solid = Solid(*body, geometry.cell_type, material)
         self.free = ~geometry.clamped
+        moduli = material.lame_lambda + material.lame_mu
+        self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
+        self._size = geometry.coordinates.size
         self._layout = BandLayout(*body, geometry.clamped)
         per_sample = len(self._layout.dofs) * (self._layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
@@ -79,8 +85,8 @@ class Equilibrium:
         stable : array of bool, (N,)
             True where K(u) is positive definite.
         """
-        steps, stable = np.zeros_like(u), np.zeros(len(u), dtype=bool)
-        right = r.reshape(len(u), -1)[:, self._layout.dofs]
+        steps, stable = np.zeros(u.shape), np.zeros(len(u), dtype=bool)
+        right = r.reshape(len(u), self._size)[:, self._layout.dofs]
         for start in range(0, len(u), self._at_once):
             some = slice(start, start + self._at_once)
             for row, band in enumerate(self._bands(u[some]), start):
@@ -92,20 +98,17 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
-        response = np.zeros_like(f)
-        forces = f.reshape(len(f), -1)[:, self._layout.dofs]
-        response.reshape(len(f), -1)[:, self._layout.dofs] = self._undeformed.solve(forces.T).T
-        return response
+        response = np.zeros((len(f), self._size))
+        forces = f.reshape(response.shape)[:, self._layout.dofs]
+        response[:, self._layout.dofs] = self._undeformed.solve(forces.T).T
+        return response.reshape(f.shape)
 
     @cached_property
     def _undeformed(self) -> BandCholesky:
-        factor = BandCholesky.of(self._bands(np.zeros((1, *self._shape)))[0])
+        rest = np.zeros((1, len(self.free), self._size // len(self.free)))
+        factor = BandCholesky.of(self._bands(rest)[0])
         assert factor is not None, "the supports do not hold the body"
         return factor
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return len(self.free), int(self.solid.gradients.shape[3])
 
     def _bands(self, u: Array) -> Array:
         return self._layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
@@ -114,7 +117,7 @@ class Equilibrium:
         """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
         tangent, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
         shift = FIRST_SHIFT
-        while shift < 1 / np.finfo(np.float64).eps:
+        while shift < 1 / EPSILON:
             factor = BandCholesky.of(tangent + shift * undeformed)
             if factor is not None:
                 return factor

@@ -7,10 +7,12 @@ from typing import Any, Literal, cast
 
 from pydantic import model_validator
 
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
+from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model
 from surrogate.runs.configuration import KINDS, RunConfig, tag_of
 from surrogate.runs.legacy import upgraded
@@ -29,6 +31,8 @@ class DataFingerprint(Frozen):
     cell_type : str
     info : StructuredInfo
         Grid, split and statistics.
+    loads : LoadRange or None
+        Numbers of loads and resultants of the training split; None in older files.
     """
 
     case: dict[str, Any]
@@ -36,6 +40,12 @@ class DataFingerprint(Frozen):
     dimension: int
     cell_type: str
     info: StructuredInfo
+    loads: LoadRange | None = None
+
+    @property
+    def material(self) -> NeoHookean:
+        """Material of the body; InputError if the case does not name it."""
+        return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
 
 
 class RunDescription(Frozen):
@@ -52,6 +62,10 @@ class RunDescription(Frozen):
     version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
+
+    def as_before_loads(self) -> RunDescription:
+        """Return the same description without `data.loads`, as older files have it."""
+        return self.model_copy(update={"data": self.data.model_copy(update={"loads": None})})
 
     @model_validator(mode="before")
     @classmethod
@@ -85,5 +99,6 @@ def describe(config: Model, dataset: Dataset) -> RunDescription:
         dimension=manifest.dimension,
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
+        loads=load_range(dataset),
     )
     return RunDescription(run=cast(RunConfig, config), data=data)
