@@ -241,7 +241,8 @@ def _solve(options: argparse.Namespace) -> None:
     largest = np.linalg.norm(displacement, axis=1).max()
     print(
         f"{options.out}: largest displacement {largest:.6g} m, {origin}"
-        f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N"
+        f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
+        f"residual {report.residual_norm:.2g} N"
     )
 
 
