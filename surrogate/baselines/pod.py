@@ -20,10 +20,10 @@ from pydantic import Field, model_validator
 from torch import Tensor
 
 from shared_schema.common.configuration import Frozen
-from surrogate.baselines.fitted import Fitted
 from surrogate.baselines.gaussian_process import GaussianProcess
 from surrogate.baselines.ridge_regression import RidgeRegression
 from surrogate.networks.field_network import SMALLEST_STD
+from surrogate.networks.fitted import Fitted
 from surrogate.probabilistic.likelihoods import Prediction
 
 ENERGY = 1 - 1e-8

@@ -13,7 +13,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from surrogate.baselines.fitted import Fitted
+from surrogate.networks.fitted import Fitted
 
 
 class RidgeRegression(Fitted):

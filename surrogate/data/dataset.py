@@ -9,11 +9,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.manifest import Manifest, StructuredInfo
+from shared_schema.material import NeoHookean
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
@@ -80,6 +82,12 @@ class Dataset:
             return at_nodes(self.geometry.grid, self.train[rows])
         whole, chosen = self.embedded_train, rows.numpy()
         return NodalSamples(whole.force[chosen], whole.displacement[chosen])
+
+    @property
+    def material(self) -> NeoHookean:
+        """Material of the body; InputError if the manifest does not name it."""
+        given = self.manifest.case.get("material", {})
+        return validate(NeoHookean, given, "material of the dataset's case")
 
     @property
     def info(self) -> StructuredInfo:

@@ -281,7 +281,8 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
-    network = description.run.build(geometry, description.data.info)
+    data = description.data
+    network = description.run.build(geometry, data.info, data.material)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

@@ -10,11 +10,12 @@ not positive definite, that is where an equilibrium is not stable.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtrtrs
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
@@ -23,6 +24,7 @@ from shared_schema.common.errors import InputError
 
 Array = NDArray[np.float64]
 MOST = 2**27  # entries of a band: 1 GB
+MANY = 16  # right-hand sides, or diagonals, from which on blocks are faster
 
 
 class BandLayout:
@@ -91,8 +93,9 @@ def _narrow_order(
     graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
     graph = graph[free][:, free].tocoo()
     orders = [reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
-    for axes in (np.roll(np.arange(coordinates.shape[1]), shift) for shift in range(3)):
-        orders.append(np.lexsort(coordinates[free][:, axes].T))
+    axes = np.arange(coordinates.shape[1])
+    places = np.round(coordinates[free] / np.ptp(coordinates, axis=0).max(), 9)  # equal ones tie
+    orders += [np.lexsort(places[:, np.roll(axes, shift)].T) for shift in axes]
     best: tuple[NDArray[np.int64], int] | None = None
     for order in orders:
         place = np.empty(len(free), dtype=np.int64)
@@ -116,6 +119,21 @@ class BandCholesky:
 
     factor: Array
 
+    @cached_property
+    def _blocks(self) -> list[tuple[Array, Array]]:
+        """Blocks of L: on the diagonal and below it, from the first rows to the last."""
+        rows, n = self.factor.shape
+        size, blocks = rows - 1, []
+        for start in range(0, n, size):
+            end, below = min(start + size, n), min(start + 2 * size, n)
+            columns = self.factor[:, start:end]
+            both = np.zeros((below - start, end - start), order="F")
+            for j in range(end - start):
+                length = min(rows, below - start - j)
+                both[j : j + length, j] = columns[:length, j]
+            blocks.append((np.asfortranarray(both[: end - start]), both[end - start :]))
+        return blocks
+
     @classmethod
     def of(cls, band: Array) -> BandCholesky | None:
         """Factorise a band (n, b + 1) of `BandLayout`, which is overwritten.
@@ -126,7 +144,19 @@ class BandCholesky:
         return cls(factor) if info == 0 else None
 
     def solve(self, right: Array) -> Array:
-        """A⁻¹ b: (n,) or (n, m) → same."""
-        solution, _ = dpbtrs(self.factor, right, lower=1)
-        result: Array = solution
-        return result
+        """A⁻¹ b: (n,) or (n, m) → same; many right-hand sides are solved for block by block."""
+        if right.ndim == 1 or right.shape[1] < MANY or len(self.factor) < MANY:
+            solution, _ = dpbtrs(self.factor, right, lower=1)
+            result: Array = solution
+            return result
+        x, start = np.array(right, order="C"), 0
+        for diagonal, below in self._blocks:  # L y = b
+            end = start + len(diagonal)
+            x[start:end] = dtrtrs(diagonal, x[start:end], lower=1)[0]
+            x[end : end + len(below)] -= below @ x[start:end]
+            start = end
+        for diagonal, below in reversed(self._blocks):  # Lᵀ x = y
+            end, start = start, start - len(diagonal)
+            rest = x[start:end] - below.T @ x[end : end + len(below)]
+            x[start:end] = dtrtrs(diagonal, rest, lower=1, trans=1)[0]
+        return x

@@ -12,70 +12,65 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from torch import Tensor
-from torch.nn import functional
+from torch import Tensor, nn
 
-from shared_schema.stiffness import Stiffness
-from surrogate.baselines.fitted import Fitted
-from surrogate.baselines.linear_map import compliance_of
+from shared_schema.common.errors import InputError
+from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.nodal_gradient import nodal_gradient
 from surrogate.networks.weighted_sums import WeightedSums, padded_rows, transposed
 
-MOST = 4000  # free degrees of freedom: the dense compliance then takes 64 MB
+AT_ONCE = 256  # samples
 
 
-class LinearResponse(Fitted):
+class LinearResponse(nn.Module):
     """Grid forces in N to the linear response in m and its gradient, both on the grid.
 
     Parameters
     ----------
     geometry : Geometry
+    material : NeoHookean
+    gradient : bool
+        Also compute the gradient.
 
     Attributes
     ----------
-    compliance : Tensor, (d · n_free, d · n_free)
-        K⁻¹ in m/N over the free degrees of freedom, component by component; empty until `fit`.
+    compliance : Compliance
     gradient_rms : Tensor, ()
-        Root mean square of the gradients under the training forces.
+        Root mean square of the gradients under the training forces; 1 until `scale_gradient`.
     """
 
-    compliance: Tensor
     gradient_rms: Tensor
-    free_nodes: Tensor
 
-    def __init__(self, geometry: Geometry) -> None:
-        super().__init__("compliance", "gradient_rms")
+    def __init__(self, geometry: Geometry, material: NeoHookean, gradient: bool = True) -> None:
+        super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
-        free = np.flatnonzero(~geometry.clamped)
-        self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
+        self.compliance = Compliance(geometry, material)
         sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
         weights = grid.source_weights.reshape(sources.shape)
         self.to_grid = WeightedSums(sources, weights)
         self.to_nodes = WeightedSums(*transposed(sources, weights, self.nodes))
-        operators = nodal_gradient(geometry.coordinates, geometry.cells, geometry.cell_type)
-        self.derivatives = torch.nn.ModuleList(
-            WeightedSums(*padded_rows(operator)) for operator in operators
-        )
+        operators = []
+        if gradient:
+            operators = nodal_gradient(geometry.coordinates, geometry.cells, geometry.cell_type)
+        self.derivatives = nn.ModuleList(WeightedSums(*padded_rows(o)) for o in operators)
+        self.register_buffer("gradient_rms", torch.ones(()))
+
+    def _load_from_state_dict(self, state: dict[str, Tensor], prefix: str, *others: object) -> None:
+        state.pop(prefix + "compliance", None)  # stored in runs before 0.2
+        super()._load_from_state_dict(state, prefix, *others)
 
     @torch.no_grad()
-    def fit(self, stiffness: Stiffness, force: Tensor) -> None:
-        """Invert the stiffness, and measure the gradients.
-
-        Parameters
-        ----------
-        stiffness : Stiffness
-            Stiffness of the whole body, without supports.
-        force : Tensor, (N, d, nx, ny[, nz])
-            Forces of the training samples in N.
-        """
-        compliance = compliance_of(stiffness, self.free_nodes.numpy(), self.nodes)
-        self.compliance = compliance.to(force.dtype)
-        self.gradient_rms = torch.ones((), dtype=force.dtype)
-        _, gradient = self(force)
-        rms = gradient.square().mean().sqrt()
-        self.gradient_rms = torch.where(rms > 0, rms, torch.ones_like(rms))
+    def scale_gradient(self, force: Tensor) -> None:
+        """Measure the gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
+        self.gradient_rms.fill_(1.0)
+        batches = torch.split(force, AT_ONCE)
+        total = torch.stack([self(batch)[1].double().square().sum() for batch in batches]).sum()
+        count = len(force) * force.shape[1] ** 2 * force[0, 0].numel()
+        rms = (total / count).sqrt()
+        self.gradient_rms.copy_(torch.where(rms > 0, rms, torch.ones_like(rms)))
 
     def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
         """Respond to forces.
@@ -90,14 +85,22 @@ class LinearResponse(Fitted):
         displacement : Tensor, (N, d, nx, ny[, nz])
             U_lin in m; zero where the grid has no value.
         gradient : Tensor, (N, d², nx, ny[, nz])
-            ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j.
+            ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j; no channels without `gradient`.
         """
         with torch.autocast(force.device.type, enabled=False):
-            at_free = self.to_nodes(force.flatten(2)).index_select(2, self.free_nodes)
-            u = functional.linear(at_free.flatten(1), self.compliance).reshape(at_free.shape)
-            nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, self.free_nodes, u)
-            gradient = torch.cat([operator(nodal) for operator in self.derivatives], dim=1)
-            fields = torch.cat([nodal, gradient / self.gradient_rms], dim=1)
+            free = self.compliance.free_nodes
+            at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
+            u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
+            nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+            gradients = [operator(nodal) / self.gradient_rms for operator in self.derivatives]
+            fields = torch.cat([nodal, *gradients], dim=1)
             grid = self.to_grid(fields).reshape(force.shape[0], -1, *self.shape)
         d = force.shape[1]
         return grid[:, :d], grid[:, d:]
+
+
+def required(material: NeoHookean | None) -> NeoHookean:
+    """Return the material; InputError if there is none."""
+    if material is None:
+        raise InputError("the linear response expects the material of the body, found none")
+    return material

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.geometry import Geometry
 from surrogate.models.training_config import SplitConfig, TrainingConfig
@@ -73,8 +74,18 @@ class Model(Frozen, ABC):
 
     # --- from the configuration and the data to a network -----------------------------------------
 
-    def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
-        """Build the network that maps fields in SI units, with initial weights from the seed."""
+    def build(
+        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+    ) -> FieldNetwork:
+        """Build the network that maps fields in SI units, with initial weights from the seed.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        info : StructuredInfo
+        material : NeoHookean, optional
+            Material of the body, for networks that contain its linear response.
+        """
         free = torch.from_numpy(geometry.free_mask)
         return FieldNetwork(self.make_network(geometry.dimension, free), geometry, info)
 
@@ -105,7 +116,7 @@ class Model(Frozen, ABC):
         train : Samples
             Samples that the network may learn from.
         """
-        learned = network.learned_part(train.force, train.displacement)
+        learned = network.prepared(train).displacement
         if self.displacement_scale == "node":
             network.scale_by_node(learned)
         elif network.skip:

@@ -5,47 +5,41 @@ from __future__ import annotations
 from typing import Literal, Self
 
 import torch
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from torch import Tensor, nn
 
-from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.linear_response import MOST, LinearResponse
-from surrogate.models.model import TrainedModel, require_stiffness
-from surrogate.models.training_config import (
-    DeterministicTraining,
-    LikelihoodTraining,
-    RecalibratedTraining,
+from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.models.network_model import (
+    Bayesian,
+    Deterministic,
+    MaximumLikelihood,
+    NetworkModel,
 )
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
-from surrogate.probabilistic.ensemble import Ensemble
-from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.probabilistic.likelihoods import output_channels
-from surrogate.seeds import INITIAL_WEIGHTS, stream
 
 GROWTH = {1: "constant", 2: "doubling"}
 ACTIVATIONS = {"relu": "ReLU", "silu": "SiLU"}
 
 
-class UNetModel(TrainedModel):
+class UNetModel(NetworkModel):
     """One U-Net, or an ensemble of them.
 
     Attributes
     ----------
     network : UNetConfig
-    ensemble : int
-        Number of U-Nets, trained together from different initial weights.
     """
 
     title = "U-Net"
 
     model: Literal["unet"] = "unet"
     network: UNetConfig = UNetConfig()
-    ensemble: int = Field(1, ge=1)
-    training: RecalibratedTraining
 
     @model_validator(mode="after")
     def _one_transform_a_member_at_most(self) -> Self:
@@ -56,61 +50,38 @@ class UNetModel(TrainedModel):
             )
         return self
 
-    @model_validator(mode="after")
-    def _factor_of_trained_standard_deviations(self) -> Self:
-        trained = self.posterior is not None and self.posterior.posterior_std == "gradient"
-        factor = self.training.optimiser.rho_factor
-        if factor != 1 and not trained:
-            raise ValueError(
-                f"'training.optimiser.rho_factor' = {factor}: expected 1, as no standard deviation "
-                "of a weight is trained by gradients"
-            )
-        return self
-
-    def build(self, geometry: Geometry, info: StructuredInfo) -> FieldNetwork:
+    def build(
+        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+    ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
         config = self.network
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        linear = LinearResponse(geometry) if config.needs_linear_response else None
+        linear = None
+        if config.needs_linear_response:
+            linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
-        """Raise InputError unless the data hold what the linear response needs."""
-        if not self.network.needs_linear_response:
-            return
-        inputs, skip = list(self.network.inputs), self.network.skip
-        where = f"config '{self.name}': key 'network': inputs = {inputs}, skip = '{skip}'"
-        geometry = dataset.geometry
-        free = geometry.dimension * int((~geometry.clamped).sum())
-        if free > MOST:
-            raise InputError(
-                f"{where}: the body has {free} free degrees of freedom, expected {MOST} at most"
-            )
-        require_stiffness(dataset, where)
-
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
-        """Set the linear response, then the scales."""
+        """Set the scales of gradients and output."""
         if isinstance(network.linear, LinearResponse):
-            assert dataset.stiffness is not None
-            network.linear.fit(dataset.stiffness, train.force)
+            network.linear.scale_gradient(train.force)
         super().start_from_data(network, dataset, train)
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the U-Net, or the ensemble: (N, d, *grid) → (K·N, d or 2d, *grid)."""
-        members = [self._member(dimension, number) for number in range(self.ensemble)]
-        return Ensemble(members) if self.ensemble > 1 else members[0]
+        return self.members(dimension)
 
-    def _member(self, dimension: int, number: int) -> UNet:
-        """Build one U-Net; member 0 has the same initial weights as a single U-Net."""
-        others = (number,) if number else ()
-        torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *others))
+    def member(self, dimension: int, number: int) -> UNet:
+        """Build one U-Net."""
         outputs = output_channels(self.likelihood, dimension)
-        return UNet(dimension, outputs, self.network, self.posterior, number)
+        posterior = self.posterior
+        assert posterior is None or isinstance(posterior, VariationalConvolutions)
+        return UNet(dimension, outputs, self.network, posterior, number)
 
     @property
-    def predicts_std(self) -> bool:
-        """True for an ensemble, and for a network that predicts standard deviations."""
-        return self.ensemble > 1 or super().predicts_std
+    def has_dropout(self) -> bool:
+        """True if passes differ by dropout."""
+        return self.network.dropout > 0
 
     @property
     def values_per_point(self) -> int:
@@ -130,56 +101,24 @@ class UNetModel(TrainedModel):
         return f"{count}, {shape}, {growth}, {activation}{norm}{linear}"
 
 
-class DeterministicUNet(UNetModel):
+class DeterministicUNet(Deterministic, UNetModel):
     """U-Nets that predict displacements; ensembles and dropout add standard deviations."""
 
-    likelihood: Literal["deterministic"] = "deterministic"
-    training: DeterministicTraining = DeterministicTraining()
 
-    @model_validator(mode="after")
-    def _recalibrates_standard_deviations(self) -> Self:
-        if self.training.recalibrate and not (self.predicts_std or self.network.dropout):
-            raise ValueError(
-                "'training.recalibrate' = True: expected a model that predicts standard deviations "
-                "('likelihood', 'ensemble' or 'network.dropout')"
-            )
-        return self
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return self.training.objective
-
-
-class MaximumLikelihoodUNet(UNetModel):
+class MaximumLikelihoodUNet(MaximumLikelihood, UNetModel):
     """U-Nets that predict a mean and a standard deviation of every component."""
 
-    likelihood: Literal["maximum_likelihood"] = "maximum_likelihood"
-    training: LikelihoodTraining = LikelihoodTraining()
 
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return "negative log-likelihood"
-
-    @property
-    def method(self) -> str:
-        """Name of the method, for the summary."""
-        return "maximum likelihood"
-
-
-class BayesianUNet(UNetModel):
+class BayesianUNet(Bayesian, UNetModel):
     """U-Nets with random weights, trained by variational Bayes.
 
     Attributes
     ----------
-    variational : VariationalConfig
-        Random weights and their priors.
+    variational : VariationalConvolutions
+        Random convolutions and their priors.
     """
 
-    likelihood: Literal["variational_bayes"] = "variational_bayes"
-    variational: VariationalConfig
-    training: LikelihoodTraining = LikelihoodTraining()
+    variational: VariationalConvolutions
 
     @model_validator(mode="after")
     def _levels_of_the_network(self) -> Self:
@@ -190,18 +129,3 @@ class BayesianUNet(UNetModel):
                 f"0 to {self.network.levels - 1}"
             )
         return self
-
-    @property
-    def posterior(self) -> VariationalConfig:
-        """Configuration of the random weights."""
-        return self.variational
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return "negative evidence lower bound"
-
-    @property
-    def method(self) -> str:
-        """Name of the method, for the summary."""
-        return "variational Bayes"

@@ -11,10 +11,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
+from surrogate.data.dataset import Samples
 from surrogate.data.geometry import Geometry
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
+AT_ONCE = 256  # samples that are prepared at once
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 
 
@@ -121,42 +123,71 @@ class FieldNetwork(nn.Module):
     @property
     def members(self) -> int:
         """Number K of members of the ensemble; 1 for a single network."""
-        return len(self.network.members) if isinstance(self.network, Ensemble) else 1
+        inner = getattr(self.network, "dense", self.network)
+        return len(inner.members) if isinstance(inner, Ensemble) else 1
 
     def forward(self, force: Tensor) -> Prediction:
         """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
         inputs, linear = self._inputs(force)
-        output: Tensor | Prediction = self.network(inputs)
+        mean, std = self.learned(inputs)
+        if linear is not None:
+            mean = mean + linear.repeat(self.members, *[1] * (linear.ndim - 1)) * self.free
+        return Prediction(mean, std)
+
+    def learned(self, inputs: Tensor) -> Prediction:
+        """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
+        scaled = inputs / self.force_scale if self.linear is None else inputs
+        output: Tensor | Prediction = self.network(scaled)
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
         if isinstance(output, Prediction):
             mean, std = output
             return Prediction(mean * scale, None if std is None else std * scale)
-        output = output.to(force.dtype)
+        output = output.to(inputs.dtype)
         mean = output[:, :d] * scale
-        if linear is not None:
-            mean = mean + linear.repeat(self.members, *[1] * (linear.ndim - 1)) * self.free
         if output.shape[1] == d:
             return Prediction(mean, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
         return Prediction(mean, std * scale)
 
     def _inputs(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Scaled inputs of the network, and the linear response that its output is added to."""
-        scaled = force / self.force_scale
+        """Inputs of `learned`, and the linear response that its output is added to."""
         if self.linear is None:
-            return scaled, None
+            return force, None
         displacement, gradient = self.linear(force)
-        fields = {"force": scaled, "linear_gradient": gradient}
+        fields = {"force": force / self.force_scale, "linear_gradient": gradient}
         inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
         return inputs, displacement if self.skip else None
 
     @torch.no_grad()
-    def learned_part(self, force: Tensor, displacement: Tensor) -> Tensor:
-        """Part of some displacements in m that the network has to learn, given their forces."""
-        if self.linear is None or not self.skip:
-            return displacement
-        difference: Tensor = displacement - self.linear(force)[0]
-        return difference
+    def prepared(self, samples: Samples) -> Samples:
+        """Return samples for `learned`: its inputs, and the displacements that it has to predict.
+
+        A training computes them once, not in every step.
+
+        Parameters
+        ----------
+        samples : Samples
+            Forces in N and displacements in m, on the network's device.
+
+        Returns
+        -------
+        Samples
+            The same samples without a linear response. With it, scaled inputs in place of forces,
+            (N, inputs, nx, ny[, nz]), and displacements in m less the linear response if the
+            network's output is added to it.
+        """
+        if self.linear is None:
+            return samples
+        parts: list[Samples] = []
+        for start in range(0, max(len(samples), 1), AT_ONCE):
+            part = samples[start : start + AT_ONCE]
+            inputs, linear = self._inputs(part.force)
+            target = part.displacement if linear is None else part.displacement - linear * self.free
+            parts.append(Samples(inputs, target))
+        return Samples(
+            torch.cat([part.force for part in parts]),
+            torch.cat([part.displacement for part in parts]),
+        )
 
 
 def root_mean_square(info: StructuredInfo) -> float:

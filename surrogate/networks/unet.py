@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
 from surrogate.probabilistic.dropout import ChannelDropout
-from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig
+from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
@@ -92,9 +92,14 @@ class UNetConfig(Frozen):
         return self
 
     @property
+    def needs_gradient(self) -> bool:
+        """True if an input is the gradient of the linear response."""
+        return "linear_gradient" in self.inputs
+
+    @property
     def needs_linear_response(self) -> bool:
         """True if an input or the output needs the linear response of the body."""
-        return "linear_gradient" in self.inputs or self.skip == "linear"
+        return self.needs_gradient or self.skip == "linear"
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of input channels in d dimensions."""
@@ -119,7 +124,7 @@ class DoubleConvolution(nn.Sequential):
         inputs: int,
         outputs: int,
         config: UNetConfig,
-        probabilistic: Callable[[int], VariationalConfig | None],
+        probabilistic: Callable[[int], VariationalConvolutions | None],
     ) -> None:
         layers: list[nn.Module] = []
         for number, channels in enumerate((inputs, outputs), start=1):
@@ -144,7 +149,7 @@ class UNet(nn.Module):
     outputs : int
         Number of output channels.
     config : UNetConfig
-    variational : VariationalConfig, optional
+    variational : VariationalConvolutions, optional
         Choice of the convolutions with random weights; without it all weights are deterministic.
     member : int
         Number of the network in an ensemble, from 0.
@@ -155,7 +160,7 @@ class UNet(nn.Module):
         dimension: int,
         outputs: int,
         config: UNetConfig,
-        variational: VariationalConfig | None = None,
+        variational: VariationalConvolutions | None = None,
         member: int = 0,
     ) -> None:
         super().__init__()
@@ -168,7 +173,7 @@ class UNet(nn.Module):
         channels = config.level_channels()
 
         def double(level: int, inputs: int) -> DoubleConvolution:
-            def probabilistic(number: int) -> VariationalConfig | None:
+            def probabilistic(number: int) -> VariationalConvolutions | None:
                 return variational if variational and variational.covers(level, number) else None
 
             return DoubleConvolution(dimension, inputs, channels[level], config, probabilistic)

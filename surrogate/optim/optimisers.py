@@ -20,7 +20,7 @@ class OptimiserConfig(Frozen):
     Attributes
     ----------
     name : {"adam", "muon"}
-        Optimiser. ``muon`` updates the convolution kernels between hidden layers by Muon and all
+        Optimiser. ``muon`` updates the kernels and matrices between hidden layers by Muon and all
         other parameters by Adam.
     learning_rate : float
         Peak learning rate.
@@ -96,6 +96,8 @@ def make_optimisers(
 def is_hidden_kernel(name: str, parameter: nn.Parameter) -> bool:
     """Return True for a kernel between hidden layers, or for the mean of such a kernel."""
     is_kernel = name.endswith(("weight", "kernel.mean")) and not name.endswith("head.weight")
+    if parameter.ndim == 2:
+        return is_kernel and ".hidden." in name
     is_first = "encoder.0.0." in name
     return is_kernel and not is_first and parameter.ndim > 2 and parameter.shape[1] > 3
 

@@ -1,14 +1,15 @@
-r"""Convolution with a Gaussian posterior over its kernel, trained by Flipout (Wen et al. 2018).
+r"""Layers with a Gaussian posterior over their kernel, trained by Flipout (Wen et al. 2018).
 
 .. math:: y_n = x_n * μ + \big((x_n ∘ s_n) * (σ ∘ ε)\big) ∘ r_n + b
 
 One perturbation σ∘ε is shared by a batch; signs :math:`s_n` of the input channels and :math:`r_n`
 of the output channels, drawn for every sample n, make the samples' perturbations uncorrelated, each
-distributed as an independent one.
+distributed as an independent one. The product * is a convolution, or that of a dense layer.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
@@ -24,16 +25,12 @@ CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functiona
 
 
 class VariationalConfig(Frozen):
-    """Selection of the probabilistic weights, their priors, and the factor on the KL divergence.
+    """Priors of the probabilistic weights, and the factor on the KL divergence.
 
     Attributes
     ----------
-    convolutions : tuple of {1, 2}
-        Numbers of the probabilistic convolutions among the two of a level.
-    levels : tuple of int, optional
-        Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
     biases : bool
-        True if the biases of these convolutions are probabilistic too.
+        True if the biases of probabilistic layers are probabilistic too.
     prior_std : float
         Prior standard deviation σ_p.
     prior_mean : {"trainable", "zero"}
@@ -51,8 +48,6 @@ class VariationalConfig(Frozen):
         Fraction of all steps over which that factor grows linearly from zero.
     """
 
-    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
-    levels: tuple[int, ...] | None = Field(None, min_length=1)
     biases: bool = False
     prior_std: float = Field(0.1, gt=0)
     prior_mean: Literal["trainable", "zero"] = "trainable"
@@ -62,17 +57,32 @@ class VariationalConfig(Frozen):
     weight: float = Field(1.0, gt=0)
     warmup: float = Field(0.0, ge=0, le=1)
 
-    def covers(self, level: int, number: int) -> bool:
-        """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""
-        return number in self.convolutions and (self.levels is None or level in self.levels)
-
     def factor(self, step: int, steps: int) -> float:
         """Factor on the KL divergence at a step (0 … steps − 1)."""
         return self.weight * min(1.0, (step + 1) / (self.warmup * steps) if self.warmup else 1.0)
 
 
-class FlipoutConvolution(nn.Module):
-    """3×3(×3) convolution that keeps the grid's size, with a probabilistic kernel.
+class VariationalConvolutions(VariationalConfig):
+    """Selection of the probabilistic convolutions of a U-Net, and their priors.
+
+    Attributes
+    ----------
+    convolutions : tuple of {1, 2}
+        Numbers of the probabilistic convolutions among the two of a level.
+    levels : tuple of int, optional
+        Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
+    """
+
+    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
+    levels: tuple[int, ...] | None = Field(None, min_length=1)
+
+    def covers(self, level: int, number: int) -> bool:
+        """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""
+        return number in self.convolutions and (self.levels is None or level in self.levels)
+
+
+class FlipoutLayer(nn.Module, ABC):
+    """A layer with a probabilistic kernel.
 
     In training every sample of a batch has another kernel. In evaluation the mean kernel is used;
     after `draw`, a batch consists of as many equal chunks as there were draws, each with one drawn
@@ -80,32 +90,38 @@ class FlipoutConvolution(nn.Module):
 
     Parameters
     ----------
-    convolution : nn.Conv2d or nn.Conv3d
-        Convolution with the initial means.
+    weight, bias : Tensor
+        Initial means, outputs first.
     config : VariationalConfig
     """
 
-    def __init__(self, convolution: nn.Conv2d | nn.Conv3d, config: VariationalConfig) -> None:
+    def __init__(self, weight: Tensor, bias: Tensor, config: VariationalConfig) -> None:
         super().__init__()
-        assert convolution.bias is not None
-        self.convolve = CONVOLVE[convolution.weight.ndim - 2]
         self.sampled = config.kl_divergence == "sampled"
 
         def gaussian(mean: Tensor) -> GaussianParameter:
             trainable = config.prior_mean == "trainable"
             return GaussianParameter(mean, config.initial_std, config.prior_std, trainable)
 
-        self.kernel = gaussian(convolution.weight)
-        self.bias = gaussian(convolution.bias) if config.biases else convolution.bias
+        self.kernel = gaussian(weight)
+        self.bias = gaussian(bias) if config.biases else nn.Parameter(bias.detach().clone())
         self._noise: list[Tensor] = []
         self._drawn: tuple[Tensor, Tensor] | None = None
 
+    @abstractmethod
+    def apply_kernel(self, x: Tensor, kernel: Tensor, bias: Tensor | None = None) -> Tensor:
+        """Apply one kernel to a batch: (N, inputs, …) → (N, outputs, …)."""
+
+    @abstractmethod
+    def apply_kernels(self, x: Tensor, kernels: Tensor, biases: Tensor) -> Tensor:
+        """Apply a kernel of its own to each of the equal chunks of a batch."""
+
     def forward(self, x: Tensor) -> Tensor:
-        """Convolve: (N, inputs, nx, ny[, nz]) → (N, outputs, nx, ny[, nz])."""
+        """Apply the layer: (N, inputs, …) → (N, outputs, …)."""
         if self._drawn is not None:
-            return self._with_drawn(x, *self._drawn)
+            return self.apply_kernels(x, *self._drawn)
         bias = self.bias.mean if isinstance(self.bias, GaussianParameter) else self.bias
-        y = self.convolve(x, self.kernel.mean, bias, padding=1)
+        y = self.apply_kernel(x, self.kernel.mean, bias)
         return y + self._perturbation(x) if self.training else y
 
     def _perturbation(self, x: Tensor) -> Tensor:
@@ -115,7 +131,7 @@ class FlipoutConvolution(nn.Module):
         self._noise = [noise]
         signs = random_signs(x, (len(x), kernel.mean.shape[1], *extra))
         flipped = random_signs(x, (len(x), kernel.mean.shape[0], *extra))
-        y = self.convolve(x * signs, kernel.std * noise, padding=1) * flipped
+        y = self.apply_kernel(x * signs, kernel.std * noise) * flipped
         if isinstance(self.bias, GaussianParameter):
             noise = torch.randn(len(x), len(self.bias.mean), dtype=x.dtype, device=x.device)
             self._noise.append(noise[0])
@@ -142,25 +158,68 @@ class FlipoutConvolution(nn.Module):
         """Discard the drawn weights: evaluation uses the means."""
         self._drawn = None
 
-    def _with_drawn(self, x: Tensor, kernel: Tensor, bias: Tensor) -> Tensor:
+
+class FlipoutConvolution(FlipoutLayer):
+    """3×3(×3) convolution that keeps the grid's size, with a probabilistic kernel.
+
+    Parameters
+    ----------
+    convolution : nn.Conv2d or nn.Conv3d
+        Convolution with the initial means.
+    config : VariationalConfig
+    """
+
+    def __init__(self, convolution: nn.Conv2d | nn.Conv3d, config: VariationalConfig) -> None:
+        assert convolution.bias is not None
+        super().__init__(convolution.weight, convolution.bias, config)
+        self.convolve = CONVOLVE[convolution.weight.ndim - 2]
+
+    def apply_kernel(self, x: Tensor, kernel: Tensor, bias: Tensor | None = None) -> Tensor:
+        """Convolve: (N, inputs, nx, ny[, nz]) → (N, outputs, nx, ny[, nz])."""
+        return self.convolve(x, kernel, bias, padding=1)
+
+    def apply_kernels(self, x: Tensor, kernels: Tensor, biases: Tensor) -> Tensor:
         """Convolve each chunk of the batch with its own kernel, in one grouped convolution."""
-        passes, (samples, inputs), grid = len(kernel), x.shape[:2], x.shape[2:]
+        passes, (samples, inputs), grid = len(kernels), x.shape[:2], x.shape[2:]
         samples //= passes
         grouped = x.reshape(passes, samples, inputs, *grid).transpose(0, 1)
         y = self.convolve(
             grouped.reshape(samples, passes * inputs, *grid),
-            kernel.flatten(0, 1),
-            bias.flatten(),
+            kernels.flatten(0, 1),
+            biases.flatten(),
             padding=1,
             groups=passes,
         )
-        by_pass = y.reshape(samples, passes, kernel.shape[1], *grid).transpose(0, 1)
-        return by_pass.reshape(passes * samples, kernel.shape[1], *grid)
+        by_pass = y.reshape(samples, passes, kernels.shape[1], *grid).transpose(0, 1)
+        return by_pass.reshape(passes * samples, kernels.shape[1], *grid)
 
 
-def flipouts(network: nn.Module) -> Iterator[FlipoutConvolution]:
-    """Every Flipout convolution of a network."""
-    return (module for module in network.modules() if isinstance(module, FlipoutConvolution))
+class FlipoutDense(FlipoutLayer):
+    """Dense layer with a probabilistic matrix.
+
+    Parameters
+    ----------
+    dense : nn.Linear
+        Layer with the initial means.
+    config : VariationalConfig
+    """
+
+    def __init__(self, dense: nn.Linear, config: VariationalConfig) -> None:
+        super().__init__(dense.weight, dense.bias, config)
+
+    def apply_kernel(self, x: Tensor, kernel: Tensor, bias: Tensor | None = None) -> Tensor:
+        """Multiply: (N, inputs) → (N, outputs)."""
+        return functional.linear(x, kernel, bias)
+
+    def apply_kernels(self, x: Tensor, kernels: Tensor, biases: Tensor) -> Tensor:
+        """Multiply each chunk of the batch by its own matrix."""
+        chunks = x.reshape(len(kernels), -1, x.shape[-1])
+        return torch.baddbmm(biases[:, None], chunks, kernels.mT).flatten(0, 1)
+
+
+def flipouts(network: nn.Module) -> Iterator[FlipoutLayer]:
+    """Every Flipout layer of a network."""
+    return (module for module in network.modules() if isinstance(module, FlipoutLayer))
 
 
 def random_signs(like: Tensor, shape: tuple[int, ...]) -> Tensor:

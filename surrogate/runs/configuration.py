@@ -12,6 +12,11 @@ from shared_schema.common.configuration import read_named, validate
 from surrogate.models.linear_model import LinearModel
 from surrogate.models.model import Model
 from surrogate.models.pod_model import GaussianProcessPOD, RidgePOD
+from surrogate.models.reduced_model import (
+    BayesianReduced,
+    DeterministicReduced,
+    MaximumLikelihoodReduced,
+)
 from surrogate.models.unet_model import BayesianUNet, DeterministicUNet, MaximumLikelihoodUNet
 
 SHIPPED = Path(__file__).parents[1] / "configs"
@@ -21,6 +26,9 @@ BAYESIAN = "(model unet, likelihood variational_bayes)"
 LINEAR = "(model linear, likelihood deterministic)"
 RIDGE_POD = "(model pod, likelihood deterministic)"
 GAUSSIAN_PROCESS_POD = "(model pod, likelihood maximum_likelihood)"
+REDUCED = "(model reduced, likelihood deterministic)"
+MAXIMUM_LIKELIHOOD_REDUCED = "(model reduced, likelihood maximum_likelihood)"
+BAYESIAN_REDUCED = "(model reduced, likelihood variational_bayes)"
 
 
 def tag_of(content: Any) -> str | None:
@@ -39,7 +47,10 @@ RunConfig = Annotated[
     | Annotated[BayesianUNet, Tag(BAYESIAN)]
     | Annotated[LinearModel, Tag(LINEAR)]
     | Annotated[RidgePOD, Tag(RIDGE_POD)]
-    | Annotated[GaussianProcessPOD, Tag(GAUSSIAN_PROCESS_POD)],
+    | Annotated[GaussianProcessPOD, Tag(GAUSSIAN_PROCESS_POD)]
+    | Annotated[DeterministicReduced, Tag(REDUCED)]
+    | Annotated[MaximumLikelihoodReduced, Tag(MAXIMUM_LIKELIHOOD_REDUCED)]
+    | Annotated[BayesianReduced, Tag(BAYESIAN_REDUCED)],
     Discriminator(tag_of),
 ]
 KINDS: dict[str, type[Model]] = {
@@ -49,6 +60,9 @@ KINDS: dict[str, type[Model]] = {
     LINEAR: LinearModel,
     RIDGE_POD: RidgePOD,
     GAUSSIAN_PROCESS_POD: GaussianProcessPOD,
+    REDUCED: DeterministicReduced,
+    MAXIMUM_LIKELIHOOD_REDUCED: MaximumLikelihoodReduced,
+    BAYESIAN_REDUCED: BayesianReduced,
 }
 ADAPTER: TypeAdapter[RunConfig] = TypeAdapter(RunConfig)
 

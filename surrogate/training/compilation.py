@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from shared_schema.common.errors import WorkError, first_line
 from surrogate.probabilistic.likelihoods import Prediction
 
 
-def compiled(network: nn.Module) -> Callable[[Tensor], Prediction]:
-    """Compile a network, once for every shape of its input.
+def compiled(network: Callable[[Tensor], Prediction]) -> Callable[[Tensor], Prediction]:
+    """Compile the map of a network, once for every shape of its input.
 
     The returned function raises WorkError if compilation fails, for instance because there is no
     C++ compiler.

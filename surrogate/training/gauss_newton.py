@@ -53,19 +53,19 @@ class GaussNewtonStd:
         self.information = torch.zeros(sum(self.sizes), device=network.displacement_rms.device)
         self.weight = torch.zeros(())
 
-    def update(self, force: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
+    def update(self, inputs: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
         """Add the estimate of a batch to the average, and set every σ. Collective.
 
         Parameters
         ----------
-        force : Tensor, (n, d, nx, ny[, nz])
-            Forces in N of this process's share of the batch.
+        inputs : Tensor, (n, inputs, nx, ny[, nz])
+            Inputs of `FieldNetwork.learned`, of this process's share of the batch.
         whole : int
             Number of samples in the whole batch.
         factor : float
             Factor κ on the KL divergence.
         """
-        estimate = self._squared_gradients(force) * (self.samples / whole)
+        estimate = self._squared_gradients(inputs) * (self.samples / whole)
         ranks.add_up(estimate)
         self.information.lerp_(estimate, 1 / MEMORY)
         self.weight.lerp_(torch.ones(()), 1 / MEMORY)
@@ -75,11 +75,11 @@ class GaussNewtonStd:
                 std = (h.view_as(parameter.mean) + parameter.prior_std**-2).rsqrt()
                 parameter.set_std(std)
 
-    def _squared_gradients(self, force: Tensor) -> Tensor:
+    def _squared_gradients(self, inputs: Tensor) -> Tensor:
         """Estimate the sum h over some samples, (n_weights,)."""
-        if len(force) == 0:
+        if len(inputs) == 0:
             return torch.zeros_like(self.information)
-        prediction = self.network(force)
+        prediction = self.network.learned(inputs)
         assert prediction.std is not None
         mean, std = (
             field.flatten(2).index_select(2, self.network.free_points)

@@ -91,9 +91,8 @@ def train(
     if run.model.is_file():
         return
     began = time.perf_counter()
-    network = config.build(dataset.geometry, dataset.info)
-    if not run.checkpoint.is_file():
-        config.start_from_data(network, dataset, split.train)
+    network = config.build(dataset.geometry, dataset.info, dataset.material)
+    config.start_from_data(network, dataset, split.train)
     if isinstance(config, TrainedModel):
         trainer = _trainer(config, network, split, dataset, device, ranks)
         _train(trainer, description, dataset, run, stop_after, tensorboard)
@@ -189,7 +188,7 @@ def _finish_fit(
     """Write a model that is fitted directly, and one line of measures with epoch 0."""
     device = network.displacement_rms.device
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
-        store = DeviceStore(split.validation, device)
+        store = DeviceStore(network.prepared(split.validation), device)
         seconds = time.perf_counter() - began
         measures = validate(config, network, store, len(split.validation))
         log.write({"epoch": 0, **measures, "seconds": seconds})

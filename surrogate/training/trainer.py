@@ -68,12 +68,12 @@ class Trainer:
             if posterior.posterior_std == "gauss_newton":
                 self.posterior_std = GaussNewtonStd(self.network, len(self.train))
         self.train_store, self.validation_store = (
-            store_samples(samples, training.samples_on, self.device)
+            store_samples(self.network.prepared(samples), training.samples_on, self.device)
             for samples in (self.train, self.validation)
         )
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
-        self.forward = compiled(self.network) if training.compile else self.network
+        self.forward = compiled(self.network.learned) if training.compile else self.network.learned
         self.captured_step = (
             CapturedStep(partial(self.step, whole=training.batch_size)) if captures else None
         )

@@ -31,7 +31,7 @@ def loss_per_datum(
 def validate(
     model: Model, network: FieldNetwork, store: SampleStore, count: int
 ) -> dict[str, float]:
-    """Measure a network on the validation samples.
+    """Measure a network on the validation samples, as `FieldNetwork.prepared` returns them.
 
     Returns
     -------
@@ -45,8 +45,8 @@ def validate(
     loss, error = 0.0, 0.0
     numbers = torch.arange(count, device=store.home)
     for samples in store.batches(torch.split(numbers, BATCH)):
-        prediction, weight = network(samples.force), len(samples) / count
+        prediction, weight = network.learned(samples.force), len(samples) / count
         loss += weight * float(loss_per_datum(model, network, prediction, samples))
-        mean = prediction.mean.unflatten(0, (network.members, -1)).mean(dim=0)
+        mean = prediction.mean.reshape(network.members, -1, *prediction.mean.shape[1:]).mean(dim=0)
         error += weight * float((mean - samples.displacement).abs().mean())
     return {"validation_loss": loss, "validation_error": error / network.node_fraction}

@@ -14,34 +14,34 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.prediction import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.nodal_gradient import nodal_gradient
-from surrogate.models import unet_model
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
-from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
+from tests.surrogate.plane_strain import plane_strain_stiffness
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
 
-CPU = torch.device("cpu")
 MECHANICS = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
+
+
+MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
 
 
 @pytest.fixture(scope="module")
 def stiff(dataset: Dataset) -> Dataset:
-    """The dataset with the stiffness of its body."""
-    return replace(dataset, stiffness=sparse(plane_strain_stiffness(dataset.geometry)))
+    """The dataset, of the material of `plane_strain_stiffness`."""
+    assert dataset.material == MATERIAL
+    return dataset
 
 
 @pytest.fixture(scope="module")
 def response(stiff: Dataset) -> LinearResponse:
-    found = LinearResponse(stiff.geometry)
-    assert stiff.stiffness is not None
-    found.fit(stiff.stiffness, stiff.train.force)
+    found = LinearResponse(stiff.geometry, MATERIAL)
+    found.scale_gradient(stiff.train.force)
     return found
 
 
@@ -93,9 +93,8 @@ def test_embedded_grid_of_the_nodes(stiff: Dataset, response: LinearResponse) ->
     ]
     grid = Grid(twice[0], once[0], twice[1], once[1])
     assert not grid.points_are_nodes
-    embedded = LinearResponse(replace(stiff.geometry, grid=grid))
-    assert stiff.stiffness is not None
-    embedded.fit(stiff.stiffness, stiff.train.force)
+    embedded = LinearResponse(replace(stiff.geometry, grid=grid), MATERIAL)
+    embedded.scale_gradient(stiff.train.force)
     for found, expected in zip(embedded(stiff.test.force), response(stiff.test.force), strict=True):
         torch.testing.assert_close(found, expected)
 
@@ -105,7 +104,7 @@ def test_a_network_of_zeros_is_linear_elasticity(stiff: Dataset, ensemble: int) 
     config = unet_config(
         case="beam2d", network={"levels": 1, "channels": 2, **MECHANICS}, ensemble=ensemble
     )
-    network = config.build(stiff.geometry, stiff.info)
+    network = config.build(stiff.geometry, stiff.info, MATERIAL)
     config.start_from_data(network, stiff, stiff.train)
     for name, parameter in network.named_parameters():
         if "head" in name:
@@ -122,7 +121,7 @@ def test_scale_is_that_of_the_correction(stiff: Dataset, scale: str) -> None:
     """Root mean square of u − u_lin: over all free components, or one by one."""
     content: dict[str, Any] = {"case": "beam2d", "displacement_scale": scale}
     config = unet_config(network={"levels": 1, "channels": 2, **MECHANICS}, **content)
-    network = config.build(stiff.geometry, stiff.info)
+    network = config.build(stiff.geometry, stiff.info, MATERIAL)
     config.start_from_data(network, stiff, stiff.train)
     assert isinstance(network.linear, LinearResponse)
     rest = stiff.train.displacement - network.linear(stiff.train.force)[0]
@@ -171,24 +170,21 @@ def test_saved_and_exported(
     assert {"displacement", *(["std"] if options else [])} <= set(exported)
 
 
-def test_it_is_wrong_input_without_stiffness(
-    tmp_path: Path, dataset: Dataset, make_config: Callable[..., UNetModel]
-) -> None:
-    config = mechanics_config(make_config)
-    with pytest.raises(InputError, match="skip = 'linear': the dataset has no stiffness"):
-        train(config, dataset, RunFolder(tmp_path / "run"), CPU)
-    assert not (tmp_path / "run").exists()
+def test_it_is_wrong_input_without_material(stiff: Dataset) -> None:
+    config = unet_config(case="beam2d", network={"levels": 1, "channels": 2, **MECHANICS})
+    with pytest.raises(InputError, match="expects the material of the body"):
+        config.build(stiff.geometry, stiff.info)
 
 
-def test_it_is_wrong_input_for_bodies_that_are_too_large(
-    tmp_path: Path,
-    stiff: Dataset,
-    make_config: Callable[..., UNetModel],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(unet_model, "MOST", 55)
-    with pytest.raises(InputError, match="has 56 free degrees of freedom, expected 55 at most"):
-        train(mechanics_config(make_config), stiff, RunFolder(tmp_path / "run"), CPU)
+def test_prepared_samples_lead_to_the_same_prediction(stiff: Dataset) -> None:
+    """What a training computes once, and what it adds in every step, are the whole network."""
+    config = unet_config(case="beam2d", network={"levels": 1, "channels": 2, **MECHANICS})
+    network = config.build(stiff.geometry, stiff.info, MATERIAL).eval()
+    config.start_from_data(network, stiff, stiff.train)
+    prepared = network.prepared(stiff.test)
+    learned = network.learned(prepared.force).mean
+    expected = network(stiff.test.force).mean - stiff.test.displacement
+    torch.testing.assert_close(learned - prepared.displacement, expected, rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from surrogate.optim.optimisers import (
     set_learning_rate,
 )
 from surrogate.optim.schedule import ScheduleConfig
-from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.probabilistic.flipout import VariationalConvolutions
 
 # There are 100 steps, the first 20 of them a warm-up with the factor (step + 1) / 20. After it, the
 # remaining fraction is left = (1 - step / 100) / 0.8, at most 1: 0.5 at step 60, 0.0125 at step 99.
@@ -75,7 +75,7 @@ def test_muon_leaves_first_and_last_kernel_in_3d() -> None:
 @pytest.mark.parametrize("prior_mean", ["trainable", "zero"])
 def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> None:
     """Muon never updates ρ and prior means, which also have the shape of kernels, or biases."""
-    config = VariationalConfig.model_validate(
+    config = VariationalConvolutions.model_validate(
         {"convolutions": [1, 2], "biases": True, "prior_mean": prior_mean}
     )
     network = UNet(2, 4, UNetConfig(levels=2, channels=8), config)
@@ -94,7 +94,7 @@ def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> 
 
 
 def test_muon_takes_weights_and_means_side_by_side() -> None:
-    network = UNet(3, 6, UNetConfig(levels=2, channels=8), VariationalConfig(levels=(1,)))
+    network = UNet(3, 6, UNetConfig(levels=2, channels=8), VariationalConvolutions(levels=(1,)))
     muon, *_ = make_optimisers(network, OptimiserConfig(name="muon"))
     assert names_of(muon, network) == {
         "encoder.0.3.weight",
@@ -107,7 +107,7 @@ def test_muon_takes_weights_and_means_side_by_side() -> None:
 
 def test_rho_has_a_learning_rate_of_its_own_and_no_weight_decay() -> None:
     """Weight decay would pull σ = ln(1 + e^ρ) towards ln 2."""
-    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConfig())
+    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConvolutions())
     config = OptimiserConfig(name="adam", weight_decay=0.1, rho_factor=10)
     rest, spread = make_optimisers(network, config)
     set_learning_rate([rest, spread], 2e-3)

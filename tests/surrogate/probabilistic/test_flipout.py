@@ -22,6 +22,7 @@ from surrogate.probabilistic.flipout import (
     CONVOLVE,
     FlipoutConvolution,
     VariationalConfig,
+    VariationalConvolutions,
     flipouts,
     random_signs,
 )
@@ -381,7 +382,7 @@ def test_random_signs() -> None:
 def test_chosen_convolutions_are_probabilistic(config: dict[str, Any], expected: set[str]) -> None:
     """Without batch norm the convolutions of a level are its layers 0 and 2."""
     shape = UNetConfig(levels=2, channels=4, batch_norm=False)
-    network = UNet(2, 4, shape, VariationalConfig(**config))
+    network = UNet(2, 4, shape, VariationalConvolutions(**config))
     names = {module: name for name, module in network.named_modules()}
     assert {names[layer] for layer in flipouts(network)} == expected
 

@@ -21,7 +21,7 @@ from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
-from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig, flipouts
+from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.stochastic_passes import Drawable, Passes, drawables
@@ -248,7 +248,7 @@ def test_passes_are_independent(dataset: Dataset) -> None:
 
 def test_as_many_passes_at_once_as_there_is_memory_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Second convolutions of 2 levels of 8 and 16 channels: 9 · (2 · 8² + 16²) = 3456 weights."""
-    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConfig())
+    network = UNet(2, 4, UNetConfig(levels=2, channels=8), VariationalConvolutions())
     monkeypatch.setattr("surrogate.probabilistic.stochastic_passes.DRAWN", 3456 * 5 + 1)
     assert Passes(network).at_once == 5
     monkeypatch.setattr("surrogate.probabilistic.stochastic_passes.DRAWN", 1)

@@ -7,6 +7,7 @@ import yaml
 
 from shared_schema.common.errors import InputError
 from surrogate.models.unet_model import DeterministicUNet
+from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.runs.configuration import SHIPPED, read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
@@ -114,7 +115,7 @@ def test_variational_defaults(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text(f"{BAYES}: {{}}")
     variational = read_config(str(path)).posterior
-    assert variational is not None
+    assert isinstance(variational, VariationalConvolutions)
     assert (variational.convolutions, variational.levels) == ((2,), None)
     assert (variational.biases, variational.prior_mean) == (False, "trainable")
     assert (variational.weight, variational.warmup) == (1.0, 0.0)

@@ -18,7 +18,7 @@ from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNet, UNetConfig, parameter_count
 from surrogate.probabilistic.elbo import EvidenceLowerBound
-from surrogate.probabilistic.flipout import VariationalConfig, flipouts
+from surrogate.probabilistic.flipout import VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.runs.folder import RunFolder
@@ -246,7 +246,7 @@ def test_parameters_of_the_paper(prior_mean: str) -> None:
     each of the 9 · (128² + 256² + 512² + 256² + 128²) = 3 833 856 weights. The last convolution has
     twice the outputs, which adds 2 · 128 + 2 parameters. The paper states 15.1 M.
     """
-    config = VariationalConfig.model_validate({"prior_mean": prior_mean})
+    config = VariationalConvolutions.model_validate({"prior_mean": prior_mean})
     with torch.device("meta"):
         deterministic = parameter_count(UNet(2, 2, UNetConfig()))
         found = parameter_count(UNet(2, 4, UNetConfig(), config))

@@ -1,0 +1,125 @@
+r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes that can move.
+
+K is assembled from mesh, supports and material, and factorised. A small body keeps K⁻¹ as a dense
+matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved for: a
+load on a few nodes, met again, then costs a sum of a few columns.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.material import NeoHookean
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.solid import Solid
+
+DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
+KEPT = 2**31  # bytes of all columns that may be kept
+FEW, LOADED = 16, 30  # samples, and loaded degrees of freedom of each, that columns are kept for
+
+
+class Compliance(nn.Module):
+    """Forces on the free nodes in N to their displacements in m.
+
+    Degrees of freedom are numbered component by component: component · n_free + node. K⁻¹ is
+    symmetric, so that gradients with respect to forces are solves too.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    material : NeoHookean
+
+    Attributes
+    ----------
+    free_nodes : Tensor of int, (n_free,)
+        Nodes that can move.
+    matrix : Tensor, (d · n_free, d · n_free)
+        K⁻¹ in m/N; empty for a large body.
+    """
+
+    free_nodes: Tensor
+    matrix: Tensor
+
+    def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
+        super().__init__()
+        mesh = geometry.coordinates, geometry.cells
+        solid = Solid(*mesh, geometry.cell_type, material)
+        layout = BandLayout(*mesh, geometry.clamped)
+        nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
+        factor = BandCholesky.of(layout.assembled(solid.cell_tangents(nothing))[0])
+        if factor is None:
+            raise ValueError("the stiffness of the body is singular; supports are missing")
+        self.factor: BandCholesky | None = factor
+        free = np.flatnonzero(~geometry.clamped)
+        nodes, components = np.divmod(layout.dofs, geometry.dimension)
+        self.order = components * len(free) + np.searchsorted(free, nodes)
+        self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
+        matrix = torch.empty(0)
+        if self.size <= DENSE:
+            matrix = torch.from_numpy(self.solve(np.eye(self.size))).float()
+            self.factor = None
+        self.register_buffer("matrix", matrix, persistent=False)
+        self._columns: NDArray[np.float32] | None = None
+        self._is_kept = np.zeros(self.size, dtype=bool)
+
+    @property
+    def size(self) -> int:
+        """Number of free degrees of freedom."""
+        return len(self.order)
+
+    def forward(self, force: Tensor) -> Tensor:
+        """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
+        if len(self.matrix):
+            return functional.linear(force, self.matrix)
+        response: Tensor = _Response.apply(force, self)  # type: ignore[no-untyped-call]
+        return response
+
+    def solve(self, force: NDArray[Any]) -> NDArray[np.float64]:
+        """Solve with the factor: (N, d · n_free) → same."""
+        assert self.factor is not None
+        found = np.empty(force.shape)
+        found[:, self.order] = self.factor.solve(force[:, self.order].T.astype(np.float64)).T
+        return found
+
+    def respond(self, force: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Respond to a few loads by sums of columns, to others by solves."""
+        loaded = np.flatnonzero(force.any(axis=0))
+        if len(force) > FEW or len(loaded) > LOADED * len(force) or 4 * self.size**2 > KEPT:
+            return self.solve(force).astype(np.float32)
+        return force[:, loaded] @ self.columns(loaded)
+
+    def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""
+        if len(self.matrix):
+            return self.matrix[torch.from_numpy(dofs)].cpu().numpy()
+        if self._columns is None:
+            self._columns = np.empty((self.size, self.size), dtype=np.float32)
+        missing = dofs[~self._is_kept[dofs]]
+        if len(missing):
+            unit = np.zeros((len(missing), self.size))
+            unit[np.arange(len(missing)), missing] = 1
+            self._columns[missing] = self.solve(unit)
+            self._is_kept[missing] = True
+        return self._columns[dofs]
+
+
+class _Response(torch.autograd.Function):
+    """The response of a large body, on the CPU; its derivative is the response to gradients."""
+
+    @staticmethod
+    def forward(ctx: Any, force: Tensor, compliance: Compliance) -> Tensor:
+        ctx.compliance = compliance
+        return torch.from_numpy(compliance.respond(force.cpu().numpy())).to(force)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        (gradient,) = gradients
+        found = ctx.compliance.solve(gradient.cpu().numpy())
+        return torch.from_numpy(found).to(gradient), None

@@ -1,0 +1,133 @@
+"""Models of networks with one of the three likelihoods, alone or in an ensemble."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Literal, Self
+
+import torch
+from pydantic import Field, model_validator
+from torch import nn
+
+from surrogate.models.model import TrainedModel
+from surrogate.models.training_config import (
+    DeterministicTraining,
+    LikelihoodTraining,
+    RecalibratedTraining,
+)
+from surrogate.probabilistic.ensemble import Ensemble
+from surrogate.probabilistic.flipout import VariationalConfig
+from surrogate.seeds import INITIAL_WEIGHTS, stream
+
+
+class NetworkModel(TrainedModel):
+    """One network, or an ensemble of networks.
+
+    Attributes
+    ----------
+    ensemble : int
+        Number of networks, trained together from different initial weights.
+    """
+
+    ensemble: int = Field(1, ge=1)
+    training: RecalibratedTraining
+
+    @model_validator(mode="after")
+    def _factor_of_trained_standard_deviations(self) -> Self:
+        trained = self.posterior is not None and self.posterior.posterior_std == "gradient"
+        factor = self.training.optimiser.rho_factor
+        if factor != 1 and not trained:
+            raise ValueError(
+                f"'training.optimiser.rho_factor' = {factor}: expected 1, as no standard deviation "
+                "of a weight is trained by gradients"
+            )
+        return self
+
+    def members(self, dimension: int) -> nn.Module:
+        """Build the network, or the ensemble; member 0 has the weights of a single network."""
+        networks = []
+        for number in range(self.ensemble):
+            torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *((number,) if number else ())))
+            networks.append(self.member(dimension, number))
+        return Ensemble(networks) if self.ensemble > 1 else networks[0]
+
+    @abstractmethod
+    def member(self, dimension: int, number: int) -> nn.Module:
+        """Build one network in d dimensions, given its number in the ensemble."""
+
+    @property
+    def predicts_std(self) -> bool:
+        """True for an ensemble, and for a network that predicts standard deviations."""
+        return self.ensemble > 1 or super().predicts_std
+
+    @property
+    def has_dropout(self) -> bool:
+        """True if passes differ by dropout."""
+        return False
+
+
+class Deterministic(NetworkModel):
+    """Networks that predict displacements; ensembles and dropout add standard deviations."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+    training: DeterministicTraining = DeterministicTraining()
+
+    @model_validator(mode="after")
+    def _recalibrates_standard_deviations(self) -> Self:
+        if self.training.recalibrate and not (self.predicts_std or self.has_dropout):
+            raise ValueError(
+                "'training.recalibrate' = True: expected a model that predicts standard deviations "
+                "('likelihood', 'ensemble' or 'network.dropout')"
+            )
+        return self
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return self.training.objective
+
+
+class MaximumLikelihood(NetworkModel):
+    """Networks that predict a mean and a standard deviation of every component."""
+
+    likelihood: Literal["maximum_likelihood"] = "maximum_likelihood"
+    training: LikelihoodTraining = LikelihoodTraining()
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return "negative log-likelihood"
+
+    @property
+    def method(self) -> str:
+        """Name of the method, for the summary."""
+        return "maximum likelihood"
+
+
+class Bayesian(NetworkModel):
+    """Networks with random weights, trained by variational Bayes.
+
+    Attributes
+    ----------
+    variational : VariationalConfig
+        Random weights and their priors.
+    """
+
+    likelihood: Literal["variational_bayes"] = "variational_bayes"
+    variational: VariationalConfig
+    training: LikelihoodTraining = LikelihoodTraining()
+
+    @property
+    def posterior(self) -> VariationalConfig:
+        """Configuration of the random weights."""
+        return self.variational
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return "negative evidence lower bound"
+
+    @property
+    def method(self) -> str:
+        """Name of the method, for the summary."""
+        return "variational Bayes"

@@ -1,0 +1,133 @@
+"""Reduced networks as models: deterministic, by maximum likelihood, or by variational Bayes."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+import torch
+from pydantic import model_validator
+from torch import Tensor, nn
+
+from shared_schema.common.errors import InputError
+from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
+from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.models.network_model import (
+    Bayesian,
+    Deterministic,
+    MaximumLikelihood,
+    NetworkModel,
+)
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.reduced_network import (
+    DenseNetwork,
+    ReducedConfig,
+    ReducedNetwork,
+    VariationalLayers,
+)
+from surrogate.probabilistic.likelihoods import output_channels
+from surrogate.seeds import INITIAL_WEIGHTS, stream
+
+
+class ReducedModel(NetworkModel):
+    """One reduced network, or an ensemble whose members share their modes.
+
+    Attributes
+    ----------
+    network : ReducedConfig
+    """
+
+    title = "reduced network"
+
+    model: Literal["reduced"]
+    network: ReducedConfig = ReducedConfig()
+
+    def build(
+        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+    ) -> FieldNetwork:
+        """Build the network between fields in SI units, with the linear response."""
+        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
+        linear = LinearResponse(geometry, required(material), gradient=False)
+        return FieldNetwork(network, geometry, info, linear, skip=True)
+
+    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+        """Build the network; its modes are empty until `start_from_data`."""
+        return ReducedNetwork(self.members(dimension), self.network, free)
+
+    def member(self, dimension: int, number: int) -> nn.Module:
+        """Build one dense network."""
+        posterior = self.posterior
+        assert posterior is None or isinstance(posterior, VariationalLayers)
+        outputs = output_channels(self.likelihood, self.network.output_modes)
+        return DenseNetwork(self.network, outputs, posterior)
+
+    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+        """Raise InputError if there are more modes than samples or free degrees of freedom."""
+        geometry = dataset.geometry
+        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
+        for key in ("input_modes", "output_modes"):
+            value = getattr(self.network, key)
+            if value > most:
+                raise InputError(
+                    f"config '{self.name}': key 'network.{key}' = {value}: expected {most} at "
+                    "most, the smaller of the numbers of training samples and of free degrees of "
+                    "freedom"
+                )
+
+    def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Set the scale, then the modes."""
+        correction = network.prepared(train).displacement
+        if self.displacement_scale == "node":
+            network.scale_by_node(correction)
+        else:
+            network.scale_globally(correction)
+        reduced, response = network.network, network.linear
+        assert isinstance(reduced, ReducedNetwork)
+        assert isinstance(response, LinearResponse)
+        reduced.fit(
+            lambda force: response(force)[0],
+            train.displacement - correction,
+            correction / network.displacement_scale,
+            network.force_scale,
+            stream(self.seed, INITIAL_WEIGHTS),
+        )
+
+    @property
+    def architecture(self) -> str:
+        """Describe the network, such as "reduced network, 48 → 3 × 256 → 96, linear response"."""
+        network = self.network
+        count = f"{self.ensemble} reduced networks" if self.ensemble > 1 else "reduced network"
+        shape = f"{network.input_modes} → {network.depth} × {network.width}"
+        return f"{count}, {shape} → {network.output_modes}, linear response"
+
+
+class DeterministicReduced(Deterministic, ReducedModel):
+    """Reduced networks that predict displacements; ensembles add standard deviations."""
+
+
+class MaximumLikelihoodReduced(MaximumLikelihood, ReducedModel):
+    """Reduced networks that predict means and standard deviations of the coefficients."""
+
+
+class BayesianReduced(Bayesian, ReducedModel):
+    """Reduced networks with random weights, trained by variational Bayes.
+
+    Attributes
+    ----------
+    variational : VariationalLayers
+        Random layers and their priors.
+    """
+
+    variational: VariationalLayers
+
+    @model_validator(mode="after")
+    def _layers_of_the_network(self) -> Self:
+        layers, depth = self.variational.layers or (), self.network.depth
+        if not set(layers) <= set(range(depth + 1)):
+            raise ValueError(
+                f"'variational.layers' = {list(layers)}, expected layers of the network, "
+                f"0 to {depth}"
+            )
+        return self

@@ -1,0 +1,231 @@
+r"""Reduced networks: a dense network between modes of the linear response and of its correction.
+
+.. math:: a = Φ^T U_{lin}(F), \qquad c = N(a), \qquad U = U_{lin}(F) + V c
+
+The columns of Φ are the leading orthonormal modes of the linear responses :math:`U_{lin} = S F` of
+the training samples, those of V the leading modes of their corrections :math:`U - U_{lin}`. As S is
+symmetric, :math:`a = (S Φ)^T F` needs no solve. A network with standard deviations σ of the
+coefficients c gives, with the part ε of the corrections that the modes cannot represent,
+
+.. math:: σ_i^2 = \sum_k V_{ik}^2 \, σ_k(a)^2 + \overline{ε_i^2}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+from torch.nn import functional
+
+from shared_schema.common.configuration import Frozen
+from surrogate.networks.field_network import SMALLEST_STD
+from surrogate.networks.fitted import Fitted
+from surrogate.probabilistic.flipout import FlipoutDense, VariationalConfig
+from surrogate.probabilistic.likelihoods import Prediction
+
+ACTIVATIONS: dict[str, Callable[[], nn.Module]] = {
+    "relu": nn.ReLU,
+    "gelu": nn.GELU,
+    "silu": nn.SiLU,
+}
+LARGEST_SVD = 2000  # samples; of more, a random part is decomposed
+POWER_ITERATIONS, SPARE_MODES = 4, 20
+
+
+class VariationalLayers(VariationalConfig):
+    """Selection of the probabilistic layers of a dense network, and their priors.
+
+    Attributes
+    ----------
+    layers : tuple of int, optional
+        Numbers of the probabilistic layers, from 0 for the first to `depth` for the last; all
+        layers if left out.
+    """
+
+    layers: tuple[int, ...] | None = Field(None, min_length=1)
+
+    def covers(self, layer: int) -> bool:
+        """Tell whether a layer is probabilistic."""
+        return self.layers is None or layer in self.layers
+
+
+class ReducedConfig(Frozen):
+    """Architecture of a reduced network.
+
+    Attributes
+    ----------
+    input_modes, output_modes : int
+        Number of modes of the linear response, and of its correction.
+    width, depth : int
+        Width and number of the hidden layers.
+    activation : {"relu", "gelu", "silu"}
+    """
+
+    input_modes: int = Field(48, ge=1)
+    output_modes: int = Field(96, ge=1)
+    width: int = Field(256, ge=1)
+    depth: int = Field(3, ge=1)
+    activation: Literal["relu", "gelu", "silu"] = "silu"
+
+
+class DenseNetwork(nn.Module):
+    """Dense layers with activations between them: (N, inputs) → (N, outputs).
+
+    The last layer starts at zero, and so the network with linear elasticity.
+
+    Parameters
+    ----------
+    config : ReducedConfig
+    outputs : int
+    variational : VariationalLayers, optional
+        Choice of the layers with random weights; without it all weights are deterministic.
+    """
+
+    def __init__(
+        self, config: ReducedConfig, outputs: int, variational: VariationalLayers | None = None
+    ) -> None:
+        super().__init__()
+
+        def layer(number: int, inputs: int, outputs: int) -> nn.Module:
+            dense = nn.Linear(inputs, outputs)
+            if number < config.depth:
+                nn.init.kaiming_normal_(dense.weight, nonlinearity="relu")
+            else:
+                nn.init.zeros_(dense.weight)
+            nn.init.zeros_(dense.bias)
+            is_random = variational is not None and variational.covers(number)
+            return FlipoutDense(dense, variational) if variational and is_random else dense
+
+        self.first = layer(0, config.input_modes, config.width)
+        self.hidden = nn.ModuleList(
+            layer(number, config.width, config.width) for number in range(1, config.depth)
+        )
+        self.head = layer(config.depth, config.width, outputs)
+        self.activation = ACTIVATIONS[config.activation]()
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Evaluate."""
+        x = self.activation(self.first(x))
+        for layer in self.hidden:
+            x = self.activation(layer(x))
+        y: Tensor = self.head(x)
+        return y
+
+
+class ReducedNetwork(Fitted):
+    """Map from the scaled force grid to the scaled correction of the linear response.
+
+    Parameters
+    ----------
+    dense : nn.Module
+        Network (N, input_modes) → (K·N, output_modes) or twice as many outputs: first the means,
+        then ρ of the standard deviations.
+    config : ReducedConfig
+    free : Tensor of bool, (nx, ny[, nz])
+        True at grid points that are nodes and not clamped.
+
+    Attributes
+    ----------
+    encoder : Tensor, (input_modes, d · n_free)
+        Scaled forces to scaled coefficients a of the linear response.
+    modes : Tensor, (output_modes, d · n_free)
+        Modes V, times the root mean square of their coefficients.
+    truncation : Tensor, (d · n_free,)
+        Root mean square of the part of the scaled corrections that the modes cannot represent.
+    """
+
+    points: Tensor
+    encoder: Tensor
+    modes: Tensor
+    truncation: Tensor
+
+    def __init__(self, dense: nn.Module, config: ReducedConfig, free: Tensor) -> None:
+        super().__init__("encoder", "modes", "truncation")
+        self.dense, self.config = dense, config
+        self.register_buffer("points", free.flatten().nonzero().squeeze(1), persistent=False)
+
+    @torch.no_grad()
+    def fit(
+        self,
+        respond: Callable[[Tensor], Tensor],
+        linear: Tensor,
+        correction: Tensor,
+        force_scale: Tensor,
+        seed: int,
+    ) -> None:
+        """Compute the modes.
+
+        Parameters
+        ----------
+        respond : callable
+            Linear response S on the grid: forces in N to displacements in m.
+        linear : Tensor, (N, d, nx, ny[, nz])
+            Linear responses of the training samples, in m.
+        correction : Tensor, (N, d, nx, ny[, nz])
+            Their corrections, scaled.
+        force_scale : Tensor, ()
+            Unit of the scaled forces, in N.
+        seed : int
+            Seed of the choice of samples and of the decomposition.
+        """
+        generator = torch.Generator().manual_seed(seed)
+        chosen = torch.randperm(len(linear), generator=generator)[:LARGEST_SVD].sort().values
+        inputs, outputs = self._at_points(linear[chosen]), self._at_points(correction[chosen])
+        modes = leading_modes(inputs, self.config.input_modes, seed)
+        unit = (inputs @ modes.T).square().mean().sqrt()
+        on_grid = self._on_grid(modes, linear[: len(modes)])
+        self.encoder = self._at_points(respond(on_grid)) * (force_scale / unit)
+        modes = leading_modes(outputs, self.config.output_modes, seed)
+        coefficients = outputs @ modes.T
+        self.modes = modes * coefficients.square().mean().sqrt()
+        self.truncation = (outputs - coefficients @ modes).square().mean(dim=0).sqrt()
+
+    def forward(self, force: Tensor) -> Tensor | Prediction:
+        """Predict scaled corrections from scaled forces, both (N, d, nx, ny[, nz])."""
+        y = self.dense(functional.linear(self._at_points(force), self.encoder)).to(force.dtype)
+        count = len(self.modes)
+        mean = self._on_grid(y[:, :count] @ self.modes, force)
+        if y.shape[1] == count:
+            return mean
+        std = functional.softplus(y[:, count:])
+        variance = std.square() @ self.modes.square() + self.truncation.square()
+        return Prediction(mean, self._on_grid((variance + SMALLEST_STD**2).sqrt(), force))
+
+    def _at_points(self, grid: Tensor) -> Tensor:
+        return grid.flatten(2).index_select(2, self.points).flatten(1)
+
+    def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
+        """Place the values of free points on a grid like another, with zeros elsewhere."""
+        fields = values.reshape(values.shape[0], like.shape[1], -1)
+        grid = fields.new_zeros(*fields.shape[:2], like[0, 0].numel())
+        placed: Tensor = grid.index_copy(2, self.points, fields).reshape(-1, *like.shape[1:])
+        return placed
+
+
+def leading_modes(snapshots: Tensor, count: int, seed: int) -> Tensor:
+    """Return leading orthonormal modes of some snapshots, (count, n), not centred.
+
+    Parameters
+    ----------
+    snapshots : Tensor, (N, n)
+    count : int
+        Number of modes, at most N and n.
+    seed : int
+        Seed of the randomised decomposition of a large matrix.
+    """
+    if min(snapshots.shape) <= 4 * count:
+        found: Tensor = torch.linalg.svd(snapshots, full_matrices=False).Vh[:count].contiguous()
+        return found
+    from sklearn.utils.extmath import randomized_svd
+
+    _, _, modes = randomized_svd(
+        snapshots.numpy(),
+        count,
+        n_oversamples=SPARE_MODES,
+        n_iter=POWER_ITERATIONS,
+        random_state=seed % 2**32,
+    )
+    return torch.from_numpy(modes)
