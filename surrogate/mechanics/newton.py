@@ -81,18 +81,20 @@ def correct(
         norm = float(np.linalg.norm(r))
         if norm <= tolerance:
             return Correction(u[0], start, iteration, norm)
-        step, _ = equilibrium.newton_steps(u, r)
-        advanced = _searched(equilibrium, f, u, r, step)
+        advanced = searched(equilibrium, f, u, r, equilibrium.newton_step(u, r))
         if advanced is None:
             break
         u, r = advanced
     raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} N")
 
 
-def _searched(
+def searched(
     equilibrium: Equilibrium, f: Array, u: Array, r: Array, step: Array
 ) -> tuple[Array, Array] | None:
-    """Search along a step: the next displacement with its r; None if Π does not decrease."""
+    """Search along a step: the next displacement with its r; None if Π does not decrease.
+
+    All arrays are (1, n_nodes, d).
+    """
     potential, slope = equilibrium.potential(u, f), float((r * step).sum())
     for halving in range(HALVINGS):
         part = 0.5**halving

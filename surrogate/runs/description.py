@@ -47,11 +47,6 @@ class DataFingerprint(Frozen):
         """Material of the body; InputError if the case does not name it."""
         return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
 
-    @property
-    def material(self) -> NeoHookean:
-        """Material of the body; InputError if the case does not name it."""
-        return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
-
 
 class RunDescription(Frozen):
     """Content of ``config.yaml``.
