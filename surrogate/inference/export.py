@@ -25,6 +25,9 @@ from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.prediction import Surrogate, load, require_passes
+from surrogate.mechanics.block_solve import BlockSolve
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.moments import Moments
 
@@ -109,6 +112,7 @@ def export(
         require_passes(passes, seed or 0)
         surrogate.passes.draw(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
+    _make_exportable(surrogate)
     function = NodalFunction(surrogate.nodal_network, passes)
     force = random_loads(surrogate, 2)
     with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
@@ -134,6 +138,15 @@ def export(
                 f"expected {TOLERANCE:.0e} at most"
             )
     return difference
+
+
+def _make_exportable(surrogate: Surrogate) -> None:
+    """Replace the solver of a large body, which a file cannot hold, by an equal one that it can."""
+    linear = surrogate.network.linear
+    if not isinstance(linear, LinearResponse):
+        return
+    if isinstance(linear.compliance, Compliance) and linear.compliance.factor is not None:
+        linear.compliance = BlockSolve(linear.compliance)
 
 
 def load_exported(path: Path) -> Callable[[Tensor], Fields]:

@@ -119,11 +119,16 @@ class BandCholesky:
 
     factor: Array
 
+    @property
+    def width(self) -> int:
+        """Number b of diagonals below the main one."""
+        return len(self.factor) - 1
+
     @cached_property
     def _blocks(self) -> list[tuple[Array, Array]]:
         """Blocks of L: on the diagonal and below it, from the first rows to the last."""
         rows, n = self.factor.shape
-        size, blocks = rows - 1, []
+        size, blocks = self.width, []
         for start in range(0, n, size):
             end, below = min(start + size, n), min(start + 2 * size, n)
             columns = self.factor[:, start:end]

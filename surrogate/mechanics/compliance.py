@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -42,7 +43,15 @@ class Compliance(nn.Module):
         Nodes that can move.
     matrix : Tensor, (d · n_free, d · n_free)
         K⁻¹ in m/N; empty for a large body.
+    factor : BandCholesky or None
+        Factor of K, of a large body.
+    order : array of int, (d · n_free,)
+        Degrees of freedom in the order of the factor.
+    stiffness : csr_array, (d · n_free, d · n_free)
+        K in N/m of a large body, in the order of the factor.
     """
+
+    stiffness: csr_array
 
     free_nodes: Tensor
     matrix: Tensor
@@ -53,7 +62,8 @@ class Compliance(nn.Module):
         solid = Solid(*mesh, geometry.cell_type, material)
         layout = BandLayout(*mesh, geometry.clamped)
         nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
-        factor = BandCholesky.of(layout.assembled(solid.cell_tangents(nothing))[0])
+        tangents = solid.cell_tangents(nothing)
+        factor = BandCholesky.of(layout.assembled(tangents)[0])
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         self.factor: BandCholesky | None = factor
@@ -65,6 +75,8 @@ class Compliance(nn.Module):
         if self.size <= DENSE:
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).float()
             self.factor = None
+        else:
+            self.stiffness = assembled(tangents[0].numpy(), geometry, layout.dofs)
         self.register_buffer("matrix", matrix, persistent=False)
         self._columns: NDArray[np.float32] | None = None
         self._is_kept = np.zeros(self.size, dtype=bool)
@@ -108,6 +120,26 @@ class Compliance(nn.Module):
             self._columns[missing] = self.solve(unit)
             self._is_kept[missing] = True
         return self._columns[dofs]
+
+
+def assembled(
+    tangents: NDArray[np.float64], geometry: Geometry, dofs: NDArray[np.int64]
+) -> csr_array:
+    """Assemble the matrices of the cells, (n_cells, m, m), at some degrees of freedom.
+
+    Parameters
+    ----------
+    tangents : array, (n_cells, m, m)
+    geometry : Geometry
+    dofs : array of int, (n,)
+        Rows and columns, node · d + component, in the order of the result.
+    """
+    d, size = geometry.dimension, tangents.shape[1]
+    cells = (geometry.cells[:, :, None] * d + np.arange(d)).reshape(-1, size)
+    rows, columns = np.repeat(cells, size, axis=1), np.tile(cells, size)
+    n = geometry.coordinates.size
+    whole = coo_array((tangents.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()
+    return whole[dofs][:, dofs]
 
 
 class _Response(torch.autograd.Function):

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.nodal_gradient import nodal_gradient
 from surrogate.networks.weighted_sums import WeightedSums, padded_rows, transposed
@@ -47,7 +48,7 @@ class LinearResponse(nn.Module):
         super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
-        self.compliance = Compliance(geometry, material)
+        self.compliance: Compliance | BlockSolve = Compliance(geometry, material)
         sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
         weights = grid.source_weights.reshape(sources.shape)
         self.to_grid = WeightedSums(sources, weights)
@@ -94,7 +95,7 @@ class LinearResponse(nn.Module):
             nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
             gradients = [operator(nodal) / self.gradient_rms for operator in self.derivatives]
             fields = torch.cat([nodal, *gradients], dim=1)
-            grid = self.to_grid(fields).reshape(force.shape[0], -1, *self.shape)
+            grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
         d = force.shape[1]
         return grid[:, :d], grid[:, d:]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 from torch import Tensor
@@ -48,6 +48,9 @@ class TrainingConfig(SplitConfig, ABC):
 
     Attributes
     ----------
+    mirrors : tuple of {"x", "y", "z"}
+        Axes about whose normal planes the body is symmetric, which is checked; the mirror images of
+        the training samples are then training samples too.
     epochs : int
     batch_size : int
     optimiser : OptimiserConfig
@@ -69,6 +72,7 @@ class TrainingConfig(SplitConfig, ABC):
         Time between two checkpoints; one is always written at the end.
     """
 
+    mirrors: tuple[Literal["x", "y", "z"], ...] = ()
     epochs: int = Field(600, gt=0)
     batch_size: int = Field(4, gt=0)
     optimiser: OptimiserConfig = OptimiserConfig()

@@ -10,6 +10,7 @@ import math
 import sys
 import time
 from contextlib import closing
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -18,6 +19,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
+from surrogate.data.mirror import with_mirror_images
 from surrogate.data.sample_store import DeviceStore
 from surrogate.device import lay_out
 from surrogate.hardware import hardware
@@ -81,6 +83,9 @@ def train(
         require_tensorboard()
     description = describe(config, dataset)
     split = split_training(dataset.train, config)
+    if isinstance(config, TrainedModel):
+        key, axes = f"config '{config.name}': key 'training.mirrors'", config.training.mirrors
+        split = replace(split, train=with_mirror_images(split.train, dataset.geometry, axes, key))
     if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
             f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "

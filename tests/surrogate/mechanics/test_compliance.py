@@ -1,0 +1,91 @@
+"""The compliance of a body: dense, by columns, and by solves, against a dense inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from surrogate.data.dataset import Dataset
+from surrogate.mechanics import compliance
+from surrogate.mechanics.block_solve import BlockSolve
+from surrogate.mechanics.compliance import Compliance
+from tests.surrogate.plane_strain import plane_strain_stiffness
+
+
+@pytest.fixture(scope="module")
+def inverse(dataset: Dataset) -> np.ndarray:
+    """K⁻¹ of the free degrees of freedom, component by component."""
+    free = np.flatnonzero(~dataset.geometry.clamped)
+    dofs = (2 * free + np.arange(2)[:, None]).ravel()
+    result: np.ndarray = np.linalg.inv(plane_strain_stiffness(dataset.geometry)[np.ix_(dofs, dofs)])
+    return result
+
+
+@pytest.fixture
+def large(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> Compliance:
+    """The compliance as of a body with too many degrees of freedom for a dense matrix."""
+    monkeypatch.setattr(compliance, "DENSE", 0)
+    return Compliance(dataset.geometry, dataset.material)
+
+
+def loads(n: int, samples: int, loaded: int) -> np.ndarray:
+    """Random forces on a few random degrees of freedom of every sample."""
+    rng = np.random.default_rng(0)
+    force = np.zeros((samples, n), dtype=np.float32)
+    for row in force:
+        row[rng.choice(n, loaded, replace=False)] = rng.normal(size=loaded)
+    return force
+
+
+def assert_close(found: torch.Tensor, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found.numpy(), expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_dense_matrix_of_a_small_body(dataset: Dataset, inverse: np.ndarray) -> None:
+    small = Compliance(dataset.geometry, dataset.material)
+    assert_close(small.matrix, inverse)
+    assert small.factor is None
+    force = loads(small.size, 5, small.size)
+    assert_close(small(torch.from_numpy(force)), force @ inverse)
+
+
+def test_block_elimination_of_an_exported_file(large: Compliance, inverse: np.ndarray) -> None:
+    """In single precision; its refinements make it as accurate as the factor."""
+    assert large.factor is not None
+    solve = BlockSolve(large)
+    assert len(solve.starts) > 2
+    force = loads(large.size, 3, 5)
+    expected = force @ inverse
+    found = solve(torch.from_numpy(force).double())
+    np.testing.assert_allclose(found.numpy(), expected, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("samples", "loaded"), [(1, 3), (3, 8), (40, 3), (2, 56)])
+def test_a_large_body_responds_by_columns_or_solves(
+    large: Compliance, inverse: np.ndarray, samples: int, loaded: int
+) -> None:
+    force = loads(large.size, samples, loaded)
+    for _ in range(2):  # the second time from the columns that are kept
+        assert_close(large(torch.from_numpy(force)), force @ inverse)
+
+
+def test_columns_are_solved_for_once(
+    large: Compliance, inverse: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dofs = np.array([3, 20])
+    np.testing.assert_allclose(large.columns(dofs), inverse[dofs], rtol=1e-4, atol=1e-6)
+    monkeypatch.setattr(large, "solve", None)
+    assert large.columns(dofs[::-1]).shape == (2, large.size)
+    with pytest.raises(TypeError):
+        large.columns(np.array([4]))
+
+
+def test_derivative_of_the_response_is_the_response_to_gradients(
+    large: Compliance, inverse: np.ndarray
+) -> None:
+    force = torch.from_numpy(loads(large.size, 2, 4)).requires_grad_()
+    weights = torch.from_numpy(loads(large.size, 2, large.size))
+    (large(force) * weights).sum().backward()
+    assert force.grad is not None
+    assert_close(force.grad, weights.numpy() @ inverse)
