@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
+    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun

@@ -33,7 +33,7 @@ def make_parser(program: str, description: str, version: str) -> tuple[Parser, C
     parser = argparse.ArgumentParser(
         prog=program,
         description=description,
-        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
+        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong, 3 not certified.",
     )
     parser.add_argument("--version", action="version", version=f"{program} {version}")
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")

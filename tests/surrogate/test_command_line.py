@@ -173,7 +173,7 @@ def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFix
 
 
 def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ("--correct", "--certify", "--tolerance", "1e-9")
+    options = ("--correct", "--certify", "--tolerance", "1e-6")
     code, fields = predict_at_corner(trained, out, *options)
     assert code == 0
     printed = capsys.readouterr().out
@@ -184,9 +184,9 @@ def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFix
     ]
     model = surrogate.load(trained)
     np.testing.assert_array_equal(fields["predicted"], model.predict(fields["force"]))
-    assert model.certify(fields["force"], fields["displacement"]).max_error < 1e-9
+    assert model.certify(fields["force"], fields["displacement"]).max_error < 1e-6
     correction = model.correct(fields["force"])
-    np.testing.assert_allclose(correction.displacement, fields["displacement"], atol=1e-10)
+    np.testing.assert_allclose(correction.displacement, fields["displacement"], atol=1e-6)
 
 
 def test_train_refusals(
