@@ -29,7 +29,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report reproduce test lint clean debian-packages \
+.PHONY: help setup demo data train evaluate report shelve reproduce test lint clean debian-packages \
 	images compose-demo test-images test-datagen test-surrogate
 
 help: ## list the targets
@@ -56,6 +56,9 @@ evaluate: train ## evaluate the run on the test split and draw its figures
 
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
+
+shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE
+	$(SURROGATE) shelve $(RUN) $(CASE)
 
 reproduce: setup ## make the paper's tables and figures at SCALE=smoke|laptop|paper
 	@$(REPRODUCE) --list-data > .venv-surrogate/data-commands

@@ -1,7 +1,7 @@
 """Learner: U-Net surrogates of large-deformation solids, trained on datasets made by `datagen`.
 
 >>> import surrogate
->>> model = surrogate.load("runs/beam2d-det-fast")      # doctest: +SKIP
+>>> model = surrogate.load("beam2d_any")  # or a run folder  # doctest: +SKIP
 >>> displacement = model.predict(forces)                # doctest: +SKIP
 """
 

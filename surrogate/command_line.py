@@ -1,8 +1,9 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report, study, reproduce."""
+"""The command ``surrogate``: train, evaluate, predict, export, report, list, shelve, studies."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -13,6 +14,9 @@ from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
     from surrogate.studies.framework.study import Study
+
+
+RUN = "run folder, or a trained network of the package (surrogate list)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,12 +45,19 @@ def _parser() -> argparse.ArgumentParser:
         help="stop after this epoch, with a checkpoint to resume from",
     )
     train.add_argument(
+        "--seconds",
+        type=float,
+        default=math.inf,
+        metavar="S",
+        help="begin no epoch after this time, and write a checkpoint to resume from",
+    )
+    train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
     )
     train.set_defaults(command=_train)
 
     evaluate = commands.add_parser("evaluate", help="measure a run on the test split, draw figures")
-    evaluate.add_argument("run", type=Path, metavar="RUN")
+    evaluate.add_argument("run", type=Path, metavar="RUN", help=RUN)
     evaluate.add_argument("--data", type=Path, required=True, metavar="DIR")
     evaluate.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     _add_passes(evaluate, "number of passes of a stochastic network (default 300)")
@@ -62,10 +73,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="LEVEL",
         help="fit conformal intervals to the run's calibration samples, and measure them",
     )
+    evaluate.add_argument(
+        "--out", type=Path, metavar="DIR", help="write into a new copy of the run, not into it"
+    )
     evaluate.set_defaults(command=_evaluate)
 
     predict = commands.add_parser("predict", help="predict one load case and write the fields")
-    predict.add_argument("run", type=Path, metavar="RUN")
+    predict.add_argument("run", type=Path, metavar="RUN", help=RUN)
     predict.add_argument(
         "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
     )
@@ -96,19 +110,29 @@ def _parser() -> argparse.ArgumentParser:
     export = commands.add_parser(
         "export", help="write the network as a file that needs no code of this project"
     )
-    export.add_argument("run", type=Path, metavar="RUN")
+    export.add_argument("run", type=Path, metavar="RUN", help=RUN)
     export.add_argument("--format", choices=("onnx", "pt2"), required=True)
     export.add_argument("--out", type=Path, required=True, metavar="FILE.(onnx|pt2)")
     _add_passes(export, "number of passes in the file (default: mean weights, without passes)")
     export.set_defaults(command=_export)
 
     report = commands.add_parser("report", help="write a run's results as one HTML page")
-    report.add_argument("run", type=Path, metavar="RUN", help="an evaluated run")
+    report.add_argument("run", type=Path, metavar="RUN", help=f"an evaluated {RUN}")
     report.add_argument(
         "--nodal", type=Path, metavar="DIR", help="nodal dataset; the page shows its solve times"
     )
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
+
+    listed = commands.add_parser("list", help="list the trained networks of the package")
+    listed.set_defaults(command=_list)
+
+    shelve = commands.add_parser(
+        "shelve", help="put a run among the trained networks of the package"
+    )
+    shelve.add_argument("run", type=Path, metavar="RUN", help="an evaluated run folder")
+    shelve.add_argument("name", metavar="NAME", help="name of the network, such as its case")
+    shelve.set_defaults(command=_shelve)
 
     study = commands.add_parser("study", help="make some of the paper's tables and figures")
     study.add_argument("names", nargs="+", metavar="NAME", help="study, such as force-sweep-beam")
@@ -170,7 +194,16 @@ def _train(options: argparse.Namespace) -> None:
     run = RunFolder(options.out)
     with joined(options.device) as (ranks, device):
         dataset = read_dataset(options.data)
-        train(config, dataset, run, device, options.stop_after, ranks, options.tensorboard)
+        train(
+            config,
+            dataset,
+            run,
+            device,
+            options.stop_after,
+            ranks,
+            options.tensorboard,
+            options.seconds,
+        )
     if not ranks.is_first:
         return
     lines = run.metric_lines()
@@ -189,24 +222,26 @@ def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.runs.folder import RunFolder
 
     device = choose_device(options.device).type
+    run = options.out or options.run
     evaluation = evaluate(
         options.run,
         options.data,
         device,
         loads=options.loads,
         conformal=options.conformal,
+        out=options.out,
         **_passes(options),
     )
-    write_figures(evaluation, RunFolder(options.run))
+    write_figures(evaluation, RunFolder(run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
-        f"{options.run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
+        f"{run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
         f"standard deviation {measures.std_error:.3e} m, largest {measures.max_error:.3e} m"
     )
     if calibration is not None:
         shares = ", ".join(f"{i.coverage:.1%} of {i.level:.0%}" for i in calibration.intervals)
         print(
-            f"{options.run}: mean predicted standard deviation {calibration.mean_std:.3e} m, "
+            f"{run}: mean predicted standard deviation {calibration.mean_std:.3e} m, "
             f"intervals cover {shares}"
         )
 
@@ -218,6 +253,7 @@ def _predict(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
     from surrogate.inference.prediction import load
     from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
     from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
@@ -225,7 +261,7 @@ def _predict(options: argparse.Namespace) -> None:
         raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
     intervals = None
     if options.conformal:
-        intervals = load_intervals(RunFolder(options.run).intervals)
+        intervals = load_intervals(RunFolder(find_run(options.run)).intervals)
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
@@ -273,6 +309,19 @@ def _report(options: argparse.Namespace) -> None:
 
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())
+
+
+def _list(options: argparse.Namespace) -> None:
+    from surrogate.presentation.trained_list import trained_list
+
+    print(trained_list())
+
+
+def _shelve(options: argparse.Namespace) -> None:
+    from surrogate.runs.shelf import shelve, size_of
+
+    folder = shelve(options.run, options.name)
+    print(f"{folder}: {size_of(folder) / 1e6:.1f} MB")
 
 
 def _study(options: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 
-RELATIVE_TOLERANCE = 1e-6  # of the size of the mesh
+RELATIVE_TOLERANCE = 1e-4  # of the size of the mesh, for places given in four decimals
 
 
 @dataclass(frozen=True)

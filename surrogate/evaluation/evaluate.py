@@ -23,6 +23,7 @@ from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import copy_run, find_run, is_shelved
 from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
 from surrogate.uncertainty.intervals import fit_intervals
 
@@ -83,12 +84,14 @@ def evaluate(
     seed: int = 0,
     loads: Path | None = None,
     conformal: float | None = None,
+    out: Path | None = None,
 ) -> Evaluation:
     """Evaluate a run on the test split of a dataset and write the measures into it.
 
     Parameters
     ----------
     run_folder : Path
+        Run folder, or the name of a network that comes with the package.
     data : Path
         Structured dataset.
     device : str
@@ -99,12 +102,23 @@ def evaluate(
     conformal : float, optional
         Level of conformal intervals, fitted to the run's calibration split and measured on the test
         split.
+    out : Path, optional
+        New folder for a copy of the run, into which the measures are written instead.
 
     Raises
     ------
     InputError
-        If the run or the dataset is missing or damaged, or their cases differ.
+        If the run or the dataset is missing or damaged, their cases differ, `out` exists, or it is
+        missing for a network that comes with the package.
     """
+    run_folder = find_run(run_folder)
+    if out is None and is_shelved(run_folder):
+        raise InputError(
+            f"{run_folder.name}: comes with the package and is not changed; expected --out DIR, "
+            "a new folder for a copy with the results"
+        )
+    if out is not None and out.exists():
+        raise InputError(f"--out '{out}': exists, expected a new folder")
     run = RunFolder(run_folder)
     description = run.description()
     surrogate = load(run_folder, device)
@@ -132,7 +146,7 @@ def evaluate(
         _calibration(surrogate, distribution, reference),
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
     )
-    lines = run.metric_lines()
+    epochs, seconds = run.training_effort()
     content: dict[str, Any] = {
         "run": description.run.name,
         "case": description.run.case,
@@ -142,8 +156,8 @@ def evaluate(
         "data_digest": dataset.manifest.digest,
         "trained_on_this_data": dataset.manifest.digest == description.data.digest,
         "trainable_parameters": parameter_count(surrogate.network),
-        "training_seconds": lines[-1]["seconds"] if lines else 0.0,
-        "epochs": lines[-1]["epoch"] if lines else 0,
+        "training_seconds": seconds,
+        "epochs": epochs,
         "test": evaluation.measures.plain(),
         "example": evaluation.example_measures(),
         "torch": torch.__version__,
@@ -156,6 +170,9 @@ def evaluate(
         content["uncertainty"] = {**drawn, **evaluation.calibration.plain()}
     if evaluation.extrapolation is not None:
         content["extrapolation"] = evaluation.extrapolation.plain()
+    if out is not None:
+        copy_run(run_folder, out)
+        run = RunFolder(out)
     if intervals is not None:
         content["conformal"] = intervals.measures(surrogate, distribution, reference)
         intervals.save(run.intervals)

@@ -14,6 +14,8 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.device import convolutions
+from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.equilibrium import Equilibrium
@@ -25,10 +27,12 @@ from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
 
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
+LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
 
 
@@ -102,7 +106,10 @@ class Surrogate:
         return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
-        """Predict displacements, as the mean of `predict_distribution`.
+        """Predict displacements, the mean of `predict_distribution`.
+
+        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
+        a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
         Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
 
@@ -121,8 +128,15 @@ class Surrogate:
         InputError
             If the shape is wrong or a force is not finite.
         """
-        self.training_range.warn(self._checked(forces))
-        return self.predict_distribution(forces).mean
+        nodal = self._checked(forces)
+        self.training_range.warn(nodal)
+        return self._mean(nodal)
+
+    def _mean(self, nodal: Array) -> Array:
+        """Predict without warnings."""
+        if self._is_one(nodal) and self._one_load is not None:
+            return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
+        return self._predicted(nodal, PASSES, 0).mean
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
@@ -177,7 +191,7 @@ class Surrogate:
         """Return forces and displacements, checked; predict them if they are not given."""
         nodal = self._checked(forces)
         if predicted is None:
-            return nodal, self.predict(nodal)
+            return nodal, self._mean(nodal)
         displacement = np.asarray(predicted, dtype=np.float64)
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
@@ -205,6 +219,25 @@ class Surrogate:
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
+        if self._is_one(nodal) and not self.is_probabilistic:
+            mean = self._mean(nodal)
+            return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
+        return self._predicted(nodal, passes, seed)
+
+    @cached_property
+    def _one_load(self) -> OneLoad | None:
+        """The network in NumPy, for one load; None if it is stochastic or has no such form."""
+        if self.is_stochastic or self.network.free.device.type != "cpu":
+            return None
+        outputs = len(self.network.displacement_scale)
+        members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
+        return None if members is None else OneLoad(self.nodal_network, members)
+
+    def _is_one(self, nodal: Array) -> bool:
+        return nodal.size == self.geometry.coordinates.size
+
+    def _predicted(self, nodal: Array, passes: int, seed: int) -> Distribution:
+        """Predict any number of loads in batches."""
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         passes = passes if self.is_stochastic else 1
         batches = [
@@ -229,11 +262,12 @@ class Surrogate:
         expected = self.geometry.coordinates.shape
         if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
-        if not np.all(np.abs(nodal) < np.finfo(np.float32).max):  # false for NaN as well
+        if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
         return nodal
 
     @torch.inference_mode()
+    @convolutions("float32")
     def _distribution(self, nodal: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
         """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
         force = torch.from_numpy(nodal.astype(np.float32)).to(self.network.free.device)
@@ -288,14 +322,20 @@ def make_surrogate(
 
 
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
-    """Load a trained network from its run folder; nothing is unpickled.
+    """Load a trained network; nothing is unpickled.
+
+    Parameters
+    ----------
+    run : str or Path
+        Run folder, or the name of a network that comes with the package.
+    device : str
 
     Raises
     ------
     InputError
         If there is no finished run, or its files are damaged.
     """
-    folder = RunFolder(Path(run))
+    folder = RunFolder(find_run(run))
     description = folder.description()
     tensors = folder.read_tensors()
     try:

@@ -7,7 +7,7 @@ simplified step after it estimate its error to third order:
           δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
 
 (`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite and the
-contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4. Otherwise u is first improved by a step of
+contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, or :math:`\bar δ` is negligible. Otherwise u is first improved by a step of
 Newton's method with line search (`surrogate.mechanics.newton`), at most three times. A prediction
 whose estimate does not settle is never certified, nor is one with an inverted cell, for which
 there is no estimate.
@@ -25,6 +25,7 @@ from surrogate.mechanics.newton import searched
 
 Array = NDArray[np.float64]
 CONTRACTION = 0.25  # largest Θ of an estimate that is settled
+NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
 ROUNDS = 4
 
 
@@ -122,7 +123,9 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
     truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
     for _ in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
-        contracts = found.stable & (found.contraction <= CONTRACTION)
+        left, size = norms(found.simplified), norms(truth[going])
+        small = (left <= NEGLIGIBLE * size) | (found.contraction <= CONTRACTION)
+        contracts = found.stable & small
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]
         settled[going[contracts]] = True
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):

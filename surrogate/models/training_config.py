@@ -60,8 +60,10 @@ class TrainingConfig(SplitConfig, ABC):
     ema : float, optional
         Decay of the exponential moving average of the weights; that average is then validated and
         becomes the model.
-    precision : {"float32", "bfloat16"}
+    precision : {"float32", "tensorfloat32", "bfloat16"}
         Precision of the convolutions; weights, losses and validation are always in float32.
+        ``tensorfloat32`` rounds the factors of products on a GPU to 11 significant bits; on a CPU
+        it is float32.
     compile : bool
         Compile the network by `torch.compile`.
     cuda_graphs : bool

@@ -104,9 +104,13 @@ class UNetModel(NetworkModel):
 class DeterministicUNet(Deterministic, UNetModel):
     """U-Nets that predict displacements; ensembles and dropout add standard deviations."""
 
+    model: Literal["unet"] = "unet"
+
 
 class MaximumLikelihoodUNet(MaximumLikelihood, UNetModel):
     """U-Nets that predict a mean and a standard deviation of every component."""
+
+    model: Literal["unet"] = "unet"
 
 
 class BayesianUNet(Bayesian, UNetModel):
@@ -118,6 +122,7 @@ class BayesianUNet(Bayesian, UNetModel):
         Random convolutions and their priors.
     """
 
+    model: Literal["unet"] = "unet"
     variational: VariationalConvolutions
 
     @model_validator(mode="after")

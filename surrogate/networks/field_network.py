@@ -126,18 +126,31 @@ class FieldNetwork(nn.Module):
         inner = getattr(self.network, "dense", self.network)
         return len(inner.members) if isinstance(inner, Ensemble) else 1
 
-    def forward(self, force: Tensor) -> Prediction:
-        """Predict displacements in m from forces in N: (N, d, nx, ny[, nz]) → (K·N, …)."""
-        inputs, linear = self._inputs(force)
-        mean, std = self.learned(inputs)
+    def forward(self, force: Tensor, passes: int = 1) -> Prediction:
+        """Predict displacements in m from forces in N, for each of some drawn passes.
+
+        Parameters
+        ----------
+        force : Tensor, (N, d, nx, ny[, nz])
+            In N.
+        passes : int
+            Number of drawn passes T.
+
+        Returns
+        -------
+        Prediction
+            Fields (K·T·N, d, nx, ny[, nz]) in m.
+        """
+        inputs, linear = self.inputs_of(force)
+        ones = (1,) * (force.ndim - 1)
+        mean, std = self.learned(inputs.repeat(passes, *ones) if passes > 1 else inputs)
         if linear is not None:
-            mean = mean + linear.repeat(self.members, *[1] * (linear.ndim - 1)) * self.free
+            mean = mean + linear.repeat(self.members * passes, *ones) * self.free
         return Prediction(mean, std)
 
     def learned(self, inputs: Tensor) -> Prediction:
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
-        scaled = inputs / self.force_scale if self.linear is None else inputs
-        output: Tensor | Prediction = self.network(scaled)
+        output: Tensor | Prediction = self.network(self.scaled(inputs))
         scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
         if isinstance(output, Prediction):
             mean, std = output
@@ -149,7 +162,11 @@ class FieldNetwork(nn.Module):
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
         return Prediction(mean, std * scale)
 
-    def _inputs(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
+    def scaled(self, inputs: Tensor) -> Tensor:
+        """Scale the inputs of `learned` for the network; those of a linear response are already."""
+        return inputs / self.force_scale if self.linear is None else inputs
+
+    def inputs_of(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
         """Inputs of `learned`, and the linear response that its output is added to."""
         if self.linear is None:
             return force, None
@@ -181,7 +198,7 @@ class FieldNetwork(nn.Module):
         parts: list[Samples] = []
         for start in range(0, max(len(samples), 1), AT_ONCE):
             part = samples[start : start + AT_ONCE]
-            inputs, linear = self._inputs(part.force)
+            inputs, linear = self.inputs_of(part.force)
             target = part.displacement if linear is None else part.displacement - linear * self.free
             parts.append(Samples(inputs, target))
         return Samples(

@@ -46,8 +46,7 @@ class NodalNetwork(nn.Module):
         Prediction
             Fields (K·T, N, n_nodes, d) in m; K is the number of members of the ensemble.
         """
-        grid = self.to_grid(force.transpose(1, 2)).repeat(passes, 1, 1)
-        mean, std = self.network(grid.reshape(*grid.shape[:2], *self.shape))
+        mean, std = self.network(self.on_grid(force), passes)
 
         def at_nodes(field: Tensor) -> Tensor:
             nodal: Tensor = self.to_nodes(field.flatten(2)).transpose(1, 2)
@@ -56,6 +55,11 @@ class NodalNetwork(nn.Module):
         if std is None:
             return Prediction(at_nodes(mean), None)
         return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
+
+    def on_grid(self, force: Tensor) -> Tensor:
+        """Map nodal forces to the grid: (N, n_nodes, d) → (N, d, nx, ny[, nz])."""
+        grid: Tensor = self.to_grid(force.transpose(1, 2))
+        return grid.reshape(*grid.shape[:2], *self.shape)
 
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
         r"""Return the factors on aleatoric and epistemic standard deviations, (N, 1, 1) each.

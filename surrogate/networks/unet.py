@@ -195,7 +195,7 @@ class UNet(nn.Module):
         The channels of the inputs are in the order of `UNetConfig.inputs`.
         """
         size = fields.shape[2:]
-        x = functional.pad(self._transformed(fields), self._pads(size))
+        x = functional.pad(self.transformed(fields), self.pads(size))
         skipped = []
         for level in self.encoder[:-1]:
             x = level(x)
@@ -211,7 +211,7 @@ class UNet(nn.Module):
         cropped: Tensor = x
         return cropped
 
-    def _transformed(self, fields: Tensor) -> Tensor:
+    def transformed(self, fields: Tensor) -> Tensor:
         """Transform the channels of the forces, and no others."""
         if self.inputs == ("force",):
             return self.transform(fields)
@@ -221,7 +221,7 @@ class UNet(nn.Module):
         channels = zip(self.inputs, torch.split(fields, widths, dim=1), strict=True)
         return torch.cat([self.transform(x) if n == "force" else x for n, x in channels], dim=1)
 
-    def _pads(self, size: torch.Size) -> list[int]:
+    def pads(self, size: torch.Size) -> list[int]:
         """Return the padding of each axis, last axis first.
 
         Every level halves the padded lengths without a remainder.

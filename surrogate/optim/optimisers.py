@@ -58,23 +58,30 @@ def make_optimisers(
 ) -> list[torch.optim.Optimizer]:
     """Make the optimisers of a network: one for each kind of parameter.
 
-    If `capturable` is true (for CUDA graphs), the learning rate is a tensor on the device.
+    A network without some kind of parameter has fewer optimisers. If `capturable` is true (for CUDA
+    graphs), the learning rate is a tensor on the device of the parameters.
     """
     parameters = [p for p in network.parameters() if p.requires_grad]
     kernels = (
-        [p for name, p in network.named_parameters() if is_hidden_kernel(name, p)]
+        [
+            p
+            for name, p in network.named_parameters()
+            if is_hidden_kernel(name, p) and p.requires_grad
+        ]
         if config.name == "muon"
         else []
     )
-    rate: float | Tensor = config.learning_rate
-    if capturable:
-        rate = torch.tensor(rate, device=parameters[0].device)
     rhos = [p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad]
     taken = {id(p) for p in (*kernels, *rhos)}
     rest = [p for p in parameters if id(p) not in taken]
     optimisers: list[torch.optim.Optimizer] = []
+
+    def rate(group: list[nn.Parameter]) -> float | Tensor:
+        value = config.learning_rate
+        return torch.tensor(value, device=group[0].device) if capturable else value
+
     if kernels:
-        optimisers.append(Muon(kernels, rate, config.momentum, config.weight_decay))
+        optimisers.append(Muon(kernels, rate(kernels), config.momentum, config.weight_decay))
     for group, decay, factor in (
         (rest, config.weight_decay, 1.0),
         (rhos, 0.0, config.rho_factor),
@@ -82,7 +89,7 @@ def make_optimisers(
         if group:
             optimiser = torch.optim.AdamW(
                 group,
-                rate.clone() if isinstance(rate, Tensor) else rate,
+                rate(group),
                 betas=config.betas,
                 weight_decay=decay,
                 fused=True,

@@ -5,42 +5,58 @@ r"""Exponential moving average of a network's weights.
 
 with the decay d. The bias of the start is corrected as for Adam's moments (Kingma and Ba 2015), so
 that the average does not contain the initial weights.
+
+`torch.optim.swa_utils.AveragedModel` is not used: it copies its count to the device and reads it
+back in every step, so that the host waits for the GPU.
 """
 
 from __future__ import annotations
 
+from copy import deepcopy
+from itertools import chain
+from typing import Generic, TypeVar
+
 import torch
 from torch import Tensor, nn
-from torch.optim.swa_utils import AveragedModel
 
-Tensors = list[Tensor] | tuple[Tensor, ...]
+Network = TypeVar("Network", bound=nn.Module)
 
 
-def averaged_model(network: nn.Module, decay: float) -> AveragedModel:
-    """Make the average over the steps of a training.
+class WeightAverage(Generic[Network]):
+    """Average over the steps of a training.
 
     Parameters
     ----------
     network : nn.Module
-        Network in training; call `AveragedModel.update_parameters` with it after every step.
+        Network in training.
     decay : float
         Decay d.
 
-    Returns
-    -------
-    AveragedModel
-        Average, whose `module` is a copy of the network with averages of all weights and of batch
-        norm's statistics. Integers, such as batch norm's counter, have their latest values.
+    Attributes
+    ----------
+    module : nn.Module
+        Copy of the network with averages of all weights and of batch norm's statistics. Integers,
+        such as batch norm's counter, have their latest values.
+    steps : int
+        Number of averaged steps t.
     """
 
-    @torch.no_grad()
-    def update(averages: Tensors, latest: Tensors, steps: Tensor | int) -> None:
-        if averages[0].is_floating_point():
-            share = (1 - decay) / (1 - decay ** (int(steps) + 1))
-            torch._foreach_lerp_(averages, latest, share)
-        else:
-            torch._foreach_copy_(averages, latest)
+    def __init__(self, network: Network, decay: float) -> None:
+        self.module = deepcopy(network).requires_grad_(False)
+        self.decay = decay
+        self.steps = 0
 
-    average = AveragedModel(network, multi_avg_fn=update, use_buffers=True)
-    average.module.requires_grad_(False)
-    return average
+    @torch.no_grad()
+    def update(self, network: Network) -> None:
+        """Add the weights after a step."""
+        self.steps += 1
+        share = (1 - self.decay) / (1 - self.decay**self.steps)
+        torch._foreach_lerp_(_tensors(self.module, True), _tensors(network, True), share)
+        if counters := _tensors(self.module, False):
+            torch._foreach_copy_(counters, _tensors(network, False))
+
+
+def _tensors(network: nn.Module, floating: bool) -> list[Tensor]:
+    """Return all parameters and buffers that are floating-point numbers, or that are not."""
+    tensors = chain(network.parameters(), network.buffers())
+    return [tensor.detach() for tensor in tensors if tensor.is_floating_point() == floating]

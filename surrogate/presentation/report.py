@@ -19,6 +19,7 @@ from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.paper import PAPER
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
 
 Row = tuple[str, str, str]
 
@@ -109,7 +110,7 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     Parameters
     ----------
     run_folder : Path
-        Folder of an evaluated run.
+        Folder of an evaluated run, or the name of a network that comes with the package.
     nodal : Path, optional
         Nodal dataset from which the run's data was made; adds the time of the equilibria.
     path : Path
@@ -120,7 +121,7 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     InputError
         If the run is not evaluated, or its data was made from another nodal dataset.
     """
-    run = RunFolder(run_folder)
+    run = RunFolder(find_run(run_folder))
     description = run.description()
     evaluation = run.read_evaluation()
     if not path.parent.is_dir():

@@ -16,6 +16,7 @@ from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.seeds import PASS, stream
 
 DRAWN = 2**28  # weights drawn at once: a gigabyte
+PART_OF_FREE_MEMORY = 0.25  # what they may take of a GPU's, if that is more
 
 
 @runtime_checkable
@@ -44,15 +45,16 @@ class Passes:
     Attributes
     ----------
     at_once : int
-        Number of passes that fit into memory, with `DRAWN` weights at most.
+        Number of passes that fit into memory, with `most_weights` at most.
     """
 
     def __init__(self, network: nn.Module) -> None:
         self._modules = drawables(network)
         self._drawn: tuple[int, range] | None = None
-        gaussian = (m for m in network.modules() if isinstance(m, GaussianParameter))
-        weights = sum(parameter.mean.numel() for parameter in gaussian)
-        self.at_once = max(1, DRAWN // max(weights, 1))
+        gaussian = [m.mean for m in network.modules() if isinstance(m, GaussianParameter)]
+        weights = sum(mean.numel() for mean in gaussian)
+        device = gaussian[0].device if gaussian else torch.device("cpu")
+        self.at_once = max(1, most_weights(device) // max(weights, 1))
 
     @property
     def differ(self) -> bool:
@@ -75,3 +77,11 @@ class Passes:
         for module in self._modules:
             module.forget()
         self._drawn = None
+
+
+def most_weights(device: torch.device) -> int:
+    """Return the largest number of weights drawn at once on a device."""
+    if device.type != "cuda":
+        return DRAWN
+    free, _ = torch.cuda.mem_get_info(device)
+    return max(DRAWN, int(PART_OF_FREE_MEMORY * free) // torch.float32.itemsize)

@@ -106,6 +106,15 @@ class RunFolder:
                 break
         return lines
 
+    def training_effort(self) -> tuple[int, float]:
+        """Return epochs and seconds of the training; those of the evaluation if it has no lines."""
+        if lines := self.metric_lines():
+            return lines[-1]["epoch"], lines[-1]["seconds"]
+        if not self.evaluation.is_file():
+            return 0, 0.0
+        evaluation = self.read_evaluation()
+        return evaluation["epochs"], evaluation["training_seconds"]
+
     def keep_metric_lines(self, epoch: int) -> None:
         """Delete the lines of epochs after `epoch`."""
         lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]

@@ -53,8 +53,8 @@ class GaussNewtonStd:
         self.information = torch.zeros(sum(self.sizes), device=network.displacement_rms.device)
         self.weight = torch.zeros(())
 
-    def update(self, inputs: Tensor, whole: int, factor: float, ranks: Ranks) -> None:
-        """Add the estimate of a batch to the average, and set every σ. Collective.
+    def estimate(self, inputs: Tensor, whole: int) -> Tensor:
+        """Estimate h from a batch; the sum over all processes is the estimate.
 
         Parameters
         ----------
@@ -62,10 +62,23 @@ class GaussNewtonStd:
             Inputs of `FieldNetwork.learned`, of this process's share of the batch.
         whole : int
             Number of samples in the whole batch.
+
+        Returns
+        -------
+        Tensor, (n_weights,)
+        """
+        return self._squared_gradients(inputs) * (self.samples / whole)
+
+    def update(self, estimate: Tensor, factor: float, ranks: Ranks) -> None:
+        """Add the estimate of a batch to the average, and set every σ. Collective.
+
+        Parameters
+        ----------
+        estimate : Tensor, (n_weights,)
+            This process's share of the estimate.
         factor : float
             Factor κ on the KL divergence.
         """
-        estimate = self._squared_gradients(inputs) * (self.samples / whole)
         ranks.add_up(estimate)
         self.information.lerp_(estimate, 1 / MEMORY)
         self.weight.lerp_(torch.ones(()), 1 / MEMORY)

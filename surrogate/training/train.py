@@ -42,7 +42,7 @@ from surrogate.uncertainty.recalibration import recalibrate
 
 def all_finite(network: torch.nn.Module) -> bool:
     """Return True if no weight is NaN or infinite."""
-    return all(bool(torch.isfinite(p).all()) for p in network.parameters())
+    return bool(torch.stack([torch.isfinite(p).all() for p in network.parameters()]).all())
 
 
 def train(
@@ -53,6 +53,7 @@ def train(
     stop_after: int | None = None,
     ranks: Ranks = ALONE,
     tensorboard: bool = False,
+    seconds: float = math.inf,
 ) -> None:
     """Fit a model, or train it to its last epoch, resuming from the run's checkpoint.
 
@@ -69,6 +70,8 @@ def train(
         Processes that train together; each calls this function, and only the first one writes.
     tensorboard : bool
         Also write files for TensorBoard.
+    seconds : float
+        Time after which this call begins no further epoch; a checkpoint is written after the last.
 
     Raises
     ------
@@ -79,6 +82,8 @@ def train(
     """
     if stop_after is not None and stop_after < 1:
         raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
+    if not seconds > 0:
+        raise InputError(f"--seconds {seconds:g}: expected more than 0")
     if tensorboard:
         require_tensorboard()
     description = describe(config, dataset)
@@ -100,7 +105,8 @@ def train(
     config.start_from_data(network, dataset, split.train)
     if isinstance(config, TrainedModel):
         trainer = _trainer(config, network, split, dataset, device, ranks)
-        _train(trainer, description, dataset, run, stop_after, tensorboard)
+        deadline = began + seconds
+        _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
     elif ranks.is_first:
         _finish_fit(config, network.to(device), split, dataset, run, began)
 
@@ -130,6 +136,7 @@ def _train(
     dataset: Dataset,
     run: RunFolder,
     stop_after: int | None,
+    deadline: float,
     tensorboard: bool,
 ) -> None:
     """Train epoch by epoch and write checkpoints; write the model after the last epoch."""
@@ -147,8 +154,9 @@ def _train(
     )
     epoch, saved = start, time.perf_counter()
     last = stop_after or config.training.epochs
+    late = False
     with closing(TrainingLog(run, start, tensorboard, silent=not ranks.is_first)) as log:
-        while epoch < last and not trainer.is_over(epoch):
+        while epoch < last and not late and not trainer.is_over(epoch):
             began = time.perf_counter()
             measures = trainer.train_epoch(epoch, progress)
             trained = time.perf_counter()
@@ -165,7 +173,8 @@ def _train(
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
             log.write({"epoch": epoch, **measures, "seconds": seconds, "samples_per_second": rate})
-            over = epoch == last or trainer.is_over(epoch)
+            late = deadline < math.inf and ranks.from_first(lambda: time.perf_counter() > deadline)
+            over = late or epoch == last or trainer.is_over(epoch)
             if over or now - saved > config.training.checkpoint_seconds:
                 if ranks.is_first:
                     save_checkpoint(

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import cast
 
 import torch
 from torch import Tensor
@@ -18,12 +17,12 @@ from torch import Tensor
 from shared_schema.common.command_line import Progress
 from surrogate.data.dataset import Samples
 from surrogate.data.sample_store import store_samples
-from surrogate.device import autocast
+from surrogate.device import autocast, convolutions
 from surrogate.models.model import TrainedModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.optim.early_stopping import EarlyStopping
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
-from surrogate.optim.weight_average import averaged_model
+from surrogate.optim.weight_average import WeightAverage
 from surrogate.probabilistic.elbo import EvidenceLowerBound
 from surrogate.seeds import NOISE, ORDER, stream
 from surrogate.training.checkpoint import Stateful
@@ -73,17 +72,19 @@ class Trainer:
         )
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
-        self.forward = compiled(self.network.learned) if training.compile else self.network.learned
-        self.captured_step = (
-            CapturedStep(partial(self.step, whole=training.batch_size)) if captures else None
+        learned = self.network.learned
+        self.forward = compiled(learned) if training.compile else learned
+        self.captured_step, self.captured_estimate = (
+            CapturedStep(partial(work, whole=training.batch_size)) if captures else None
+            for work in (self.step, self.estimate)
         )
-        self.average = averaged_model(self.network, training.ema) if training.ema else None
+        self.average = WeightAverage(self.network, training.ema) if training.ema else None
         self.stopping = EarlyStopping(training.early_stopping) if training.early_stopping else None
 
     @property
     def model(self) -> FieldNetwork:
         """Network that is validated and becomes the model: the trained one, or the average."""
-        return self.network if self.average is None else cast(FieldNetwork, self.average.module)
+        return self.network if self.average is None else self.average.module
 
     def order(self, epoch: int) -> Tensor:
         """Return the order of the training samples in an epoch."""
@@ -114,7 +115,8 @@ class Trainer:
 
     def step(self, samples: Samples, whole: int) -> Tensor:
         """Update the weights by one batch; return the result of `differentiate`."""
-        terms = self.differentiate(samples, whole)
+        with convolutions(self.config.training.precision):
+            terms = self.differentiate(samples, whole)
         self.ranks.add_up_gradients(self.network)
         optimiser = self.config.training.optimiser
         if optimiser.gradient_clip is not None:
@@ -122,6 +124,12 @@ class Trainer:
         for each in self.optimisers:
             each.step()
         return terms
+
+    def estimate(self, samples: Samples, whole: int) -> Tensor:
+        """Estimate the Fisher information of the weights from one batch."""
+        assert self.posterior_std is not None
+        with convolutions(self.config.training.precision):
+            return self.posterior_std.estimate(samples.force, whole)
 
     def train_epoch(self, epoch: int, progress: Progress) -> dict[str, float]:
         """Train one epoch (counted from 0); return its mean losses and last learning rate."""
@@ -131,22 +139,30 @@ class Trainer:
         torch.manual_seed(stream(config.seed, NOISE, epoch, *others))
         batches = torch.split(self.order(epoch), training.batch_size)
         shares = self.train_store.batches(self.ranks.share(batch) for batch in batches)
-        total, rate = torch.zeros((), device=self.device), 0.0
+        total, rate = torch.zeros((), device=self.device), math.nan
         for number, (batch, samples) in enumerate(zip(batches, shares, strict=True)):
             step = epoch * self.steps_per_epoch + number
+            before = rate
             rate = training.optimiser.learning_rate * training.schedule.factor(step, self.steps)
-            set_learning_rate(self.optimisers, rate)
+            if rate != before:
+                set_learning_rate(self.optimisers, rate)
             if self.elbo is not None:
                 self.elbo.set_step(step, self.steps)
-            if self.captured_step is not None and len(batch) == training.batch_size:
+            whole = len(batch) == training.batch_size
+            if self.captured_step is not None and whole:
                 terms = self.captured_step(samples)
             else:
                 terms = self.step(samples, len(batch))
-            if self.elbo is not None and self.posterior_std is not None and step % EVERY == 0:
-                factor = float(self.elbo.factor)
-                self.posterior_std.update(samples.force, len(batch), factor, self.ranks)
+            if self.posterior_std is not None and step % EVERY == 0:
+                if self.captured_estimate is not None and whole:
+                    estimate = self.captured_estimate(samples)
+                else:
+                    estimate = self.estimate(samples, len(batch))
+                assert config.posterior is not None
+                factor = config.posterior.factor(step, self.steps)
+                self.posterior_std.update(estimate, factor, self.ranks)
             if self.average is not None:
-                self.average.update_parameters(self.network)
+                self.average.update(self.network)
             total = total + terms * len(batch)
             progress.update(step + 1)
         self.ranks.add_up(total)
@@ -181,7 +197,7 @@ class Trainer:
     def resume_after(self, epochs: int) -> None:
         """Set the counters for a training that resumes after some epochs."""
         if self.average is not None:
-            self.average.n_averaged.fill_(epochs * self.steps_per_epoch)
+            self.average.steps = epochs * self.steps_per_epoch
 
     def result(self) -> Mapping[str, Tensor]:
         """Return the state of the final model."""

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from surrogate.data.dataset import Samples
 from surrogate.data.sample_store import SampleStore
+from surrogate.device import convolutions
 from surrogate.models.model import Model
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -28,6 +29,7 @@ def loss_per_datum(
 
 
 @torch.no_grad()
+@convolutions("float32")
 def validate(
     model: Model, network: FieldNetwork, store: SampleStore, count: int
 ) -> dict[str, float]:

@@ -17,11 +17,11 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import count, product
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 import torch
 from numpy.typing import NDArray
 
@@ -105,8 +105,10 @@ def shape_of(recipe: str, dimension: int) -> UNetConfig:
     return UNetConfig(levels=3 if dimension == 2 else 4)
 
 
-def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> RunFolder:
-    """Write a run folder with random weights and scales of 1."""
+def untrained(
+    body: Body, recipe: str, likelihood: Likelihood, folder: Path, shape: UNetConfig | None = None
+) -> RunFolder:
+    """Write a run folder with random weights and scales of 1; `shape` replaces the recipe's."""
     dimension = body.geometry.dimension
     zero, one = (0.0,) * dimension, (1.0,) * dimension
     units = ComponentStatistics(mean=zero, std=one, max_abs=one)
@@ -124,7 +126,7 @@ def untrained(body: Body, recipe: str, likelihood: Likelihood, folder: Path) -> 
             "name": recipe,
             "case": body.manifest.name,
             "likelihood": likelihood,
-            "network": shape_of(recipe, dimension).model_dump(),
+            "network": (shape or shape_of(recipe, dimension)).model_dump(),
             **({"variational": {}} if likelihood == "variational_bayes" else {}),
         }
     )
@@ -148,6 +150,19 @@ def median_ms(work: Work, repeats: int) -> float:
     return round(1e3 * median_seconds(work, Timing(repeats=repeats)), 3)
 
 
+def by_pytorch(model: Surrogate) -> Callable[[Array], object]:
+    """Make a function that predicts forces (N, n_nodes, d) with the network in PyTorch."""
+    device = model.network.free.device
+
+    @torch.inference_mode()
+    def predict(force: Array) -> Array:
+        single = torch.from_numpy(force.astype(np.float32)).to(device)
+        mean = model.nodal_network(single).mean.mean(dim=0)
+        return np.asarray(mean.double().cpu().numpy())
+
+    return predict
+
+
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
     """Make a function that predicts with the network compiled by `torch.compile`."""
     function = NodalFunction(model.nodal_network, passes)
@@ -169,6 +184,8 @@ def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
 
 def by_onnx(run: RunFolder, passes: int | None, force: Array) -> Work:
     """Make a function that predicts with the exported file, on as many threads as PyTorch uses."""
+    import onnxruntime
+
     path = run.folder / "model.onnx"
     export(run.folder, "onnx", path, passes)
     options = onnxruntime.SessionOptions()
@@ -194,9 +211,10 @@ def latencies(
         "passes": passes or 1,
     }
     if "PyTorch" in ways:
-        result["PyTorch_ms"] = median_ms(
-            lambda: model.predict_distribution(body.force, passes or 1), repeats
-        )
+        by_way = by_pytorch(model)
+        if passes is not None:
+            by_way = partial(model.predict_distribution, passes=passes)
+        result["PyTorch_ms"] = median_ms(lambda: by_way(body.force), repeats)
         if passes is not None:
             seeds = count(1)
             result["drawing_ms"] = median_ms(
@@ -284,6 +302,8 @@ def main() -> None:
 
 def measure(options: argparse.Namespace) -> Results:
     """Results for all networks on all bodies."""
+    import onnxruntime
+
     logging.disable(logging.WARNING)
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
     bodies = [read_body(folder) for folder in options.nodal]

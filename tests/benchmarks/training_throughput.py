@@ -81,7 +81,7 @@ def plain_epochs(
     optimiser = torch.optim.Adam(network.parameters(), config.training.optimiser.learning_rate)
     loader = DataLoader(
         TensorDataset(samples.force, samples.displacement),
-        batch_size=BATCH,
+        batch_size=config.training.batch_size,
         shuffle=True,
         pin_memory=device.type == "cuda",
     )

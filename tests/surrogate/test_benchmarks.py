@@ -11,7 +11,7 @@ import torch
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNetConfig
-from tests.benchmarks import prediction_latency, training_throughput
+from tests.benchmarks import prediction_latency, trained_latency, training_throughput
 from tests.benchmarks.publication import machine, page_path, result_path
 
 
@@ -51,7 +51,12 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize(
-    ("name", "benchmark"), [("training", training_throughput), ("prediction", prediction_latency)]
+    ("name", "benchmark"),
+    [
+        ("training", training_throughput),
+        ("prediction", prediction_latency),
+        ("trained", trained_latency),
+    ],
 )
 def test_pages_are_made_from_the_results(name: str, benchmark: ModuleType) -> None:
     results = json.loads(result_path(name).read_text())

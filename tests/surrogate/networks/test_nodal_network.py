@@ -38,8 +38,9 @@ class Field(nn.Module):
     members = 1
     force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
 
-    def forward(self, force: Tensor) -> Prediction:
-        return Prediction(force, 2 * force)
+    def forward(self, force: Tensor, passes: int) -> Prediction:
+        repeated = force.repeat(passes, *[1] * (force.ndim - 1))
+        return Prediction(repeated, 2 * repeated)
 
 
 @pytest.mark.parametrize(

@@ -136,3 +136,29 @@ def test_learning_rate_is_set_everywhere() -> None:
 def test_wrong_values(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         OptimiserConfig.model_validate(wrong)
+
+
+@pytest.mark.parametrize("capturable", [False, True])
+@pytest.mark.parametrize(
+    ("bias", "frozen", "kinds"),
+    [
+        (True, (), [Muon, torch.optim.AdamW]),
+        (False, (), [Muon]),
+        (True, ("0.weight",), [torch.optim.AdamW]),
+        (True, ("0.bias",), [Muon]),
+        (True, ("0.weight", "0.bias"), []),
+    ],
+)
+def test_networks_without_some_kind_of_parameter(
+    capturable: bool, bias: bool, frozen: tuple[str, ...], kinds: list[type]
+) -> None:
+    """A network has an optimiser for each kind of parameter in it, and none for an absent kind."""
+    network = torch.nn.Sequential(torch.nn.Conv2d(8, 8, 3, bias=bias))
+    for name in frozen:
+        network.get_parameter(name).requires_grad_(False)
+    optimisers = make_optimisers(network, OptimiserConfig(name="muon"), capturable)
+    assert [type(optimiser) for optimiser in optimisers] == kinds
+    trained = [p for o in optimisers for group in o.param_groups for p in group["params"]]
+    assert len(trained) == sum(p.requires_grad for p in network.parameters())
+    set_learning_rate(optimisers, 0.1)
+    assert all(float(g["lr"]) == pytest.approx(0.1) for o in optimisers for g in o.param_groups)

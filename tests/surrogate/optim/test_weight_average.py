@@ -7,12 +7,11 @@ import pytest
 import torch
 from safetensors.torch import load_file
 from torch import Tensor, nn
-from torch.optim.swa_utils import AveragedModel
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
-from surrogate.optim.weight_average import averaged_model
+from surrogate.optim.weight_average import WeightAverage
 from surrogate.runs.configuration import run_config
 from tests.surrogate.resuming import assert_resumes, trained, untimed
 
@@ -23,11 +22,11 @@ def test_average_by_hand() -> None:
     """Averages of 1, 2, 4 at d = 1/2: 1; (1/2 + 2) / (3/2) = 5/3; (1/4 + 1 + 4) / (7/4) = 3."""
     network = nn.Linear(1, 1, bias=False)
     nn.init.constant_(network.weight, 99.0)  # the average does not contain the initial weight
-    average = averaged_model(network, 0.5)
+    average = WeightAverage(network, 0.5)
     found = []
     for value in (1.0, 2.0, 4.0):
         nn.init.constant_(network.weight, value)
-        average.update_parameters(network)
+        average.update(network)
         found.append(average.module.get_parameter("weight").item())
     assert found == pytest.approx([1.0, 5 / 3, 3.0], rel=1e-6)
 
@@ -35,11 +34,11 @@ def test_average_by_hand() -> None:
 def test_statistics_of_batch_norm_are_averaged_and_counted() -> None:
     """Running means 1, 3 at d = 1/2 average to (1/2 + 3) / (3/2) = 7/3; the count is the latest."""
     network = nn.BatchNorm2d(1)
-    average = averaged_model(network, 0.5)
+    average = WeightAverage(network, 0.5)
     for mean, count in [(1.0, 10), (3.0, 20)]:
         network.get_buffer("running_mean").fill_(mean)
         network.get_buffer("num_batches_tracked").fill_(count)
-        average.update_parameters(network)
+        average.update(network)
     assert average.module.get_buffer("running_mean").item() == pytest.approx(7 / 3, rel=1e-6)
     assert average.module.get_buffer("num_batches_tracked").item() == 20
 
@@ -60,15 +59,15 @@ def test_model_is_the_average_over_the_steps(
 ) -> None:
     """The average equals the sum over all steps, computed in float64."""
     decay, weights = 0.8, list[Tensor]()
-    update = AveragedModel.update_parameters
+    update = WeightAverage.update
 
-    def record(self: AveragedModel, network: nn.Module) -> None:
+    def record(self: WeightAverage[nn.Module], network: nn.Module) -> None:
         update(self, network)
         weights.append(flat(network).double())
         averages[:] = [flat(self.module)]
 
     averages: list[Tensor] = []
-    monkeypatch.setattr(AveragedModel, "update_parameters", record)
+    monkeypatch.setattr(WeightAverage, "update", record)
     config = make_config(epochs=3, ema=decay, batch_norm=batch_norm)
     run = trained(config, dataset, tmp_path / "run")
     assert len(weights) == 9  # 43 training samples in batches of 16, for three epochs

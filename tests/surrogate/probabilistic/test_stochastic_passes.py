@@ -24,7 +24,7 @@ from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
-from surrogate.probabilistic.stochastic_passes import Drawable, Passes, drawables
+from surrogate.probabilistic.stochastic_passes import Drawable, Passes, drawables, most_weights
 from surrogate.runs.description import describe
 from tests.surrogate.unet_configs import unet_config
 
@@ -253,3 +253,13 @@ def test_as_many_passes_at_once_as_there_is_memory_for(monkeypatch: pytest.Monke
     assert Passes(network).at_once == 5
     monkeypatch.setattr("surrogate.probabilistic.stochastic_passes.DRAWN", 1)
     assert Passes(network).at_once == 1
+
+
+def test_passes_may_take_a_quarter_of_the_free_memory_of_a_gpu(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """100 GB of free memory: 25 GB are 6.25e9 weights; a gigabyte at least, as on a CPU."""
+    for free, weights in {100 * 10**9: 6_250_000_000, 10**9: 2**28}.items():
+        monkeypatch.setattr(torch.cuda, "mem_get_info", lambda _, free=free: (free, 2 * free))
+        assert most_weights(torch.device("cuda")) == weights
+    assert most_weights(torch.device("cpu")) == 2**28

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from shared_schema.common.command_line import Progress
 from surrogate.data.dataset import Dataset, Samples
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
@@ -129,6 +130,49 @@ def test_replays_take_every_batch_in(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ran == ["as it comes"] * 3 + ["replayed"] * 3
 
 
+@pytest.mark.parametrize("posterior_std", ["gradient", "gauss_newton"])
+def test_whole_batches_are_captured(
+    dataset: Dataset,
+    make_config: MakeConfig,
+    monkeypatch: pytest.MonkeyPatch,
+    posterior_std: str,
+) -> None:
+    """An epoch has 10 batches of 4 and one of 3; every fourth step estimates the information.
+
+    Without a GPU, a captured step is replaced by the step itself, and its losses are the same to
+    the rounding of the learning rate in float32.
+    """
+    config = make_config(
+        likelihood="variational_bayes",
+        variational={"posterior_std": posterior_std},
+        batch_size=4,
+        cuda_graphs=True,
+    )
+    captured: list[int] = []
+
+    class StandIn:
+        def __init__(self, work: Callable[[Samples], Tensor]) -> None:
+            self.work, self.number = work, len(counts)
+            counts.append(0)
+
+        def __call__(self, samples: Samples) -> Tensor:
+            counts[self.number] += 1
+            captured.append(len(samples))
+            return self.work(samples)
+
+    counts: list[int] = []
+    measures = []
+    monkeypatch.setattr("surrogate.training.trainer.CapturedStep", StandIn)
+    for captures in (False, True):
+        monkeypatch.setattr("surrogate.training.trainer.can_capture", lambda *_, c=captures: c)
+        network = config.build(dataset.geometry, dataset.info)
+        trainer = Trainer(config, network, dataset.train[:43], dataset.train[:0], ALONE)
+        measures.append(trainer.train_epoch(0, Progress(trainer.steps, silent=True)))
+    assert counts == [10, 3 if posterior_std == "gauss_newton" else 0]
+    assert set(captured) == {4}
+    assert measures[1] == pytest.approx(measures[0], rel=1e-4)
+
+
 def train_on_cuda(config: Model, dataset: Dataset, folder: Path) -> RunFolder:
     run = RunFolder(folder)
     train(config, dataset, run, torch.device("cuda"))
@@ -141,6 +185,8 @@ RECIPES: list[Any] = [
     pytest.param({"optimiser": "muon", "gradient_clip": 0.1, "ema": 0.9}, id="muon"),
     pytest.param({"optimiser": "adam", "compile": True}, id="compiled"),
     pytest.param({"likelihood": "maximum_likelihood", "beta": 0.5}, id="likelihood"),
+    pytest.param({"optimiser": "muon", "precision": "tensorfloat32"}, id="tensorfloat32"),
+    pytest.param({"optimiser": "muon", "precision": "bfloat16"}, id="bfloat16"),
 ]
 
 

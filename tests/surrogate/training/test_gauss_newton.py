@@ -90,7 +90,7 @@ def test_spread_maximises_the_bound_of_a_linear_network(dataset: Dataset, factor
     spreads = GaussNewtonStd(network, samples=3)
     torch.manual_seed(1)
     for _ in range(600):
-        spreads.update(force, len(force), factor, ALONE)
+        spreads.update(spreads.estimate(force, len(force)), factor, ALONE)
     h = fisher_information(network, force)
     std = layer.kernel.std.detach()
     torch.testing.assert_close(
@@ -105,7 +105,7 @@ def test_weights_without_information_keep_the_prior(dataset: Dataset) -> None:
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
     spreads = GaussNewtonStd(network, samples=3)
-    spreads.update(torch.zeros_like(dataset.train.force[:3]), 3, 1.0, ALONE)
+    spreads.update(spreads.estimate(torch.zeros_like(dataset.train.force[:3]), 3), 1.0, ALONE)
     torch.testing.assert_close(layer.kernel.std, torch.full_like(layer.kernel.std, PRIOR))
 
 
@@ -118,7 +118,7 @@ def test_a_larger_dataset_narrows_the_posterior(dataset: Dataset) -> None:
         assert isinstance(layer, FlipoutConvolution)
         spreads = GaussNewtonStd(network, samples)
         torch.manual_seed(1)
-        spreads.update(dataset.train.force[:3], 3, 1.0, ALONE)
+        spreads.update(spreads.estimate(dataset.train.force[:3], 3), 1.0, ALONE)
         found.append(layer.kernel.std.detach()[:2] ** -2 - PRIOR**-2)
     assert (found[0] > PRIOR**-2).float().mean() > 0.5
     torch.testing.assert_close(found[1], 100 * found[0], rtol=1e-3, atol=1e-3)

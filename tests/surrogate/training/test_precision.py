@@ -8,10 +8,11 @@ import torch
 from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
-from surrogate.device import lay_out
+from surrogate.device import autocast, convolutions, lay_out
 from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.likelihoods import Likelihood, Prediction
 from tests.surrogate.resuming import assert_resumes, trained
 
@@ -82,6 +83,7 @@ def test_memory_layouts() -> None:
     cpu = torch.device("cpu")
     assert layout(2, "float32", cpu) == torch.channels_last
     assert layout(3, "float32", cpu) == torch.channels_last_3d
+    assert layout(3, "tensorfloat32", cpu) == torch.channels_last_3d
     assert layout(3, "bfloat16", cpu) == torch.contiguous_format
 
 
@@ -94,10 +96,67 @@ def test_only_kernels_are_laid_out() -> None:
     assert scale.is_contiguous()
 
 
+def test_bfloat16_in_3d_beside_a_parameter_of_four_dimensions() -> None:
+    """The gradients agree with float32 to 3 %: bfloat16 has 8 significant bits, 0.4 %."""
+    cpu, gradients = torch.device("cpu"), []
+    for precision in ("float32", "bfloat16"):
+        torch.manual_seed(0)
+        network = UNet(3, 3, UNetConfig(levels=2, channels=8))
+        scale = nn.Parameter(torch.rand(3, 8, 4, 4))
+        network.register_parameter("scale", scale)
+        lay_out(network, 3, precision, cpu)
+        with autocast(precision, cpu):
+            output = network(torch.randn(2, 3, 8, 4, 4))
+        (output.float() * scale).square().mean().backward()
+        assert scale.grad is not None
+        gradients.append(scale.grad)
+    assert (gradients[1] - gradients[0]).norm() < 0.03 * gradients[0].norm()
+
+
+def test_only_tensorfloat32_rounds_factors_on_a_gpu(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forward and backward passes of training see the flag of cuDNN, validation never does."""
+    seen: set[tuple[bool, bool]] = set()
+    convolve, before = nn.Conv2d.forward, torch.backends.cudnn.allow_tf32
+
+    def record(self: nn.Conv2d, x: Tensor) -> Tensor:
+        result = convolve(self, x)
+        seen.add((torch.is_grad_enabled(), torch.backends.cudnn.allow_tf32))
+        if result.requires_grad:
+            flag = torch.backends.cudnn
+            result.register_hook(lambda _: seen.add((True, flag.allow_tf32)))  # type: ignore[no-untyped-call]
+        return result
+
+    monkeypatch.setattr(nn.Conv2d, "forward", record)
+    for precision, rounds in {"float32": False, "bfloat16": False, "tensorfloat32": True}.items():
+        seen.clear()
+        trained(make_config(epochs=1, precision=precision), dataset, tmp_path / precision)
+        assert seen == {(True, rounds), (False, False)}
+        assert torch.backends.cudnn.allow_tf32 == before
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_rounding_of_factors_on_cuda() -> None:
+    """float32 agrees with float64 to 1e-6, TF32 (11 significant bits) to 1e-3 but not to 1e-5."""
+    torch.manual_seed(0)
+    x, kernel = torch.randn(4, 64, 32, 32).cuda(), torch.randn(64, 64, 3, 3).cuda()
+    exact = nn.functional.conv2d(x.double(), kernel.double())
+    errors = {}
+    for precision in ("float32", "tensorfloat32"):
+        with convolutions(precision):
+            found = nn.functional.conv2d(x, kernel)
+        errors[precision] = float((found - exact).norm() / exact.norm())
+    assert errors["float32"] < 1e-6
+    assert 1e-5 < errors["tensorfloat32"] < 1e-3
+
+
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 def test_memory_layouts_on_cuda() -> None:
     cuda = torch.device("cuda")
     assert layout(2, "bfloat16", cuda) == torch.channels_last
     assert layout(3, "float32", cuda) == torch.contiguous_format
+    assert layout(3, "tensorfloat32", cuda) == torch.channels_last_3d
     assert layout(3, "bfloat16", cuda) == torch.channels_last_3d

@@ -91,6 +91,27 @@ def test_k_and_k_epochs_are_2k(
     assert_same_run(whole, parts)
 
 
+def test_epochs_within_a_time(tmp_path: Path, dataset: Dataset, make_config: MakeConfig) -> None:
+    """Within a nanosecond, every call trains one epoch; the result is that of a single call."""
+    config = make_config(epochs=3)
+    whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
+    train(config, dataset, whole, CPU, seconds=1000.0)
+    for epochs in (1, 2, 3):
+        assert not parts.model.is_file()
+        train(config, dataset, parts, CPU, seconds=1e-9)
+        assert len(parts.metric_lines()) == epochs
+    assert_same_run(whole, parts)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
+def test_no_time_to_train_within(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, seconds: float
+) -> None:
+    with pytest.raises(InputError, match=f"--seconds {seconds:g}: expected more than 0"):
+        train(make_config(), dataset, RunFolder(tmp_path / "run"), CPU, seconds=seconds)
+    assert not (tmp_path / "run").exists()
+
+
 def test_scales_by_node_are_resumed(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:

@@ -1,0 +1,128 @@
+"""Dense layers and reduced networks in NumPy, for one load at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+from torch import Tensor, nn
+
+from surrogate.networks.reduced_network import DenseNetwork, ReducedNetwork
+from surrogate.probabilistic.ensemble import Ensemble
+
+Single = NDArray[np.float32]
+Array = NDArray[np.float64]
+Activation = Callable[[Single], None]  # it changes an array in place
+
+
+class DenseInNumPy:
+    """Dense layers in evaluation, with activations between them: (inputs,) → (outputs,).
+
+    Parameters
+    ----------
+    network : DenseNetwork
+        Network without random weights; its weights are copied.
+    outputs : int
+        Number of outputs to compute, the first ones.
+    """
+
+    def __init__(self, network: DenseNetwork, outputs: int) -> None:
+        self.activation = ACTIVATIONS[type(network.activation)]
+        self.layers: list[tuple[Single, Single]] = []
+        for layer in (network.first, *network.hidden, network.head):
+            assert isinstance(layer, nn.Linear)
+            matrix: Single = np.ascontiguousarray(array(layer.weight).T, np.float32)
+            bias: Single = array(layer.bias).astype(np.float32)
+            self.layers.append((matrix, bias))
+        self.layers[-1] = np.ascontiguousarray(matrix[:, :outputs]), bias[:outputs]
+
+    def __call__(self, x: Single) -> Single:
+        """Evaluate."""
+        matrix, bias = self.layers[0]
+        with np.errstate(over="ignore"):  # exp(-x) of SiLU may be infinite
+            y: Single = x @ matrix + bias
+            for matrix, bias in self.layers[1:]:
+                self.activation(y)
+                y = y @ matrix + bias
+        return y
+
+
+class ReducedInNumPy:
+    """A reduced network in evaluation, from the force grid to the mean correction of one load.
+
+    Parameters
+    ----------
+    network : ReducedNetwork
+        Network without random weights; its weights are copied.
+    dimension : int
+        Number of space dimensions d.
+    """
+
+    def __init__(self, network: ReducedNetwork, dimension: int) -> None:
+        dense = network.dense.members if isinstance(network.dense, Ensemble) else [network.dense]
+        self.members = []
+        for member in dense:
+            assert isinstance(member, DenseNetwork)
+            self.members.append(DenseInNumPy(member, len(network.modes)))
+        self.points = network.points.numpy()
+
+        def by_point(modes: Tensor) -> Single:
+            """Reorder the columns of modes: by point, then by component."""
+            split = modes.numpy().reshape(len(modes), dimension, -1)
+            return np.ascontiguousarray(split.swapaxes(1, 2).reshape(len(modes), -1))
+
+        self.encoder = np.ascontiguousarray(by_point(network.encoder).T)
+        self.modes = by_point(network.modes) / np.float32(len(self.members))
+
+    def __call__(self, fields: Single) -> Single:
+        """Predict scaled corrections from scaled forces, both (n_points, d)."""
+        force = fields.take(self.points, axis=0).ravel()
+        loaded = force.nonzero()[0]
+        if 4 * len(loaded) < len(force):
+            coefficients = force[loaded] @ self.encoder[loaded]
+        else:
+            coefficients = force @ self.encoder
+        first, *others = (member(coefficients) for member in self.members)
+        correction = np.zeros_like(fields)
+        correction[self.points] = (sum(others, start=first) @ self.modes).reshape(
+            -1, fields.shape[1]
+        )
+        return correction
+
+
+def array(parameter: Tensor | None) -> Array:
+    """Weights in double precision, for sums of them."""
+    assert parameter is not None
+    copied: Array = parameter.detach().double().cpu().numpy()
+    return copied
+
+
+def relu(x: Single) -> None:
+    """Replace x by max(x, 0)."""
+    np.maximum(x, 0, out=x)
+
+
+def silu(x: Single) -> None:
+    """Replace x by x / (1 + exp(−x))."""
+    denominator = np.negative(x)
+    np.exp(denominator, out=denominator)
+    denominator += 1
+    x /= denominator
+
+
+def gelu(x: Single) -> None:
+    """Replace x by x/2 (1 + erf(x / √2))."""
+    half = x * np.float32(0.5)
+    x *= np.float32(0.5**0.5)
+    erf(x, out=x)
+    x += 1
+    x *= half
+
+
+ACTIVATIONS: dict[type[nn.Module], Activation] = {
+    nn.ReLU: relu,
+    nn.SiLU: silu,
+    nn.GELU: gelu,
+}

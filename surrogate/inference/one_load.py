@@ -1,0 +1,156 @@
+"""Prediction of the displacements under one load in NumPy, where PyTorch's calls take most time.
+
+Everything before a network's first layer is linear in the forces: forces on the grid, linear
+response, gradient, scales. On small bodies it is one matrix, found by unit forces. On large bodies
+it is computed by PyTorch; for a reduced network on a grid of nodes, by a few columns of K⁻¹.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from surrogate.inference.dense_in_numpy import ReducedInNumPy
+from surrogate.inference.unet_in_numpy import UNetInNumPy
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.reduced_network import ReducedNetwork
+from surrogate.networks.unet import UNet
+from surrogate.probabilistic.ensemble import Ensemble
+
+LARGEST = 2**22  # values of the matrix: 16 MB
+AT_ONCE = 256  # unit forces at once
+Single = NDArray[np.float32]
+Array = NDArray[np.float64]
+GridFunction = Callable[[Single], Single]  # (n_points, inputs) to (n_points, outputs)
+
+
+class OneLoad:
+    """The mean displacements under one load.
+
+    Parameters
+    ----------
+    network : NodalNetwork
+        Network on the CPU that is not stochastic; its weights are copied.
+    members : list of callable
+        Its networks on the grid, from `in_numpy`.
+    """
+
+    def __init__(self, network: NodalNetwork, members: list[GridFunction]) -> None:
+        self.network, self.members = network, members
+        field, weights = network.network, network.to_nodes.weights.numpy()  # (k, n_nodes)
+        d, self.nodes = len(field.displacement_scale), weights.shape[1]
+        scale = (field.displacement_scale * field.free).reshape(d, -1).numpy().T
+        self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
+        self.scales = weights[:, :, None] * scale[self.sources] / np.float32(len(members))
+        to_grid = network.to_grid
+        grid_weights = to_grid.weights[0] / field.force_scale
+        self.grid_sources = to_grid.sources.numpy()[: len(grid_weights)]
+        self.grid_weights = grid_weights[:, None].numpy()
+        self.response = response_at_nodes(network)
+        with torch.inference_mode():
+            values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
+            self.inputs = values - self.nodes * d if field.skip else values
+            self.matrix: Single | None = None
+            if values * self.nodes * d <= LARGEST:
+                units = torch.split(torch.eye(self.nodes * d).reshape(-1, self.nodes, d), AT_ONCE)
+                self.matrix = torch.cat([self.linear_part(force) for force in units]).numpy()
+
+    def __call__(self, forces: Array) -> Array:
+        """Predict displacements in m from forces in N, both (n_nodes, d)."""
+        linear = self._linear_part(forces.astype(np.float32))
+        fields = linear[: self.inputs].reshape(len(self.network.network.free.ravel()), -1)
+        first, *others = (member(fields) for member in self.members)
+        y = sum(others, start=first)
+        u = y.take(self.sources, axis=0) * self.scales
+        nodal = u[0] if len(u) == 1 else u.sum(axis=0)
+        if len(linear) > self.inputs:
+            nodal += linear[self.inputs :].reshape(nodal.shape)
+        displacement: Array = nodal.astype(np.float64)
+        return displacement
+
+    def _linear_part(self, force: Single) -> Single:
+        """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
+        if self.matrix is None:
+            if self.response is not None:
+                return self._by_columns(force, self.response)
+            with torch.inference_mode():
+                part: Single = self.linear_part(torch.from_numpy(force[None]))[0].numpy()
+            return part
+        flat, matrix = force.ravel(), self.matrix
+        loaded = flat.nonzero()[0]
+        if 4 * len(loaded) < len(flat):
+            flat, matrix = flat[loaded], matrix[loaded]
+        found: Single = flat @ matrix
+        return found
+
+    def _by_columns(self, force: Single, response: Compliance) -> Single:
+        """Return `linear_part` of forces and linear response at the nodes, without gradients."""
+        free = response.free_nodes.numpy()
+        by_component = np.ascontiguousarray(force[free].T).ravel()
+        u = np.zeros_like(force)
+        u[free] = response.respond(by_component[None]).reshape(force.shape[1], -1).T
+        fields = force.take(self.grid_sources, axis=0) * self.grid_weights
+        return np.concatenate((fields.ravel(), u.ravel()))
+
+    def linear_part(self, force: Tensor) -> Tensor:
+        """Return the network's inputs and, where its output is added to it, the linear response.
+
+        Parameters
+        ----------
+        force : Tensor, (N, n_nodes, d)
+            In N.
+
+        Returns
+        -------
+        Tensor, (N, n_points · inputs) or (N, n_points · inputs + n_nodes · d)
+            Scaled inputs at the grid points, then displacements of the nodes in m.
+        """
+        field = self.network.network
+        inputs, linear = field.inputs_of(self.network.on_grid(force))
+        parts = [field.scaled(inputs)]
+        if linear is not None:
+            parts.append(self.network.to_nodes((linear * field.free).flatten(2)))
+        return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
+
+
+def response_at_nodes(network: NodalNetwork) -> Compliance | None:
+    """Compliance of a large body whose nodes are the grid points, for a network without gradients.
+
+    None for all other networks.
+    """
+    field = network.network
+    linear = field.linear
+    maps = network.to_nodes, network.to_grid
+    if not isinstance(linear, LinearResponse) or not field.skip or field.inputs != ("force",):
+        return None
+    if any(len(sums.weights) > 1 for sums in (*maps, linear.to_grid, linear.to_nodes)):
+        return None
+    found = linear.compliance
+    return found if isinstance(found, Compliance) and not len(found.matrix) else None
+
+
+def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:
+    """Copy the members of a network as functions on the grid; None if its kind has no such form.
+
+    Parameters
+    ----------
+    network : nn.Module
+        Network without random weights or masks.
+    shape : tuple of int
+        Number of grid points along every axis.
+    outputs : int
+        Number of output channels to compute, the first ones.
+    """
+    if isinstance(network, ReducedNetwork):
+        return [ReducedInNumPy(network, outputs)]
+    members = list(network.members) if isinstance(network, Ensemble) else [network]
+    unets = [member for member in members if isinstance(member, UNet)]
+    if len(unets) < len(members):
+        return None
+    return [UNetInNumPy(unet, shape, outputs) for unet in unets]

@@ -1,0 +1,55 @@
+"""The table of the trained networks that come with the package."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from surrogate.data.geometry import PREFIX
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run, shelved, size_of
+
+
+class Row(NamedTuple):
+    """A network; the fields are the columns."""
+
+    name: str
+    network: str
+    body: str
+    nodes: str
+    parameters: str
+    error: str
+    tip: str
+    size: str
+
+
+HEAD = Row(*Row._fields)
+
+
+def row_of(name: str) -> Row:
+    """Describe a network: errors are those of its test split, mean ē and median at the tip."""
+    run = RunFolder(find_run(name))
+    config, evaluation = run.description().run, run.read_evaluation()
+    coordinates = run.read_tensors()[PREFIX + "coordinates"]
+    extent = coordinates.amax(dim=0) - coordinates.amin(dim=0)
+    test = evaluation["test"]
+    return Row(
+        name,
+        f"{config.architecture}; {config.likelihood.replace('_', ' ')}",
+        " × ".join(f"{length:.3g}" for length in extent.tolist()) + " m",
+        str(len(coordinates)),
+        f"{evaluation['trainable_parameters'] / 1e6:.2f} M",
+        f"{test['mean_error']:.2e} m",
+        f"{test['relative_tip_error_median']:.2%}",
+        f"{size_of(run.folder) / 1e6:.1f} MB",
+    )
+
+
+def trained_list() -> str:
+    """Lay out the table, one line a network."""
+    rows = [HEAD, *map(row_of, shelved())]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    )
+    return "\n".join(line.rstrip() for line in lines)
