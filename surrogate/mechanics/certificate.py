@@ -7,10 +7,10 @@ simplified step after it estimate its error to third order:
           δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
 
 (`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite and the
-contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, or :math:`\bar δ` is negligible. Otherwise u is first improved by a step of
-Newton's method with line search (`surrogate.mechanics.newton`), at most three times. A prediction
-whose estimate does not settle is never certified, nor is one with an inverted cell, for which
-there is no estimate.
+contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, or :math:`\bar δ` is negligible. Otherwise u
+is first improved by a step of Newton's method with line search (`surrogate.mechanics.newton`), at
+most three times. A prediction whose estimate does not settle is never certified, nor is one with
+an inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
