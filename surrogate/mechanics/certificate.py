@@ -6,11 +6,11 @@ simplified step after it estimate its error to third order:
 .. math:: u - u_{true} = -(δ + \bar δ) + O(‖u - u_{true}‖^3), \qquad
           δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
 
-(`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite and the
-contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, or :math:`\bar δ` is negligible. Otherwise u
-is first improved by a step of Newton's method with line search (`surrogate.mechanics.newton`), at
-most three times. A prediction whose estimate does not settle is never certified, nor is one with
-an inverted cell, for which there is no estimate.
+(`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite, the
+contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
+estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
+(`surrogate.mechanics.newton`), by 20 steps at most. A prediction whose estimate does not settle is
+never certified, nor is one with an inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from surrogate.mechanics.newton import searched
 
 Array = NDArray[np.float64]
 CONTRACTION = 0.25  # largest Θ of an estimate that is settled
+LAST_PART = 0.1  # largest part of its last step in it
 NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
-ROUNDS = 4
+ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -123,9 +124,9 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
     truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
     for _ in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
-        left, size = norms(found.simplified), norms(truth[going])
-        small = (left <= NEGLIGIBLE * size) | (found.contraction <= CONTRACTION)
-        contracts = found.stable & small
+        last, error = norms(found.simplified), norms(u[going] - truth[going] - found.steps)
+        small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
+        contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]
         settled[going[contracts]] = True
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):

@@ -139,9 +139,10 @@ def alarms(
     never = np.setdiff1d(free, np.flatnonzero(dataset.geometry.loadable))
     most = model.description.data.loads
     several = 3 * (1 if most is None else most.most)
+    at_limit = force / (np.abs(force) / limit).max(axis=(1, 2), keepdims=True)
     kinds = {
-        "twice the range": 2 * force,
-        "four times the range": 4 * force,
+        "twice the range": 2 * at_limit,  # by the largest component
+        "four times the range": 4 * at_limit,
         "three times as many loads": random_loads(rng, free, several, limit, force.shape),
     }
     if len(never):
