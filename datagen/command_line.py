@@ -24,6 +24,7 @@ from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
 
 VOLUMETRIC = ("paper", "quadratic")
+TRUST = "allow the case's gmsh script to run programs and to read and write files"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,6 +45,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
     """
     from mpi4py import MPI
 
+    from datagen.farm.farm import NothingSolvedError
     from datagen.ranks import SharedCounters
 
     comm = MPI.COMM_WORLD
@@ -56,6 +58,10 @@ def _on_every_rank(command: Callable[[], None]) -> int:
             command()
         except (InputError, StoppedError):
             raise
+        except NothingSolvedError:
+            if comm.rank == 0:
+                raise
+            raise StoppedError from None  # without a word
         except BaseException:
             if counters.add("failed", 1):
                 comm.Barrier()  # until the first rank that failed ends this one
@@ -89,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
+    run.add_argument("--trust", action="store_true", help=TRUST)
     run.set_defaults(command=_run)
 
     structure = commands.add_parser("structure", help="map a nodal dataset to its grid")
@@ -132,6 +139,7 @@ def _parser() -> argparse.ArgumentParser:
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    solve.add_argument("--trust", action="store_true", help=TRUST)
     solve.set_defaults(command=_solve)
 
     check = commands.add_parser("check", help="check every byte of a dataset against the schema")
@@ -167,7 +175,7 @@ def _run(options: argparse.Namespace) -> None:
     from datagen.cases.case import read_case
     from datagen.farm.farm import run
 
-    case = read_case(options.case, options.volumetric, options.samples)
+    case = read_case(options.case, options.volumetric, options.samples, options.trust)
     manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")
@@ -214,7 +222,7 @@ def _solve(options: argparse.Namespace) -> None:
 
     require_suffix(options.out)
     require_writable(options.out)
-    case = read_case(options.case, options.volumetric)
+    case = read_case(options.case, options.volumetric, trust=options.trust)
     body = make_body(case, MPI.COMM_SELF)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
     nodes = np.flatnonzero(forces.any(axis=1))
@@ -263,6 +271,7 @@ def _info(options: argparse.Namespace) -> None:
         from datagen.output.dataset_figure import SUFFIXES, plot_dataset
 
         require_suffix(options.figure, SUFFIXES, "--figure")
+        require_writable(options.figure, "--figure")
         plot_dataset(options.dataset, options.figure)
     print(summary(options.dataset))
 
