@@ -132,6 +132,12 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
+    solve.add_argument(
+        "--start",
+        type=Path,
+        metavar="FILE.npz",
+        help="start from the displacement in this file, such as a prediction of `surrogate`",
+    )
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     solve.add_argument("--trust", action="store_true", help=TRUST)
     solve.set_defaults(command=_solve)
@@ -211,6 +217,7 @@ def _solve(options: argparse.Namespace) -> None:
 
     from datagen.cases.body import make_body
     from datagen.cases.case import read_case
+    from datagen.solver.given_start import read_start, solve_from
     from datagen.solver.load_stepping import solve_load_case
 
     require_suffix(options.out)
@@ -219,7 +226,13 @@ def _solve(options: argparse.Namespace) -> None:
     body = make_body(case, MPI.COMM_SELF)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
     nodes = np.flatnonzero(forces.any(axis=1))
-    report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+    origin = ""
+    if options.start is None:
+        report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+    else:
+        start = read_start(options.start, body.mesh.coordinates)
+        report, used = solve_from(start, body.problem, nodes, forces[nodes], case.solver)
+        origin = f"from {options.start}, " if used else "from rest, "
     if not report.solved:
         raise WorkError(
             f"no equilibrium found beyond {report.load_factor:.1%} of the load "
@@ -235,8 +248,9 @@ def _solve(options: argparse.Namespace) -> None:
     )
     largest = np.linalg.norm(displacement, axis=1).max()
     print(
-        f"{options.out}: largest displacement {largest:.6g} m, {report.load_steps} load steps, "
-        f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N"
+        f"{options.out}: largest displacement {largest:.6g} m, {origin}"
+        f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
+        f"residual {report.residual_norm:.2g} N"
     )
 
 

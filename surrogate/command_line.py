@@ -21,7 +21,7 @@ RUN = "run folder, or a trained network of the package (surrogate list)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
+    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
@@ -105,6 +105,20 @@ def _parser() -> argparse.ArgumentParser:
         choices=("marginal", "simultaneous"),
         help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
     )
+    predict.add_argument(
+        "--certify", action="store_true", help="estimate the error; add it as 'estimated_error'"
+    )
+    predict.add_argument(
+        "--tolerance",
+        type=_positive,
+        metavar="M",
+        help="with --certify: largest estimated error of a node in m, else exit code 3",
+    )
+    predict.add_argument(
+        "--correct",
+        action="store_true",
+        help="go on to the finite elements' equilibrium; add the network's as 'predicted'",
+    )
     predict.set_defaults(command=_predict)
 
     export = commands.add_parser(
@@ -182,6 +196,16 @@ def _remark_unsealed(folder: Path) -> None:
         print(f"surrogate: warning: {remark}", file=sys.stderr)
 
 
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
+    return value
+
+
 def _train(options: argparse.Namespace) -> None:
     from surrogate.data.dataset import read_dataset
     from surrogate.models.model import TrainedModel
@@ -254,6 +278,7 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
+    from shared_schema.common.errors import InputError, NotCertifiedError
     from shared_schema.common.point_load import nodal_forces
     from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
@@ -264,6 +289,8 @@ def _predict(options: argparse.Namespace) -> None:
 
     require_suffix(options.out)
     require_writable(options.out)
+    if options.tolerance is not None and not options.certify:
+        raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
     _remark_unsealed(options.run)
     intervals = None
     if options.conformal:
@@ -279,9 +306,20 @@ def _predict(options: argparse.Namespace) -> None:
     if intervals is not None:
         ends = intervals.bounds(options.conformal, surrogate, predicted)
         fields |= dict(zip(("lower", "upper"), ends, strict=True))
-    warning = surrogate.outside_training(forces)
-    if warning:
+    for warning in surrogate.training_range.exceeded(forces).values():
         print(f"surrogate: warning: {warning}", file=sys.stderr)
+    notes, refusal = ["predicted"], None
+    if options.correct:
+        correction = surrogate.correct(forces, predicted.mean)
+        fields = {"displacement": correction.displacement, "predicted": predicted.mean}
+        notes.append(correction.summary())
+    if options.certify:
+        certificate = surrogate.certify(forces, fields["displacement"])
+        fields["estimated_error"] = certificate.error
+        notes.append(certificate.summary())
+        if options.tolerance is not None:
+            refusal = certificate.refusal(options.tolerance)
+            notes.append("certified" if refusal is None else "not certified")
     write_solution(
         options.out,
         geometry.coordinates,
@@ -289,7 +327,9 @@ def _predict(options: argparse.Namespace) -> None:
         geometry.cell_type,
         {"force": forces, **fields},
     )
-    print(f"{options.out}: predicted")
+    print(f"{options.out}: {', '.join(notes)}")
+    if refusal is not None:
+        raise NotCertifiedError(refusal)
 
 
 def _export(options: argparse.Namespace) -> None:

@@ -14,8 +14,10 @@ from tqdm import tqdm
 from shared_schema.common.errors import (
     DONE,
     FAILED,
+    NOT_CERTIFIED,
     WRONG_INPUT,
     InputError,
+    NotCertifiedError,
     StoppedError,
     WorkError,
     first_line,
@@ -33,7 +35,7 @@ def make_parser(program: str, description: str, version: str) -> tuple[Parser, C
     parser = argparse.ArgumentParser(
         prog=program,
         description=description,
-        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
+        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong, 3 not certified.",
     )
     parser.add_argument("--version", action="version", version=f"{program} {version}")
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
@@ -60,6 +62,9 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
+    except NotCertifiedError as error:
+        print(f"{program}: not certified: {error}", file=sys.stderr)
+        return NOT_CERTIFIED
     except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
         return FAILED

@@ -17,6 +17,10 @@ from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
 from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
+from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.newton import Correction, correct
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -78,6 +82,8 @@ class Surrogate:
         Mesh, supports and grid; its node numbers are those of forces and displacements.
     description : RunDescription
         Configuration and dataset of the run.
+    training_range : TrainingRange
+        Forces of the training data; `predict` warns of others.
     """
 
     def __init__(
@@ -87,6 +93,8 @@ class Surrogate:
         self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
         self.geometry = geometry
         self.description = description
+        data = description.data
+        self.training_range = TrainingRange(data.info.force.max_abs, geometry.loadable, data.loads)
         self.passes = Passes(network)
 
     @property
@@ -105,6 +113,8 @@ class Surrogate:
         Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
         a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
+
         Parameters
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
@@ -121,9 +131,73 @@ class Surrogate:
             If the shape is wrong, a force is not finite, or one acts at a clamped node.
         """
         nodal = self._checked(forces)
+        self.training_range.warn(nodal)
+        return self._mean(nodal)
+
+    def _mean(self, nodal: Array) -> Array:
+        """Predict without warnings."""
         if self._is_one(nodal) and self._one_load is not None:
             return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
         return self._predicted(nodal, PASSES, 0).mean
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body; InputError if the run names no material."""
+        return Equilibrium(self.geometry, self.description.data.material)
+
+    def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
+        """Estimate the errors of predictions from their out-of-balance forces.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run does not name its material.
+        """
+        equilibrium = self.equilibrium
+        nodal, displacement = self._with_predicted(forces, predicted)
+        return certify(equilibrium, nodal, displacement)
+
+    def correct(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Correction:
+        """Go on from a prediction to the finite elements' equilibrium.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m, which may be wrong; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found.
+        """
+        equilibrium = self.equilibrium
+        nodal, displacement = self._with_predicted(forces, predicted)
+        if nodal.ndim != 2:
+            raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
+        return correct(equilibrium, nodal, displacement)
+
+    def _with_predicted(
+        self, forces: ArrayLike, predicted: ArrayLike | None
+    ) -> tuple[Array, Array]:
+        """Return forces and displacements, checked; predict them if they are not given."""
+        nodal = self._checked(forces)
+        if predicted is None:
+            return nodal, self._mean(nodal)
+        displacement = np.asarray(predicted, dtype=np.float64)
+        if displacement.shape != nodal.shape:
+            raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
+        return nodal, displacement
 
     def predict_distribution(
         self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
@@ -149,7 +223,7 @@ class Surrogate:
         require_passes(passes, seed)
         nodal = self._checked(forces)
         if self._is_one(nodal) and not self.is_probabilistic:
-            mean = self.predict(nodal)
+            mean = self._mean(nodal)
             return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
         return self._predicted(nodal, passes, seed)
 
@@ -228,24 +302,6 @@ class Surrogate:
                     f"--{name} {value}: passes of this network do not differ, expected one with "
                     "probabilistic weights or dropout"
                 )
-
-    def outside_training(self, forces: NDArray[np.float64]) -> str | None:
-        """Describe how forces leave the range of the training data; None if they do not.
-
-        Parameters
-        ----------
-        forces : array, (n_nodes, d)
-            Nodal forces in N.
-        """
-        limit = self.description.data.info.force.max_abs
-        largest = np.abs(forces).max(axis=0)
-        if np.any(largest > np.asarray(limit) * (1 + 1e-6)):
-            allowed = ", ".join(f"{value:.3g}" for value in limit)
-            return f"force components reach beyond those of the training data (±{allowed} N)"
-        loaded = forces.any(axis=1)
-        if np.any(loaded & ~self.geometry.loadable):
-            return "a loaded node was never loaded in the training data"
-        return None
 
 
 def require_passes(passes: int, seed: int) -> None:

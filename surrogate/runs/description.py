@@ -12,6 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
+from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model
 from surrogate.runs.configuration import KINDS, RunConfig, tag_of
 from surrogate.runs.legacy import upgraded
@@ -30,6 +31,8 @@ class DataFingerprint(Frozen):
     cell_type : str
     info : StructuredInfo
         Grid, split and statistics.
+    loads : LoadRange or None
+        Numbers of loads and resultants of the training split; None in older files.
     """
 
     case: dict[str, Any]
@@ -37,6 +40,7 @@ class DataFingerprint(Frozen):
     dimension: int
     cell_type: str
     info: StructuredInfo
+    loads: LoadRange | None = None
 
     @property
     def material(self) -> NeoHookean:
@@ -87,6 +91,10 @@ class RunDescription(Frozen):
             del content["start_from"]
         return content
 
+    def as_before_loads(self) -> RunDescription:
+        """Return the same description without `data.loads`, as older files have it."""
+        return self.model_copy(update={"data": self.data.model_copy(update={"loads": None})})
+
     @model_validator(mode="before")
     @classmethod
     def _from_version_1(cls, content: Any) -> Any:
@@ -119,5 +127,6 @@ def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) 
         dimension=manifest.dimension,
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
+        loads=load_range(dataset),
     )
     return RunDescription(run=cast(RunConfig, config), data=data, start_from=start_from)

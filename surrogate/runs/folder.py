@@ -81,6 +81,8 @@ class RunFolder:
         """
         if self.config.is_file():
             existing = self.description()
+            if existing.data.loads is None:
+                description = description.as_before_loads()
             if existing != description and self._is_bound():
                 raise InputError(
                     f"--out '{self.folder}': a run with another "

@@ -87,7 +87,8 @@ def test_predict(trained: Path, out: Path, suffix: str, capsys: pytest.CaptureFi
     loads = ["--load", "3.5,1.5:0.5,-1", "--load", "2,1.5:0,1"]
     assert main(["predict", str(trained), *loads, "--out", str(path)]) == 0
     captured = capsys.readouterr()
-    assert captured.err == ""
+    warning = "surrogate: warning: number of loaded nodes 2, 1 in the training data\n"
+    assert captured.err == warning
     assert captured.out == f"{path}: predicted\n"
     if suffix == ".npz":
         with np.load(path) as found:
@@ -153,7 +154,45 @@ def test_predict_warns_outside_training(
     assert main(["predict", str(trained), "--load", "3.5,1.5:0,9", "--out", f"{out}/u.npz"]) == 0
     captured = capsys.readouterr()
     assert captured.err.startswith("surrogate: warning: force components reach beyond")
-    assert captured.err.count("\n") == 1
+    assert captured.err.count("\n") == 2  # the resultant as well
+
+
+def predict_at_corner(trained: Path, out: Path, *options: str) -> tuple[int, dict[str, np.ndarray]]:
+    load = ["--load", "3.5,1.5:0.5,-1", "--out", f"{out}/u.npz"]
+    code = main(["predict", str(trained), *load, *options])
+    with np.load(out / "u.npz") as file:
+        return code, dict(file)
+
+
+def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Displacements of the training are made up, so they are not in equilibrium."""
+    code, fields = predict_at_corner(trained, out, "--certify")
+    assert code == 0
+    assert "estimated error" in capsys.readouterr().out
+    assert np.abs(fields["estimated_error"]).max() > 1e-3
+    code, _ = predict_at_corner(trained, out, "--certify", "--tolerance", "1e-3")
+    captured = capsys.readouterr()
+    assert code == 3
+    assert captured.out.endswith(", not certified\n")
+    assert captured.err.startswith("surrogate: not certified: estimated error")
+    assert captured.err.endswith("> 1 mm\n")
+
+
+def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--correct", "--certify", "--tolerance", "1e-6")
+    code, fields = predict_at_corner(trained, out, *options)
+    assert code == 0
+    printed = capsys.readouterr().out
+    assert "predicted, corrected in" in printed
+    assert printed.endswith(", certified\n")
+    assert sorted(fields) == [
+        *("coordinates", "displacement", "estimated_error", "force", "predicted")
+    ]
+    model = surrogate.load(trained)
+    np.testing.assert_array_equal(fields["predicted"], model.predict(fields["force"]))
+    assert model.certify(fields["force"], fields["displacement"]).max_error < 1e-6
+    correction = model.correct(fields["force"])
+    np.testing.assert_allclose(correction.displacement, fields["displacement"], atol=1e-6)
 
 
 def test_train_refusals(
@@ -227,6 +266,8 @@ def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixtur
     for option in ("--passes", "--seed"):
         part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
         assert_refused([*arguments, option, 3], part, out, capsys)
+    part = "--tolerance 0.1: expected beside --certify"
+    assert_refused([*arguments, "--tolerance", 0.1], part, out, capsys)
 
 
 def test_report_refusals(

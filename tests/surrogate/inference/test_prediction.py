@@ -19,6 +19,8 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 
+pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
+
 
 @pytest.fixture(scope="module")
 def model(trained: Path) -> surrogate.Surrogate:
@@ -189,21 +191,6 @@ def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
     assert found.mean.shape == found.std.shape == (0, 32, 2)
 
 
-def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:
-    """Node 31 at the upper right corner is loadable, node 28 below it is not."""
-    limit = np.array(dataset.info.force.max_abs)
-    forces = np.zeros((32, 2))
-    forces[31] = limit
-    assert model.outside_training(forces) is None
-    forces[31] = -1.01 * limit
-    warning = model.outside_training(forces)
-    assert warning is not None
-    assert "beyond" in warning
-    assert f"{limit[0]:.3g}" in warning
-    forces[31], forces[28] = 0.0, 0.5 * limit
-    assert model.outside_training(forces) == "a loaded node was never loaded in the training data"
-
-
 def test_no_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no run there"):
         surrogate.load(tmp_path / "nowhere")
@@ -277,3 +264,28 @@ def test_weights_that_are_not_finite_are_refused(copy: RunFolder, name: str) -> 
     copy.write_tensors(tensors)
     with pytest.raises(InputError, match=f"safetensors: '{name}' holds a NaN"):
         surrogate.load(copy.folder)
+
+
+def test_certify_and_correct(model: surrogate.Surrogate) -> None:
+    """A corrected prediction is certified; one Newton step lowers the error of another."""
+    forces = np.zeros((32, 2))
+    forces[31] = 0.1, -0.2
+    correction = model.correct(forces)
+    assert correction.residual_norm <= 1e-8
+    assert model.certify(forces, correction.displacement).max_error < 1e-9
+    found = model.certify(np.stack([forces, forces]))
+    assert found.error.shape == (2, 32, 2)
+    one = model.predict(forces) - found.error[0]
+    assert np.abs(one - correction.displacement).max() < found.max_error[0]
+
+
+def test_certificates_refuse_wrong_input(model: surrogate.Surrogate, copy: RunFolder) -> None:
+    with pytest.raises(InputError, match=r"predicted has shape \(31, 2\), expected \(32, 2\)"):
+        model.certify(np.zeros((32, 2)), np.zeros((31, 2)))
+    with pytest.raises(InputError, match=r"forces have shape \(3, 32, 2\), expected \(32, 2\)"):
+        model.correct(FORCES)
+    text = copy.config.read_text()
+    copy.config.write_text(text.replace("    material:", "    substance:"))
+    copy.seal.add([copy.config])
+    with pytest.raises(InputError, match="material of the run's case: key 'young_modulus'"):
+        surrogate.load(copy.folder).certify(FORCES)
