@@ -98,22 +98,21 @@ def train(
         require_tensorboard()
     deadline = time.perf_counter() + seconds
     start = None if start_from is None else warm_start(start_from, config, dataset)
-    description = describe(config, dataset, None if start is None else start.origin)
-    ranks.from_first(lambda: run.require_free(description))
-    if run.is_finished:
-        load(run.folder)
-        return
     require_samples_at(config, dataset)
     split = split_training(dataset.training, config)
-    if isinstance(config, TrainedModel):
-        split = replace(split, train=mirrored(split.train, config, dataset))
     if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
             f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
             f"expected {ranks.count} at least, the number of processes"
         )
     config.require_suitable(dataset, split.train)
+    description = describe(config, dataset, None if start is None else start.origin)
+    ranks.from_first(lambda: run.require_free(description))
+    if run.is_finished:
+        load(run.folder)
+        return
     if isinstance(config, TrainedModel):
+        split = replace(split, train=mirrored(split.train, config, dataset))
         batch = min(-(-config.training.batch_size // ranks.count), len(split.train))
         require_device_memory(
             training_memory(config, dataset.geometry, batch),

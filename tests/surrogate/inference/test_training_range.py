@@ -78,7 +78,7 @@ def test_warnings_can_be_silenced(model: surrogate.Surrogate) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-        model.predict(np.full((32, 2), 100.0))
+        model.predict(np.where(model.geometry.clamped[:, None], 0.0, 100.0))
 
 
 def test_run_without_loads_is_resumed_and_warns_of_the_rest(trained: Path, tmp_path: Path) -> None:
@@ -89,6 +89,6 @@ def test_run_without_loads_is_resumed_and_warns_of_the_rest(trained: Path, tmp_p
     old = RunFolder(tmp_path)
     old.config.write_text(yaml.safe_dump(content))
     (tmp_path / run.model.name).write_bytes(run.model.read_bytes())
-    old.start(run.description())
+    old.require_free(run.description())
     forces = np.full((32, 2), 100.0)
     assert list(surrogate.load(tmp_path).training_range.exceeded(forces)) == ["range", "places"]
