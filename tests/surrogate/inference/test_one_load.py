@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from torch import nn
 
+from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
 from surrogate.inference.prediction import Surrogate, load

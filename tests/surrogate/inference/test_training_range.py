@@ -78,7 +78,7 @@ def test_warnings_can_be_silenced(model: surrogate.Surrogate) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-        model.predict(np.where(model.geometry.clamped[:, None], 0.0, 100.0))
+        model.predict(np.where(model.geometry.clamped[:, None], 0.0, np.full((32, 2), 100.0)))
 
 
 def test_run_without_loads_is_resumed_and_warns_of_the_rest(trained: Path, tmp_path: Path) -> None:
