@@ -53,7 +53,7 @@ class GaussianProcess(Fitted):
         self.samples = samples
 
     def fit(self, force: Tensor, outputs: Tensor, generator: torch.Generator) -> None:
-        """Fit to samples: scaled forces (N, d, n_loaded) and outputs (N, n_outputs)."""
+        """Fit to samples: scaled inputs (N, …) and outputs (N, n_outputs)."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
