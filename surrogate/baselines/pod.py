@@ -9,9 +9,12 @@ truncation error of the modes, they give the standard deviations at the nodes:
 
 .. math:: σ_i^2 = \sum_k φ_{ki}^2 \, σ_k(f)^2 + \frac{1}{N} \sum_n (u_{ni} - \tilde u_{ni})^2
 
-With `inputs: linear_modes`, the process is given coefficients of the leading modes of the linear
-response K⁻¹f instead of forces, as reduced networks are (`surrogate.networks.reduced_network`). The
-displacements are then those that the linear response leaves over.
+With `inputs: linear_modes`, the process is given coefficients :math:`a_k` of the leading modes of
+the linear response K⁻¹f instead of forces, as reduced networks are
+(`surrogate.networks.reduced_network`). It then predicts what the linear response leaves over. Each
+coefficient is divided by the square root of its root mean square. Under loads drawn alike at all
+places :math:`a_k` grows with the compliance of its mode, so that the squared distance of two loads
+f and f' is about :math:`(f - f')^T K^{-1} (f - f')`, an elastic energy.
 """
 
 from __future__ import annotations
@@ -98,6 +101,9 @@ class GaussianProcessConfig(PODConfig):
     ----------
     gp_samples : int
         Largest number of training samples in the process.
+    tuned_modes : int, optional
+        Number of leading modes whose coefficients the kernel's parameters are fitted to. All modes
+        by default, each with the same weight, however little it adds to the displacement.
     inputs : {"force", "linear_modes"}
         Inputs of the process: the forces at the nodes that are loaded in training, or coefficients
         of modes of the linear response. With the latter, it predicts the difference from that.
@@ -107,6 +113,7 @@ class GaussianProcessConfig(PODConfig):
 
     regression: Literal["gp"]
     gp_samples: int = Field(2000, ge=2)
+    tuned_modes: int | None = Field(None, ge=1)
     inputs: Literal["force", "linear_modes"] = "force"
     input_modes: int | None = Field(None, ge=1)
 
@@ -125,7 +132,7 @@ class GaussianProcessConfig(PODConfig):
 
     def make_regression(self) -> GaussianProcess:
         """Make the regression, not yet fitted."""
-        return GaussianProcess(self.gp_samples)
+        return GaussianProcess(self.gp_samples, self.tuned_modes)
 
 
 class PODNetwork(Fitted):
@@ -148,7 +155,7 @@ class PODNetwork(Fitted):
     truncation : Tensor, (d · n_free,)
         Root mean square of the truncation error of the training displacements.
     encoder : Tensor, (linear_modes, d · n_free)
-        Scaled forces to scaled coefficients of the linear response; only with `linear_modes`.
+        Scaled forces to scaled coefficients of the linear response; with `linear_modes` only.
     """
 
     free: Tensor
@@ -190,6 +197,9 @@ class PODNetwork(Fitted):
         self.mean, self.modes = torch.from_numpy(pca.mean_), torch.from_numpy(pca.components_)
         self.truncation = rest.square().mean(dim=0).sqrt()
         self.loaded = force.flatten(2).any(dim=0).any(dim=0).nonzero().squeeze(1)
+        if self.config.linear_modes:
+            mean_square = self._inputs(force).square().mean(dim=0)
+            self.encoder = self.encoder / mean_square.pow(0.25)[:, None]
         generator = torch.Generator().manual_seed(seed)
         self.regression.fit(self._inputs(force), torch.from_numpy(coefficients), generator)
 

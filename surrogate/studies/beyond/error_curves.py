@@ -12,6 +12,7 @@ from shared_schema.drawing.figure_style import make_figure, styled
 from surrogate.studies.beyond.networks import Kind
 
 WIDTH, HEIGHT = 4.2, 2.5  # of a panel, in inches
+MOST_TICKS = 8  # whole numbers on the abscissa that are ticked one by one
 FLOOR = 1e-12  # smallest value on a logarithmic axis
 
 
@@ -57,11 +58,15 @@ def draw_curves(
             kind, style = curve.kind, f"{curve.kind.marker if markers else ''}{curve.style}"
             y = np.maximum(curve.y, FLOOR) if log[1] else curve.y
             (line,) = axes.plot(curve.x, y, style, color=kind.color, ms=4)
-            handles[curve.label or kind.label] = line
+            handles.setdefault(curve.label or kind.label, line)
         if trained and body in trained:
             axes.axvspan(*trained[body], color="0.93", lw=0, zorder=0)
         axes.set_xscale("log" if log[0] else "linear")
         axes.set_yscale("log" if log[1] else "linear")
+        places = np.unique([x for curve in curves for x in curve.x])
+        if len(places) <= MOST_TICKS and (places == places.round()).all():
+            axes.set_xticks(places, [f"{x:g}" for x in places], minor=False)
+            axes.xaxis.minorticks_off()
         axes.set_title(body, fontsize=10)
         axes.set_ylabel(up)
     axes_of[-1].set_xlabel(across)

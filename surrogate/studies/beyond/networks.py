@@ -13,7 +13,7 @@ from shared_schema.drawing.figure_style import NETWORK
 from surrogate.presentation.curve_colours import CURVES
 from surrogate.studies.framework.scale import Scale
 
-GREY = "0.45"
+GREY, TEAL = "0.45", "#1295a8"
 GREEN, ORANGE, PURPLE = CURVES[2:]
 BODIES = {
     "beam2d_any": "2D beam",
@@ -36,11 +36,11 @@ KINDS = {
     "mechanics": Kind("U-Net with mechanics", NETWORK, "o"),
     "reduced": Kind("reduced network", ORANGE, "^"),
     "gp": Kind("POD with GP on forces", GREEN, "v"),
-    "modal-gp": Kind("GP on modal loads", PURPLE, "D"),
+    "modal-gp": Kind("GP on modal loads", TEAL, "P"),
     "forces-vb": Kind("VB, forces in", GREY, "s"),
-    "mechanics-mle": Kind("MLE", GREEN, "v"),
-    "mechanics-vb": Kind("VB", NETWORK, "o"),
-    "mechanics-ensemble": Kind("ensemble", PURPLE, "D"),
+    "mechanics-mle": Kind("MLE with mechanics", GREEN, "v"),
+    "mechanics-vb": Kind("VB with mechanics", NETWORK, "o"),
+    "mechanics-ensemble": Kind("ensemble with mechanics", PURPLE, "D"),
     "reduced-vb": Kind("reduced network, VB", ORANGE, "^"),
 }
 
@@ -51,7 +51,7 @@ def kind_of(run: str) -> Kind:
 
 
 def stem_of(case: str) -> str:
-    """Begin of the names of the cases with the body of a case: ``beam2d`` of ``beam2d_any``."""
+    """Begin of the names of all cases of a body: ``beam2d`` of ``beam2d_any``."""
     return case.removesuffix("_any")
 
 
