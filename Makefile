@@ -22,14 +22,14 @@ COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
 # Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
 PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
-REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
+STUDIES = $(SURROGATE) $@ --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report shelve reproduce test lint clean debian-packages \
+.PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint clean debian-packages \
 	images compose-demo test-images test-datagen test-surrogate
 
 help: ## list the targets
@@ -60,11 +60,13 @@ report: evaluate
 shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE
 	$(SURROGATE) shelve $(RUN) $(CASE)
 
-reproduce: setup ## make the paper's tables and figures at SCALE=smoke|laptop|paper
-	@$(REPRODUCE) --list-data > .venv-surrogate/data-commands
+reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
+beyond: ## do the studies beyond the paper at SCALE=smoke|laptop
+reproduce beyond: setup
+	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
 		sh -e .venv-surrogate/data-commands
-	$(REPRODUCE)
+	$(STUDIES)
 
 test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 

@@ -14,6 +14,7 @@ from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
+    from surrogate.studies.framework.studies_report import Report
     from surrogate.studies.framework.study import Study
 
 
@@ -148,29 +149,39 @@ def _parser() -> argparse.ArgumentParser:
     shelve.add_argument("name", metavar="NAME", help="name of the network, such as its case")
     shelve.set_defaults(command=_shelve)
 
-    study = commands.add_parser("study", help="make some of the paper's tables and figures")
+    study = commands.add_parser("study", help="do some studies of one of the two reports")
     study.add_argument("names", nargs="+", metavar="NAME", help="study, such as force-sweep-beam")
     _add_studies(study)
     study.add_argument("--again", action="store_true", help="repeat studies that are up to date")
     study.set_defaults(command=_study)
 
-    reproduce = commands.add_parser("reproduce", help="make all of the paper's tables and figures")
-    _add_studies(reproduce)
-    reproduce.add_argument(
-        "--list-data", action="store_true", help="print the commands that make missing datasets"
-    )
-    reproduce.set_defaults(command=_reproduce)
+    for name, command, what in (
+        ("reproduce", _reproduce, "make all of the paper's tables and figures"),
+        ("beyond", _beyond, "do all studies beyond the paper"),
+    ):
+        whole = commands.add_parser(name, help=what)
+        _add_studies(whole)
+        whole.add_argument(
+            "--list-data", action="store_true", help="print the commands that make missing datasets"
+        )
+        whole.set_defaults(command=command)
     return parser
 
 
 def _add_studies(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--scale", default="laptop", metavar="NAME", help="smoke, laptop, paper, or a YAML file"
+        "--scale",
+        default="laptop",
+        metavar="NAME",
+        help="smoke, laptop, paper (reproduction only), or a YAML file",
     )
     parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
     parser.add_argument("--runs", type=Path, default=Path("runs"), metavar="DIR", help="networks")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="report (default docs/reproduction/SCALE)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="report (default docs/reproduction/SCALE or docs/beyond/SCALE)",
     )
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
 
@@ -364,35 +375,49 @@ def _shelve(options: argparse.Namespace) -> None:
 
 
 def _study(options: argparse.Namespace) -> None:
-    from surrogate.studies.reproduction import find_studies
+    from surrogate.studies.reproduction import find_report, find_studies
 
-    _do(options, find_studies(options.names), options.again)
+    _do(options, find_report(options.names), find_studies(options.names), options.again)
 
 
 def _reproduce(options: argparse.Namespace) -> None:
-    from surrogate.studies.catalogue import STUDIES
+    from surrogate.studies.catalogue import REPRODUCTION
+
+    _do_all(options, REPRODUCTION)
+
+
+def _beyond(options: argparse.Namespace) -> None:
+    from surrogate.studies.beyond.catalogue import BEYOND
+
+    _do_all(options, BEYOND)
+
+
+def _do_all(options: argparse.Namespace, report: Report) -> None:
     from surrogate.studies.framework.data_commands import missing_data
     from surrogate.studies.framework.scale import read_scale
 
     if options.list_data:
-        for line in missing_data(read_scale(options.scale), options.data):
+        for line in missing_data(read_scale(options.scale, report.scales), options.data):
             print(line)
     else:
-        _do(options, STUDIES)
+        _do(options, report, report.studies)
 
 
-def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = False) -> None:
+def _do(
+    options: argparse.Namespace, report: Report, studies: Sequence[Study], again: bool = False
+) -> None:
     from surrogate.device import choose_device
     from surrogate.studies.framework.resources import Resources
     from surrogate.studies.framework.scale import read_scale
     from surrogate.studies.framework.studies_report import PAGE
     from surrogate.studies.reproduction import reproduce
 
-    scale, device = read_scale(options.scale), choose_device(options.device)
-    out = options.out or Path("docs", "reproduction", scale.name)
+    scale, device = read_scale(options.scale, report.scales), choose_device(options.device)
+    out = options.out or Path("docs", report.name, scale.name)
     require_writable(out)
     require_writable(options.runs, "--runs")
-    done = reproduce(studies, Resources(scale, options.data, options.runs, device), out, again)
+    resources = Resources(scale, options.data, options.runs, device)
+    done = reproduce(studies, resources, out, again, report)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")
 

@@ -154,6 +154,10 @@ class Drawing(ABC):
         """Mark the points `x` (n_points, d) in m, on top of the body."""
         self.axes.scatter(*self._seen(x).T, color=color, linewidths=0, zorder=ON_TOP, **style)
 
+    def seen_nodes(self, x: Array) -> NDArray[np.int64]:
+        """Numbers of the nodes that can be seen, the nodes at `x` (n_nodes, d)."""
+        return np.unique(self._edges(x))
+
     def forces(self, x: Array, force: Array) -> bool:
         """Draw an arrow at each loaded node, the longest of fixed length, others in proportion.
 

@@ -26,6 +26,9 @@ class GaussianProcess(Fitted):
     ----------
     samples : int
         Largest number of training samples in the process; they are chosen at random.
+    tuned_outputs : int, optional
+        Number of outputs, the first ones, that the kernel's parameters are fitted to; all by
+        default.
 
     Attributes
     ----------
@@ -48,12 +51,12 @@ class GaussianProcess(Fitted):
     mean: Tensor
     std: Tensor
 
-    def __init__(self, samples: int) -> None:
+    def __init__(self, samples: int, tuned_outputs: int | None = None) -> None:
         super().__init__("kernel", "inputs", "cholesky", "alpha", "mean", "std")
-        self.samples = samples
+        self.samples, self.tuned_outputs = samples, tuned_outputs
 
     def fit(self, force: Tensor, outputs: Tensor, generator: torch.Generator) -> None:
-        """Fit to samples: scaled forces (N, d, n_loaded) and outputs (N, n_outputs)."""
+        """Fit to samples: scaled inputs (N, …) and outputs (N, n_outputs)."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -64,11 +67,11 @@ class GaussianProcess(Fitted):
         y = (y - self.mean) / self.std
         start = ConstantKernel(10.0, (1e-3, 1e5)) * RBF(1.0, (1e-2, 1e3))
         start += WhiteKernel(1e-4, (1e-8, 1.0))
-        few = slice(TUNING_SAMPLES)
+        few, first = slice(TUNING_SAMPLES), slice(self.tuned_outputs)
         with catch_warnings():
             # data without noise push σ_n² to its bound
             simplefilter("ignore", ConvergenceWarning)
-            tuned = GaussianProcessRegressor(start).fit(x[few].numpy(), y[few].numpy())
+            tuned = GaussianProcessRegressor(start).fit(x[few].numpy(), y[few, first].numpy())
         model = GaussianProcessRegressor(tuned.kernel_, optimizer=None).fit(x.numpy(), y.numpy())
         self.kernel = torch.from_numpy(np.exp(tuned.kernel_.theta))
         self.cholesky = torch.from_numpy(model.L_)

@@ -8,26 +8,37 @@ Hesthaven 2018). A Gaussian process also gives standard deviations of the coeffi
 truncation error of the modes, they give the standard deviations at the nodes:
 
 .. math:: σ_i^2 = \sum_k φ_{ki}^2 \, σ_k(f)^2 + \frac{1}{N} \sum_n (u_{ni} - \tilde u_{ni})^2
+
+With `inputs: linear_modes`, the process is given coefficients :math:`a_k` of the leading modes of
+the linear response K⁻¹f instead of forces, as reduced networks are
+(`surrogate.networks.reduced_network`). It then predicts what the linear response leaves over. Each
+coefficient is divided by the square root of its root mean square. Under loads drawn alike at all
+places :math:`a_k` grows with the compliance of its mode, so that the squared distance of two loads
+f and f' is about :math:`(f - f')^T K^{-1} (f - f')`, an elastic energy.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from math import comb
 from typing import Literal, Self
 
 import torch
 from pydantic import Field, model_validator
 from torch import Tensor
+from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
 from surrogate.baselines.gaussian_process import GaussianProcess
 from surrogate.baselines.ridge_regression import RidgeRegression
 from surrogate.networks.field_network import SMALLEST_STD
 from surrogate.networks.fitted import Fitted
+from surrogate.networks.reduced_network import at_points, modal_encoder
 from surrogate.probabilistic.likelihoods import Prediction
 
 ENERGY = 1 - 1e-8
+INPUT_MODES = 48
 
 
 class PODConfig(Frozen, ABC):
@@ -47,6 +58,11 @@ class PODConfig(Frozen, ABC):
     regression: str
     energy: float = Field(ENERGY, gt=0, lt=1)
     rank: int | None = Field(None, ge=1, le=10**5)
+
+    @property
+    def linear_modes(self) -> int:
+        """Number of modes of the linear response that the regression is given instead of forces."""
+        return 0
 
     @model_validator(mode="after")
     def _energy_or_rank(self) -> Self:
@@ -104,14 +120,38 @@ class GaussianProcessConfig(PODConfig):
     ----------
     gp_samples : int
         Largest number of training samples in the process.
+    tuned_modes : int, optional
+        Number of leading modes whose coefficients the kernel's parameters are fitted to. All modes
+        by default, each with the same weight, however little it adds to the displacement.
+    inputs : {"force", "linear_modes"}
+        Inputs of the process: the forces at the nodes that are loaded in training, or coefficients
+        of modes of the linear response. With the latter, it predicts the difference from that.
+    input_modes : int, optional
+        Number of these modes; 48 by default.
     """
 
     regression: Literal["gp"]
     gp_samples: int = Field(2000, ge=2, le=50_000)
+    tuned_modes: int | None = Field(None, ge=1, le=10**5)
+    inputs: Literal["force", "linear_modes"] = "force"
+    input_modes: int | None = Field(None, ge=1, le=10**4)
+
+    @model_validator(mode="after")
+    def _modes_of_the_linear_response(self) -> Self:
+        if self.input_modes is not None and self.inputs == "force":
+            raise ValueError(
+                f"input_modes = {self.input_modes}: expected with inputs 'linear_modes' only"
+            )
+        return self
+
+    @property
+    def linear_modes(self) -> int:
+        """Number of modes of the linear response, 0 without it."""
+        return (self.input_modes or INPUT_MODES) if self.inputs == "linear_modes" else 0
 
     def make_regression(self) -> GaussianProcess:
         """Make the regression, not yet fitted."""
-        return GaussianProcess(self.gp_samples)
+        return GaussianProcess(self.gp_samples, self.tuned_modes)
 
     def memory(self, samples: int, dimension: int, loadable: int) -> int:
         """Kernel matrix, its Cholesky factor and its three derivatives, in double precision."""
@@ -137,6 +177,8 @@ class PODNetwork(Fitted):
         Orthonormal modes.
     truncation : Tensor, (d · n_free,)
         Root mean square of the truncation error of the training displacements.
+    encoder : Tensor, (linear_modes, d · n_free)
+        Scaled forces to scaled coefficients of the linear response; with `linear_modes` only.
     """
 
     free: Tensor
@@ -144,12 +186,26 @@ class PODNetwork(Fitted):
     mean: Tensor
     modes: Tensor
     truncation: Tensor
+    encoder: Tensor
 
     def __init__(self, config: PODConfig, free: Tensor) -> None:
-        super().__init__("loaded", "mean", "modes", "truncation")
+        encoder = ("encoder",) if config.linear_modes else ()
+        super().__init__("loaded", "mean", "modes", "truncation", *encoder)
         self.config = config
         self.register_buffer("free", free.flatten().nonzero().squeeze(1), persistent=False)
         self.regression = config.make_regression()
+
+    @torch.no_grad()
+    def fit_encoder(
+        self,
+        respond: Callable[[Tensor], Tensor],
+        linear: Tensor,
+        force_scale: Tensor,
+        seed: int,
+    ) -> None:
+        """Compute the modes of the linear response, before `fit` (see `modal_encoder`)."""
+        count = self.config.linear_modes
+        self.encoder = modal_encoder(respond, linear, self.free, count, force_scale, seed).double()
 
     def fit(self, force: Tensor, displacement: Tensor, seed: int) -> None:
         """Fit modes and regression to scaled fields on the CPU, both (N, d, nx, ny[, nz])."""
@@ -164,20 +220,28 @@ class PODNetwork(Fitted):
         self.mean, self.modes = torch.from_numpy(pca.mean_), torch.from_numpy(pca.components_)
         self.truncation = rest.square().mean(dim=0).sqrt()
         self.loaded = force.flatten(2).any(dim=0).any(dim=0).nonzero().squeeze(1)
+        if self.config.linear_modes:
+            mean_square = self._inputs(force).square().mean(dim=0)
+            self.encoder = self.encoder / mean_square.pow(0.25)[:, None]
         generator = torch.Generator().manual_seed(seed)
-        self.regression.fit(self._loads(force), torch.from_numpy(coefficients), generator)
+        self.regression.fit(self._inputs(force), torch.from_numpy(coefficients), generator)
 
     def forward(self, force: Tensor) -> Prediction:
         """Predict scaled displacements (N, d, nx, ny[, nz]) from scaled forces."""
-        coefficients, std = self.regression(self._loads(force))
+        coefficients, std = self.regression(self._inputs(force))
         mean = self._on_grid(self.mean + coefficients @ self.modes, force)
         if std is None:
             return Prediction(mean, None)
         variance = std.square() @ self.modes.square() + self.truncation.square()
         return Prediction(mean, self._on_grid(variance.sqrt() + SMALLEST_STD, force))
 
-    def _loads(self, force: Tensor) -> Tensor:
-        """Return the forces at the points that are loaded in training: (N, d, n_loaded)."""
+    def _inputs(self, force: Tensor) -> Tensor:
+        """Return the forces at the points that are loaded in training, (N, d, n_loaded).
+
+        With `linear_modes`, return the coefficients of the linear response, (N, linear_modes).
+        """
+        if self.config.linear_modes:
+            return functional.linear(at_points(force, self.free).double(), self.encoder)
         return force.flatten(2).index_select(2, self.loaded).double()
 
     def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sized
 from typing import Literal
 
+import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
+from shared_schema.manifest import StructuredInfo
+from shared_schema.material import NeoHookean
 from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
 from surrogate.data.dataset import Dataset
+from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
+from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.model import Gaussian, Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -38,19 +43,35 @@ class PODModel(Model):
     pod: PODConfig
     training: SplitConfig = SplitConfig()
 
+    @property
+    def needs_material(self) -> bool:
+        """True if the network contains the linear response of the body."""
+        return self.pod.linear_modes > 0
+
+    def build(
+        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+    ) -> FieldNetwork:
+        """Build the network between fields in SI units, with the linear response if it is used."""
+        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
+        if not self.needs_material:
+            return FieldNetwork(network, geometry, info)
+        linear = LinearResponse(geometry, required(material), gradient=False)
+        return FieldNetwork(network, geometry, info, linear, skip=True)
+
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the network, empty until `start_from_data` fits it."""
         return PODNetwork(self.pod, free)
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
-        """Raise InputError if `pod.rank` exceeds the samples' rank, or memory is short."""
+        """Raise InputError for more modes than the samples can have, or if memory is short."""
         geometry = dataset.geometry
         most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
-        if self.pod.rank is not None and self.pod.rank > most:
-            raise InputError(
-                f"config '{self.name}': key 'pod.rank' = {self.pod.rank}: expected {most} at most, "
-                "the smaller of the numbers of training samples and of free degrees of freedom"
-            )
+        for key, modes in (("rank", self.pod.rank), ("input_modes", self.pod.linear_modes)):
+            if modes is not None and modes > most:
+                raise InputError(
+                    f"config '{self.name}': key 'pod.{key}' = {modes}: expected {most} at most, "
+                    "the smaller of the numbers of training samples and of free degrees of freedom"
+                )
         loadable = int(geometry.loadable.sum())
         needed = self.pod.memory(len(train), geometry.dimension, loadable)
         require_memory(needed, f"config '{self.name}': key 'pod': the fit")
@@ -58,17 +79,21 @@ class PODModel(Model):
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scales, then fit modes and regression."""
         super().start_from_data(network, dataset, train)
-        assert isinstance(network.network, PODNetwork)
-        network.network.fit(
-            train.force / network.force_scale,
-            train.displacement / network.displacement_scale,
-            stream(self.seed, INITIAL_WEIGHTS),
+        pod, response, seed = network.network, network.linear, stream(self.seed, INITIAL_WEIGHTS)
+        assert isinstance(pod, PODNetwork)
+        learned = network.prepared(train)
+        if isinstance(response, LinearResponse):
+            linear = train.displacement - learned.displacement
+            pod.fit_encoder(lambda f: response(f)[0], linear, network.force_scale, seed)
+        pod.fit(
+            network.scaled(learned.force), learned.displacement / network.displacement_scale, seed
         )
 
     @property
     def architecture(self) -> str:
         """Describe the model."""
-        return "orthogonal modes"
+        modes = self.pod.linear_modes
+        return f"{modes} linear modes → orthogonal modes" if modes else "orthogonal modes"
 
 
 class RidgePOD(PODModel):

@@ -24,16 +24,20 @@ from surrogate.probabilistic.likelihoods import (
 
 
 class SplitConfig(Frozen):
-    """Fractions of the training samples that are kept out of training or fitting.
+    """Number of training samples, and fractions of them that are kept out of training or fitting.
 
     Attributes
     ----------
+    samples : int, optional
+        Number of samples that are used, the first of the training split; all by default. The scales
+        of forces and displacements are those of the whole split.
     validation_fraction : float
         Fraction for the loss curve, for `early_stopping` and for `recalibrate`.
     calibration_fraction : float
         Fraction for conformal intervals only.
     """
 
+    samples: int | None = Field(None, ge=1)
     validation_fraction: float = Field(0.0, ge=0, lt=1)
     calibration_fraction: float = Field(0.0, ge=0, lt=1)
 

@@ -181,13 +181,9 @@ class ReducedNetwork(nn.Module):
         seed : int
             Seed of the choice of samples and of the decomposition.
         """
-        generator = torch.Generator().manual_seed(seed)
-        chosen = torch.randperm(len(linear), generator=generator)[:LARGEST_SVD].sort().values
-        inputs, outputs = self._at_points(linear[chosen]), self._at_points(correction[chosen])
-        modes = leading_modes(inputs, self.config.input_modes, seed)
-        unit = (inputs @ modes.T).square().mean().sqrt()
-        on_grid = self._on_grid(modes, linear[: len(modes)])
-        self.encoder = self._at_points(respond(on_grid)) * (force_scale / unit)
+        count = self.config.input_modes
+        self.encoder = modal_encoder(respond, linear, self.points, count, force_scale, seed)
+        outputs = self._at_points(correction[chosen_rows(len(correction), seed)])
         modes = leading_modes(outputs, self.config.output_modes, seed)
         coefficients = outputs @ modes.T
         self.modes = modes * coefficients.square().mean().sqrt()
@@ -205,14 +201,63 @@ class ReducedNetwork(nn.Module):
         return Prediction(mean, self._on_grid((variance + SMALLEST_STD**2).sqrt(), force))
 
     def _at_points(self, grid: Tensor) -> Tensor:
-        return grid.flatten(2).index_select(2, self.points).flatten(1)
+        return at_points(grid, self.points)
 
     def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
         """Place the values of free points on a grid like another, with zeros elsewhere."""
-        fields = values.reshape(values.shape[0], like.shape[1], -1)
-        grid = fields.new_zeros(*fields.shape[:2], like[0, 0].numel())
-        placed: Tensor = grid.index_copy(2, self.points, fields).reshape(-1, *like.shape[1:])
-        return placed
+        return on_grid(values, self.points, like)
+
+
+def at_points(grid: Tensor, points: Tensor) -> Tensor:
+    """Return the values of some points of grids: (N, d, nx, ny[, nz]) → (N, d · n_points)."""
+    return grid.flatten(2).index_select(2, points).flatten(1)
+
+
+def on_grid(values: Tensor, points: Tensor, like: Tensor) -> Tensor:
+    """Place values (N, d · n_points) on grids like others, with zeros elsewhere."""
+    fields = values.reshape(values.shape[0], like.shape[1], -1)
+    grid = fields.new_zeros(*fields.shape[:2], like[0, 0].numel())
+    placed: Tensor = grid.index_copy(2, points, fields).reshape(-1, *like.shape[1:])
+    return placed
+
+
+def chosen_rows(count: int, seed: int) -> Tensor:
+    """Return the rows of the samples that are decomposed, sorted."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randperm(count, generator=generator)[:LARGEST_SVD].sort().values
+
+
+def modal_encoder(
+    respond: Callable[[Tensor], Tensor],
+    linear: Tensor,
+    points: Tensor,
+    count: int,
+    force_scale: Tensor,
+    seed: int,
+) -> Tensor:
+    """Return (S Φ)ᵀ of the leading modes Φ of linear responses, (count, d · n_points), scaled.
+
+    It takes scaled forces at the points to coefficients whose root mean square is 1 over all modes.
+
+    Parameters
+    ----------
+    respond : callable
+        Linear response S on the grid: forces in N to displacements in m.
+    linear : Tensor, (N, d, nx, ny[, nz])
+        Linear responses of the training samples, in m.
+    points : Tensor of int, (n_points,)
+        Numbers of the points, in the flattened grid, that are nodes and not clamped.
+    count : int
+        Number of modes.
+    force_scale : Tensor, ()
+        Unit of the scaled forces, in N.
+    seed : int
+    """
+    snapshots = at_points(linear[chosen_rows(len(linear), seed)], points)
+    modes = leading_modes(snapshots, count, seed)
+    unit = (snapshots @ modes.T).square().mean().sqrt()
+    responses = respond(on_grid(modes, points, linear[: len(modes)]))
+    return at_points(responses, points) * (force_scale / unit)
 
 
 def leading_modes(snapshots: Tensor, count: int, seed: int) -> Tensor:

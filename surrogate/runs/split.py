@@ -47,14 +47,19 @@ def set_aside(rows: Tensor, count: int, seed: int, purpose: int) -> tuple[Tensor
 
 
 def split_training(samples: AnySamples, config: Model) -> TrainingSplit[AnySamples]:
-    """Split the training samples by the fractions of a configuration.
+    """Split the training samples by the number and the fractions of a configuration.
 
     Raises
     ------
     InputError
-        If no samples are left for a subset that the configuration uses.
+        If there are fewer samples than the configuration uses, or none are left for a subset.
     """
-    training, total = config.training, len(samples)
+    training, total = config.training, config.training.samples or len(samples)
+    if total > len(samples):
+        raise InputError(
+            f"config '{config.name}': key 'training.samples' = {total}: expected {len(samples)} at "
+            "most, the number of training samples of the dataset"
+        )
     rest, validation = set_aside(
         torch.arange(total),
         round(training.validation_fraction * total),

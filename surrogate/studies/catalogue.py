@@ -19,6 +19,8 @@ from surrogate.studies import (
     training_times,
     uncertainty_fields,
 )
+from surrogate.studies.framework.scale import SCALES
+from surrogate.studies.framework.studies_report import Report
 from surrogate.studies.framework.study import Study
 
 STUDIES: tuple[Study, ...] = (
@@ -41,3 +43,4 @@ STUDIES: tuple[Study, ...] = (
     force_sweeps.LSHAPE,
     noisy_data.STUDY,
 )
+REPRODUCTION = Report("reproduction", "The paper's tables and figures", STUDIES, SCALES)

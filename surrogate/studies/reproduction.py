@@ -1,4 +1,4 @@
-"""Reproduction of the paper: all studies of a scale in order, and the report on them."""
+"""Running the studies of a report at a scale in order, and the report on them."""
 
 from __future__ import annotations
 
@@ -7,29 +7,49 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shared_schema.common.errors import InputError
-from surrogate.studies.catalogue import STUDIES
+from surrogate.studies.beyond.catalogue import BEYOND
+from surrogate.studies.catalogue import REPRODUCTION
 from surrogate.studies.framework.resources import Resources
-from surrogate.studies.framework.studies_report import write_report
+from surrogate.studies.framework.studies_report import Report, write_report
 from surrogate.studies.framework.study import Study, current_record, run_study
 
+REPORTS = (REPRODUCTION, BEYOND)
 
-def find_studies(names: Sequence[str]) -> list[Study]:
-    """Find studies by their names, in the order of the report.
+
+def find_report(names: Sequence[str]) -> Report:
+    """Find the report of some studies.
 
     Raises
     ------
     InputError
-        If a name is unknown.
+        If a name is unknown, or they are of different reports.
     """
-    known = {study.name: study for study in STUDIES}
+    report_of = {study.name: report for report in REPORTS for study in report.studies}
     for name in names:
-        if name not in known:
-            raise InputError(f"study '{name}': expected one of {', '.join(known)}")
-    return [study for study in STUDIES if study.name in names]
+        if name not in report_of:
+            raise InputError(f"study '{name}': expected one of {', '.join(report_of)}")
+        if report_of[name] is not report_of[names[0]]:
+            raise InputError(f"study '{name}': expected one of the report of '{names[0]}'")
+    return report_of[names[0]]
+
+
+def find_studies(names: Sequence[str]) -> list[Study]:
+    """Find studies of one report by their names, in the order of the report.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or they are of different reports.
+    """
+    return [study for study in find_report(names).studies if study.name in names]
 
 
 def reproduce(
-    studies: Sequence[Study], resources: Resources, out: Path, again: bool = False
+    studies: Sequence[Study],
+    resources: Resources,
+    out: Path,
+    again: bool = False,
+    of: Report = REPRODUCTION,
 ) -> int:
     """Run the studies without a current record, and write the report on all records.
 
@@ -41,6 +61,8 @@ def reproduce(
         Folder of the records, figures and report; created if missing.
     again : bool
         Run the studies with a current record as well, as after a change of their code.
+    of : Report
+        The report that they belong to.
 
     Returns
     -------
@@ -63,15 +85,15 @@ def reproduce(
             continue
         print(f"{here}: {study.title}", file=sys.stderr, flush=True)
         record = run_study(study, resources, out)
-        report(resources, out)
+        report(resources, out, of)
         done += 1
         print(f"{here}: {record.minutes:.1f} min", file=sys.stderr, flush=True)
     if done == 0:
-        report(resources, out)
+        report(resources, out, of)
     return done
 
 
-def report(resources: Resources, out: Path) -> None:
-    """Write the report on all studies with a current record."""
-    records = {study.name: current_record(study, resources, out) for study in STUDIES}
-    write_report(resources.scale, STUDIES, records, out)
+def report(resources: Resources, out: Path, of: Report = REPRODUCTION) -> None:
+    """Write the report on all its studies with a current record."""
+    records = {study.name: current_record(study, resources, out) for study in of.studies}
+    write_report(of, resources.scale, records, out)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, TypeAdapter, model_validator
 
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
@@ -73,6 +73,33 @@ class RunSpec(Frozen):
     change: dict[str, Any] = Field(default_factory=dict)
 
 
+class RunSeries(RunSpec):
+    """A network to train on growing numbers of samples; run NAME-nN is that on N of them.
+
+    Attributes
+    ----------
+    samples : tuple of int
+        Numbers of training samples N.
+    sample_epochs : int, optional
+        Samples that are seen in each training, so that all have as many steps: number of epochs
+        times N. None for models that are fitted directly.
+    """
+
+    samples: tuple[int, ...] = Field(min_length=1)
+    sample_epochs: int | None = Field(None, ge=1)
+
+    def runs(self, name: str) -> dict[str, RunSpec]:
+        """Runs of the series by name."""
+        runs = {}
+        for count in self.samples:
+            training: dict[str, Any] = {"samples": count}
+            if self.sample_epochs is not None:
+                training["epochs"] = max(1, round(self.sample_epochs / count))
+            change = merged(self.change, {"training": training})
+            runs[f"{name}-n{count}"] = RunSpec(config=self.config, data=self.data, change=change)
+        return runs
+
+
 class Scale(Frozen):
     """One size of all studies.
 
@@ -88,7 +115,7 @@ class Scale(Frozen):
     datasets : dict of str to DatasetSpec
         Datasets by name.
     runs : dict of str to RunSpec
-        Networks by name.
+        Networks by name. In a file, `series` adds those of each `RunSeries` by name.
     """
 
     name: str
@@ -97,6 +124,16 @@ class Scale(Frozen):
     timing: Timing = TIMING
     datasets: dict[str, DatasetSpec]
     runs: dict[str, RunSpec]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_series(cls, content: Any) -> Any:
+        if not isinstance(content, Mapping) or "series" not in content:
+            return content
+        series = TypeAdapter(dict[str, RunSeries]).validate_python(content["series"])
+        rest = {key: value for key, value in content.items() if key != "series"}
+        added = {run: spec for name, one in series.items() for run, spec in one.runs(name).items()}
+        return rest | {"runs": {**content.get("runs", {}), **added}}
 
     @model_validator(mode="after")
     def _known_datasets(self) -> Self:
@@ -120,7 +157,11 @@ class Scale(Frozen):
 
     def matching(self, patterns: tuple[str, ...]) -> list[str]:
         """Names of the runs that match one of the patterns, in the order of the scale."""
-        return [run for run in self.runs if any(fnmatchcase(run, p) for p in patterns)]
+        return matching(self.runs, patterns)
+
+    def matching_datasets(self, patterns: tuple[str, ...]) -> list[str]:
+        """Names of the datasets that match one of the patterns, in the order of the scale."""
+        return matching(self.datasets, patterns)
 
     def config_of(self, run: str) -> Model:
         """Configuration of a run.
@@ -147,6 +188,11 @@ class Scale(Frozen):
         return config
 
 
+def matching(names: Iterable[str], patterns: tuple[str, ...]) -> list[str]:
+    """Return the names that match one of some patterns."""
+    return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+
+
 def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     """Merge changes into nested mappings; the value None removes a key."""
     result = dict(content)
@@ -160,13 +206,19 @@ def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, A
     return result
 
 
-def read_scale(name: str) -> Scale:
+def read_scale(name: str, shipped: Path = SCALES) -> Scale:
     """Read a scale: ``smoke``, ``laptop``, ``paper``, or a YAML file.
+
+    Parameters
+    ----------
+    name : str
+    shipped : Path
+        Folder of the shipped scales of a report; by default those of the reproduction.
 
     Raises
     ------
     InputError
         If there is no such scale, or a key or value in it is wrong.
     """
-    content, source = read_named(name, SCALES, "--scale")
+    content, source = read_named(name, shipped, "--scale")
     return validate(Scale, content, source)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import Field
@@ -17,6 +18,27 @@ from surrogate.studies.framework.study_record import Comparison, Record, Verdict
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
 NOT_DONE = "not done"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report and its studies.
+
+    Attributes
+    ----------
+    name : str
+        Name of its folder in ``docs``.
+    title : str
+    studies : tuple of Study
+        All studies in the order of the report.
+    scales : Path
+        Folder of its shipped scales.
+    """
+
+    name: str
+    title: str
+    studies: tuple[Study, ...]
+    scales: Path
 
 
 class Discussion(Frozen):
@@ -35,15 +57,14 @@ class Discussion(Frozen):
 
 
 def write_report(
-    scale: Scale, studies: Sequence[Study], records: Mapping[str, Record | None], out: Path
+    report: Report, scale: Scale, records: Mapping[str, Record | None], out: Path
 ) -> None:
     """Write the page on all studies that have a record at a scale.
 
     Parameters
     ----------
+    report : Report
     scale : Scale
-    studies : sequence of Study
-        All studies in the order of the report.
     records : mapping of str to Record or None
         Records by the name of the study; None if the study was not run.
     out : Path
@@ -59,13 +80,13 @@ def write_report(
         validate(Discussion, read_yaml(path), str(path)) if path.is_file() else Discussion()
     )
     blocks = [
-        f"# The paper's tables and figures, at scale `{scale.name}`",
+        f"# {report.title}, at scale `{scale.name}`",
         scale.description,
         discussion.introduction,
-        verdicts(studies, records),
+        verdicts(report.studies, records),
         *(
             section(study, record, discussion.studies.get(study.name, ""))
-            for study in studies
+            for study in report.studies
             if (record := records[study.name]) is not None
         ),
         appendix([record for record in records.values() if record is not None]),
@@ -79,12 +100,16 @@ def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> 
     for study in studies:
         record = records[study.name]
         if record is None:
-            rows.append((study.title, paper_numbers(study), NOT_DONE))
+            rows.append([study.title, paper_numbers(study), NOT_DONE])
         else:
             title = f"[{study.title}](#{anchor(study.title)})"
             counts = [f"{n} {verdict}" for verdict, n in tally(record.findings).items() if n]
-            rows.append((title, paper_numbers(study), " · ".join(counts) or "–"))
-    return markdown_table(("study", "in the paper", "verdicts"), rows)
+            rows.append([title, paper_numbers(study), " · ".join(counts) or "–"])
+    head = ["study", "in the paper", "verdicts"]
+    if not any(study.labels for study in studies):
+        for line in (head, *rows):
+            del line[1]
+    return markdown_table(head, rows)
 
 
 def paper_numbers(study: Study) -> str:
@@ -101,7 +126,8 @@ def anchor(title: str) -> str:
 def section(study: Study, record: Record, discussion: str) -> str:
     """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
-    blocks = [f"## {study.title}", f"{study.question} In the paper: {paper_numbers(study)}."]
+    place = f" In the paper: {paper_numbers(study)}." if study.labels else ""
+    blocks = [f"## {study.title}", f"{study.question}{place}"]
     for table in found.tables:
         blocks += [
             table.caption,

@@ -48,18 +48,18 @@ class StudyResult:
 
 @dataclass(frozen=True)
 class Study:
-    """Reproduction of one table or figure of the paper.
+    """Reproduction of one table or figure of the paper, or a study beyond the paper.
 
     Attributes
     ----------
     name : str
     title : str
     labels : tuple of str
-        Labels of its tables and figures in the paper's source.
+        Labels of its tables and figures in the paper's source; none beyond the paper.
     question : str
         One or two sentences for the report.
     datasets : tuple of str
-        Names of the datasets that it needs besides those of its runs.
+        Names of the datasets that it needs besides those of its runs, or patterns.
     runs : tuple of str
         Names of the runs that it needs, or patterns such as ``beam3d-c*``.
     times : bool
@@ -88,7 +88,10 @@ class Study:
                 "study": self.name,
                 "device": resources.device.type if self.times else None,
                 "passes": scale.passes,
-                "datasets": {name: resources.manifest(name).digest for name in self.datasets},
+                "datasets": {
+                    name: resources.manifest(name).digest
+                    for name in scale.matching_datasets(self.datasets)
+                },
                 "runs": {r: resources.run_fingerprint(r) for r in scale.matching(self.runs)},
             }
         )
@@ -97,7 +100,7 @@ class Study:
         """Names of its datasets, those of its runs included."""
         scale = resources.scale
         of_runs = [scale.runs[run].data for run in scale.matching(self.runs)]
-        return list(dict.fromkeys([*self.datasets, *of_runs]))
+        return list(dict.fromkeys([*scale.matching_datasets(self.datasets), *of_runs]))
 
 
 def figure_file(study: str, figure: str) -> str:

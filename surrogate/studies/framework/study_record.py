@@ -14,7 +14,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 
-Verdict = Literal["better", "reproduced", "differs"]
+Verdict = Literal["better", "reproduced", "differs", "holds", "fails"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's
 LARGE = 999.5  # smallest number that is written without decimals
 Cell = str | float | int | None
@@ -86,7 +86,7 @@ class Comparison(Frozen):
 
 
 class Claim(Frozen):
-    """A statement of the paper, tested on the results here.
+    """A statement of the paper, or one beyond it, tested on the results here.
 
     Attributes
     ----------
@@ -99,12 +99,15 @@ class Claim(Frozen):
     better : bool
         True if it is an improvement when the statement does not hold, as with a failure that the
         paper admits.
+    of_paper : bool
+        True if it is a statement of the paper.
     """
 
     what: str
     holds: bool
     evidence: str
     better: bool = False
+    of_paper: bool = True
 
     @field_validator("holds", mode="before")
     @classmethod
@@ -113,7 +116,9 @@ class Claim(Frozen):
 
     @property
     def verdict(self) -> Verdict:
-        """Reproduced if the statement holds."""
+        """Reproduced if the statement holds; of a statement beyond the paper, whether it holds."""
+        if not self.of_paper:
+            return "holds" if self.holds else "fails"
         if self.holds:
             return "reproduced"
         return "better" if self.better else "differs"

@@ -44,6 +44,16 @@ def test_against_scikit_learn() -> None:
     assert std.numpy().max() > 0
 
 
+def test_kernel_of_the_first_outputs() -> None:
+    """The parameters are those of a fit to the first output alone; all outputs are predicted."""
+    force, outputs = data(60)
+    model = GaussianProcess(60, tuned_outputs=1)
+    model.fit(force, outputs, torch.Generator().manual_seed(0))
+    torch.testing.assert_close(model.kernel, fitted(60, force, outputs[:, :1]).kernel)
+    assert (model.kernel - fitted(60, force, outputs).kernel).abs().max() > 1e-3
+    assert model(force)[0].shape == (60, 3)
+
+
 def test_kernel_by_hand() -> None:
     """Mean and variance at the first of two samples with distance r = 1, for given a, ℓ, σ²."""
     model = GaussianProcess(2)

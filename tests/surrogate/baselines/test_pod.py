@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
 from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.presentation.run_figures import write_evaluation
@@ -25,6 +28,11 @@ from surrogate.runs.tensor_file import load_tensors
 from surrogate.training.train import train
 
 CPU = torch.device("cpu")
+CONFIGS: dict[str, tuple[str, dict[str, Any]]] = {
+    "ridge": ("ridge", {"degree": 3}),
+    "gp": ("gp", {}),
+    "modal-gp": ("gp", {"inputs": "linear_modes", "input_modes": 8, "tuned_modes": 4}),
+}
 FREE = torch.ones(5, 3, dtype=torch.bool)
 FREE[0] = False
 
@@ -112,13 +120,12 @@ def config_with(regression: str, **pod: Any) -> Model:
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
-    for regression in ("ridge", "gp"):
-        config = config_with(regression, **({"degree": 3} if regression == "ridge" else {}))
-        train(config, dataset, RunFolder(folder / regression), CPU)
-    return {regression: folder / regression for regression in ("ridge", "gp")}
+    for name, (regression, keys) in CONFIGS.items():
+        train(config_with(regression, **keys), dataset, RunFolder(folder / name), CPU)
+    return {name: folder / name for name in CONFIGS}
 
 
-@pytest.mark.parametrize("regression", ["ridge", "gp"])
+@pytest.mark.parametrize("regression", CONFIGS)
 def test_one_line_of_measures_and_no_epochs(
     runs: dict[str, Path], dataset: Dataset, regression: str
 ) -> None:
@@ -132,18 +139,19 @@ def test_one_line_of_measures_and_no_epochs(
     assert run.model.stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize("regression", ["ridge", "gp"])
+@pytest.mark.parametrize("regression", CONFIGS)
 def test_stored_as_plain_tensors(runs: dict[str, Path], regression: str) -> None:
     tensors = load_tensors(RunFolder(runs[regression]).model)[0]
     names = {
         "ridge": {"weights", "intercept"},
         "gp": {"kernel", "inputs", "cholesky", "alpha", "mean", "std"},
-    }[regression]
+    }[CONFIGS[regression][0]]
     prefix = "network.regression."
     assert {n.removeprefix(prefix) for n in tensors if n.startswith(prefix)} == names
+    assert ("network.encoder" in tensors) == (regression == "modal-gp")
 
 
-@pytest.mark.parametrize("regression", ["ridge", "gp"])
+@pytest.mark.parametrize("regression", CONFIGS)
 def test_the_same_run_again_predicts_the_same(
     runs: dict[str, Path], tmp_path: Path, dataset: Dataset, regression: str
 ) -> None:
@@ -180,6 +188,81 @@ def test_spread_of_a_gaussian_process_is_epistemic(runs: dict[str, Path], datase
     assert not near.std_aleatoric.any()
     assert (near.std_epistemic[:, free] > 0).all()
     assert near.std[:, free].mean() < 0.5 * far.std[:, free].mean()
+
+
+def test_inputs_are_coefficients_of_the_linear_response(tmp_path: Path, dataset: Dataset) -> None:
+    """With all modes, the coefficients have the norm of u_lin = K⁻¹f, up to a common unit.
+
+    48 training samples span a space of 48 modes at most. The root mean square of all coefficients
+    is 1. The inputs are the coefficients divided by the square roots of their root mean squares,
+    which are then the root mean squares of the inputs.
+    """
+    config = config_with("gp", inputs="linear_modes", input_modes=48).model_copy(
+        update={"training": SplitConfig()}
+    )
+    train(config, dataset, RunFolder(tmp_path / "run"), CPU)
+    field = load(tmp_path / "run").network
+    pod, response = field.network, field.linear
+    assert isinstance(pod, PODNetwork)
+    assert isinstance(response, LinearResponse)
+    force = dataset.train.force
+    inputs = pod._inputs(force / field.force_scale)
+    coefficients = inputs * inputs.square().mean(dim=0).sqrt()
+    norms = response(force)[0].flatten(1).double().norm(dim=1)
+    torch.testing.assert_close(
+        coefficients.norm(dim=1) / norms,
+        (coefficients.norm() / norms.norm()).expand(48),
+        rtol=1e-4,
+        atol=0,
+    )
+    assert coefficients.square().mean().item() == pytest.approx(1, rel=1e-4)
+
+
+def test_better_than_the_linear_response(
+    runs: dict[str, Path], tmp_path: Path, dataset: Dataset
+) -> None:
+    """Of displacements (1 + ‖u_lin‖ / a) u_lin, 43 samples find more than half of the rest."""
+    response = load(runs["modal-gp"]).network.linear
+    assert isinstance(response, LinearResponse)
+
+    def solve(samples: Samples) -> Samples:
+        linear = response(samples.force)[0]
+        norm = linear.flatten(1).norm(dim=1).reshape(-1, 1, 1, 1)
+        return Samples(samples.force, linear * (1 + 0.1 * norm / unit))
+
+    unit = response(dataset.train.force)[0].flatten(1).norm(dim=1).mean()
+    elastic = replace(dataset, train_in_memory=solve(dataset.train), test=solve(dataset.test))
+    train(
+        config_with(CONFIGS["modal-gp"][0], **CONFIGS["modal-gp"][1]),
+        elastic,
+        RunFolder(tmp_path / "run"),
+        CPU,
+    )
+    predicted = load(tmp_path / "run").network(elastic.test.force).mean
+    linear = response(elastic.test.force)[0]
+    left = (predicted - elastic.test.displacement).abs().mean()
+    assert left < 0.5 * (linear - elastic.test.displacement).abs().mean()
+
+
+def test_linear_response_is_added_far_from_the_samples(runs: dict[str, Path]) -> None:
+    """Where the process knows nothing, it predicts the mean of the corrections, u − u_lin."""
+    surrogate = load(runs["modal-gp"])
+    response = surrogate.network.linear
+    assert isinstance(response, LinearResponse)
+    force = np.zeros((1, *surrogate.geometry.coordinates.shape))
+    force[0, -1, 1] = 1e4
+    grid = torch.from_numpy(surrogate.geometry.grid.to_grid(force)).float()
+    linear = surrogate.geometry.grid.to_nodes(response(grid)[0].numpy())
+    predicted = surrogate.predict_distribution(force).mean
+    np.testing.assert_allclose(predicted, linear, rtol=0, atol=1e-3 * np.abs(linear).max())
+
+
+def test_more_linear_modes_than_samples_are_refused(tmp_path: Path, dataset: Dataset) -> None:
+    run = RunFolder(tmp_path / "run")
+    config = config_with("gp", inputs="linear_modes")
+    with pytest.raises(InputError, match=r"'pod\.input_modes' = 48: expected 43 at most"):
+        train(config, dataset, run, CPU)
+    assert not run.folder.exists()
 
 
 def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> None:

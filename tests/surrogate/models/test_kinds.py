@@ -31,6 +31,30 @@ def test_cases_differ_by_their_name_alone(model: str) -> None:
     assert renamed == l_shape
 
 
+@pytest.mark.parametrize(
+    "model", ["det", "mle", "vb", "ensemble", "gp", "modal-gp", "reduced", "reduced-vb"]
+)
+def test_cases_of_any_load_differ_by_their_name_alone(model: str) -> None:
+    """Beam and L-shape; of bodies in space, reduced networks differ by their mirrors at most."""
+    beam, l_shape = (read_config(f"{case}_any-{model}-fast") for case in ("beam2d", "lshape2d"))
+    renamed = beam.model_copy(update={"name": l_shape.name, "case": "lshape2d_any"})
+    assert renamed == l_shape
+    if model.startswith("reduced"):
+        for case in ("beam3d_any", "finger3d"):
+            other = read_config(f"{case}-{model}-fast").plain()
+            other["training"]["mirrors"] = []
+            assert other | {"name": beam.name, "case": beam.case} == beam.plain()
+
+
+@pytest.mark.parametrize("kind", ["mle", "vb"])
+def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str) -> None:
+    """Inputs and skip are all that differs from the recipes of beam2d."""
+    plain, mechanics = (shipped_unet(f"{case}-{kind}-fast") for case in ("beam2d", "beam2d_any"))
+    added = {"inputs": ("force", "linear_gradient"), "skip": "linear"}
+    assert mechanics.network == plain.network.model_copy(update=added)
+    assert mechanics.training == plain.training
+
+
 @pytest.mark.parametrize("model", ["dropout", "ensemble"])
 def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
     config, plain = shipped_unet(f"beam2d-{model}-fast"), shipped_unet("beam2d-det-fast")
@@ -39,8 +63,8 @@ def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
 
 
 def test_every_kind_is_chosen_by_a_shipped_configuration() -> None:
-    names = [path.stem for path in SHIPPED.glob("*.yaml")]
-    assert {type(read_config(name)) for name in names} == set(KINDS.values())
+    configs = [read_config(path.stem) for path in SHIPPED.glob("*.yaml")]
+    assert {type(config) for config in configs} == set(KINDS.values())
 
 
 @pytest.mark.parametrize(
@@ -126,6 +150,10 @@ def test_what_does_not_fit_is_named(tmp_path: Path, text: str, part: str) -> Non
         (
             f"model: pod\n{MLE}\npod: {{regression: gp, degree: 2}}",
             "unknown key 'pod.degree' (model pod, likelihood maximum_likelihood)",
+        ),
+        (
+            f"model: pod\n{MLE}\npod: {{regression: gp, input_modes: 9}}",
+            "key 'pod': input_modes = 9: expected with inputs 'linear_modes' only",
         ),
         (
             "model: pod\npod: {rank: 3, energy: 0.9}",

@@ -56,6 +56,19 @@ def test_nothing_left_to_train_on(dataset: Dataset, make_config: MakeConfig) -> 
         split_training(dataset.train, config)
 
 
+def test_number_of_samples(dataset: Dataset, make_config: MakeConfig) -> None:
+    """A fifth of the first 20 samples is 4, a tenth 2."""
+    fractions = {"validation_fraction": 0.2, "calibration_fraction": 0.1}
+    parts = split_training(dataset.train, make_config(samples=20, **fractions))
+    counts = [len(part) for part in (parts.train, parts.validation, parts.calibration)]
+    assert counts == [14, 4, 2]
+    rows = torch.cat((parts.train.force, parts.validation.force, parts.calibration.force))
+    expected = dataset.train.force[:20].flatten(1).tolist()
+    assert sorted(rows.flatten(1).tolist()) == sorted(expected)
+    with pytest.raises(InputError, match=r"'training\.samples' = 49: expected 48 at most"):
+        split_training(dataset.train, make_config(samples=49))
+
+
 @pytest.mark.parametrize("option", [{"recalibrate": True}, {"early_stopping": {"patience": 2}}])
 def test_no_validation_samples(
     dataset: Dataset, make_config: MakeConfig, option: dict[str, object]

@@ -175,7 +175,7 @@ def test_tally() -> None:
     better, same = compare("ē", "mm", 0.1, 0.3), compare("σ(e)", "mm", 0.3, 0.3)
     claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
     found = RecordedFindings(comparisons=(better, same), claims=(claim,))
-    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0}
+    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0, "holds": 0, "fails": 0}
 
 
 def test_configurations_in_words() -> None:

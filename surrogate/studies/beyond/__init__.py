@@ -1,0 +1,1 @@
+"""Studies beyond the paper: loads on any nodes, mechanics inside networks, their uncertainty."""

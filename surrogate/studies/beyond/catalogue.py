@@ -1,0 +1,26 @@
+"""All studies beyond the paper in the order of their report."""
+
+from pathlib import Path
+
+from surrogate.studies.beyond import (
+    coverage,
+    force_sizes,
+    loads_by_number,
+    places,
+    times,
+    training_samples,
+    uncertainty_outside,
+)
+from surrogate.studies.framework.studies_report import Report
+from surrogate.studies.framework.study import Study
+
+STUDIES: tuple[Study, ...] = (
+    loads_by_number.STUDY,
+    places.STUDY,
+    force_sizes.STUDY,
+    training_samples.STUDY,
+    coverage.STUDY,
+    uncertainty_outside.STUDY,
+    times.STUDY,
+)
+BEYOND = Report("beyond", "Beyond the paper", STUDIES, Path(__file__).parent / "scales")

@@ -1,0 +1,63 @@
+"""Resources of the studies beyond the paper: made-up datasets under the names of scale `smoke`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from surrogate.studies.beyond.catalogue import BEYOND
+from surrogate.studies.framework.resources import Resources
+from surrogate.studies.framework.scale import Scale, merged, read_scale
+from surrogate.studies.framework.study import StudyResult
+from surrogate.studies.reproduction import find_studies
+
+SAMPLES = 60
+
+
+def made_up_scale() -> Scale:
+    """Scale ``smoke`` with as many samples in each dataset as are made up.
+
+    The made-up body in space is loaded on one side only, not symmetrically.
+    """
+    content = read_scale("smoke", BEYOND.scales).model_dump()
+    for name, spec in content["datasets"].items():
+        content["datasets"][name] = {"case": name, "samples": SAMPLES, "grid": spec["grid"]}
+    for name, run in content["runs"].items():
+        if name.startswith("beam3d"):
+            run["change"] = merged(run["change"], {"training": {"mirrors": []}})
+    return Scale.model_validate(merged(content, {"name": "made-up"}))
+
+
+@pytest.fixture(scope="session")
+def resources(
+    tmp_path_factory: pytest.TempPathFactory, make_dataset: Callable[..., Path]
+) -> Resources:
+    """Datasets by `make_dataset`; networks are trained when a test needs them. Read-only."""
+    scale, folder = made_up_scale(), tmp_path_factory.mktemp("beyond")
+    for name in scale.datasets:
+        dimension = 3 if name.startswith("beam3d") else 2
+        forces = None
+        if name.endswith("_sweep"):
+            forces = np.zeros((SAMPLES, 2))
+            forces[:, 1] = np.linspace(-8, 8, SAMPLES)
+        make_dataset(
+            folder / "data" / scale.folder_of(name), dimension, name=name, corner_forces=forces
+        )
+    return Resources(scale, folder / "data", folder / "runs", torch.device("cpu"))
+
+
+@pytest.fixture(scope="session")
+def result_of(resources: Resources) -> Callable[[str], StudyResult]:
+    """Results of the studies by name, each measured once."""
+
+    @cache
+    def measured(name: str) -> StudyResult:
+        (study,) = find_studies([name])
+        return study.measure(resources)
+
+    return measured
