@@ -71,8 +71,9 @@ class Worker:
         answer: dict[str, Any] = json.loads(self._process.stdout.readline())
         for name in ("stdout", "stderr"):
             path = folder / f".{name}"
-            answer[name] = path.read_text(errors="replace")
-            path.unlink()
+            written = path.is_file()  # not by a process that is killed before it opens them
+            answer[name] = path.read_text(errors="replace") if written else ""
+            path.unlink(missing_ok=True)
         return answer
 
     def close(self) -> None:
