@@ -220,7 +220,7 @@ def test_inputs_are_coefficients_of_the_linear_response(tmp_path: Path, dataset:
 def test_better_than_the_linear_response(
     runs: dict[str, Path], tmp_path: Path, dataset: Dataset
 ) -> None:
-    """Of displacements (1 + ‖u_lin‖ / a) u_lin, the fit to 43 samples finds more than half of the rest."""
+    """Of displacements (1 + ‖u_lin‖ / a) u_lin, it finds more than half of the second term."""
     response = load(runs["modal-gp"]).network.linear
     assert isinstance(response, LinearResponse)
 

@@ -20,7 +20,7 @@ from surrogate.studies.beyond.predicted_samples import (
     distance_groups,
 )
 from surrogate.studies.beyond.training_samples import Point, fewer_samples, fewest_samples
-from surrogate.studies.beyond.uncertainty_outside import reach_groups
+from surrogate.studies.beyond.uncertainty_outside import number_groups, outside_claims, reach_groups
 from surrogate.studies.components.errors_on_test_split import split_errors
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import StudyResult
@@ -95,6 +95,20 @@ def test_groups_of_reach() -> None:
         ("up to 1.5 a", [3]),
         ("up to 4 a", [4]),
     ]
+
+
+def test_claims_outside(three: PredictedSamples) -> None:
+    """Half of the errors under one load are inside the band, none of that under two.
+
+    σ is the same everywhere; the error grows from 0.15 to 0.3 m, within a factor of two.
+    """
+    groups = number_groups(three)
+    reliable, growing = outside_claims("beam", three, groups, limit=1)
+    assert not reliable.holds
+    assert "2: 0 %" in reliable.evidence
+    assert growing.holds
+    assert "σ grows 1 times, the error 2 times" in growing.evidence
+    assert outside_claims("beam", three, groups, limit=2) == []
 
 
 def test_coverage_claim(three: PredictedSamples) -> None:
