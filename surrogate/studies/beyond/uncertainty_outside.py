@@ -168,7 +168,7 @@ def outside_claims(
         Claim(
             what=f"{where}: the uncertainty grows as the error does.",
             holds=1 / CLOSE <= std / error <= CLOSE,
-            evidence=f"From inside the training to the farthest outside ({outside[-1][0]}), σ grows "
+            evidence=f"From inside to the farthest outside ({outside[-1][0]}), σ grows "
             f"{std:.3g} times, the error {error:.3g} times (within a factor of {CLOSE:g}).",
             of_paper=False,
         ),
