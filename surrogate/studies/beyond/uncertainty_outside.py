@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.studies.beyond.coverage import UNCERTAIN
 from surrogate.studies.beyond.error_curves import Curve, draw_curves
+from surrogate.studies.beyond.loads_by_number import loads_in_training
 from surrogate.studies.beyond.networks import BODIES, kind_of, patterns, runs_by_body, stem_of
 from surrogate.studies.beyond.predicted_samples import (
     PredictedSamples,
@@ -24,6 +25,7 @@ from surrogate.studies.framework.study_record import Cell, Claim, Table
 SINGLE = ("forces-vb", "mechanics-vb", "reduced-vb")  # kinds also trained on single loads
 STEMS = tuple(stem_of(case) for case in BODIES)
 REACHES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # ends of the groups of forces, over that of the training
+CLOSE = 2.0  # factor within which σ grows as the error does
 RELIABLE = 0.5  # share of components in their 95 % intervals from which σ is of use
 
 Group = tuple[str, float, NDArray[np.bool_]]  # label, abscissa, mask of the samples (M,)
@@ -44,11 +46,19 @@ def measure(resources: Resources) -> StudyResult:
                 group_table(f"{body}, one force beyond the range", samples, groups)
             )
             larger[body] = error_and_std(samples, groups)
-            result.claims += [reliable(f"{body}, forces", samples, run, groups) for run in runs]
+            for run in runs:
+                where = f"{body}, {kind_of(run).label}, larger forces"
+                result.claims += outside_claims(where, samples[run], groups, limit=1.0)
         if (dataset := f"{stem}_many") in scale.datasets:
             samples = {run: predicted_samples(resources, run, dataset) for run in runs}
             groups = number_groups(next(iter(samples.values())))
             result.tables.append(group_table(f"{body}, number of loads", samples, groups))
+            for run in runs:
+                where, most = (
+                    f"{body}, {kind_of(run).label}, more loads",
+                    loads_in_training(resources, run),
+                )
+                result.claims += outside_claims(where, samples[run], groups, limit=most)
     if larger:
         result.figures["forces"] = (
             draw_curves(
@@ -71,7 +81,9 @@ def measure(resources: Resources) -> StudyResult:
         )
         result.tables.append(group_table(caption, samples, groups))
         elsewhere[body] = error_and_std(samples, groups)
-        result.claims += [reliable(f"{body}, places", samples, run, groups) for run in singles]
+        for run in singles:
+            where = f"{body}, {kind_of(run).label}, loads elsewhere"
+            result.claims += outside_claims(where, samples[run], groups, limit=0.0)
     if elsewhere:
         result.figures["places"] = (
             draw_curves(
@@ -132,19 +144,35 @@ def error_and_std(samples: dict[str, PredictedSamples], groups: Sequence[Group])
     ]
 
 
-def reliable(
-    where: str, samples: dict[str, PredictedSamples], run: str, groups: Sequence[Group]
-) -> Claim:
-    """Claim on the coverage of the 95 % intervals in all groups outside the training."""
-    shares = {label: float(samples[run].covered[mask].mean()) for label, _, mask in groups[1:]}
+def outside_claims(
+    where: str, samples: PredictedSamples, groups: Sequence[Group], limit: float
+) -> list[Claim]:
+    """Claims on the coverage and on the growth of σ outside the training, beyond `limit`."""
+    outside = [(label, mask) for label, place, mask in groups if place > limit]
+    inside = [mask for _, place, mask in groups if place <= limit]
+    if not outside or not inside:
+        return []
+    shares = {label: float(samples.covered[mask].mean()) for label, mask in outside}
     listed = ", ".join(f"{label}: {100 * share:.3g} %" for label, share in shares.items())
-    return Claim(
-        what=f"{where} outside the training, {kind_of(run).label}: the 95 % intervals still "
-        "contain most errors.",
-        holds=min(shares.values(), default=1.0) >= RELIABLE,
-        evidence=f"Inside: {listed or 'no samples outside'} (each ≥ {100 * RELIABLE:g} %).",
-        of_paper=False,
+    std, error = (
+        float(values[outside[-1][1]].mean() / values[np.any(inside, axis=0)].mean())
+        for values in (samples.std, samples.error)
     )
+    return [
+        Claim(
+            what=f"{where}: the 95 % intervals still contain most errors.",
+            holds=min(shares.values()) >= RELIABLE,
+            evidence=f"Inside: {listed} (each ≥ {100 * RELIABLE:g} %).",
+            of_paper=False,
+        ),
+        Claim(
+            what=f"{where}: the uncertainty grows as the error does.",
+            holds=1 / CLOSE <= std / error <= CLOSE,
+            evidence=f"From inside to the farthest outside ({outside[-1][0]}), σ grows "
+            f"{std:.3g} times, the error {error:.3g} times (within a factor of {CLOSE:g}).",
+            of_paper=False,
+        ),
+    ]
 
 
 STUDY = Study(

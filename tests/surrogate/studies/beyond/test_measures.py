@@ -13,14 +13,20 @@ from surrogate.data.geometry import Geometry
 from surrogate.inference.prediction import Distribution
 from surrogate.studies.beyond.coverage import by_number, covers
 from surrogate.studies.beyond.loads_by_number import growth_claims
-from surrogate.studies.beyond.places import better_elsewhere, draw_maps, evenness, node_errors_of
+from surrogate.studies.beyond.places import (
+    better_elsewhere,
+    by_node,
+    draw_maps,
+    everywhere,
+    relative_by_node,
+)
 from surrogate.studies.beyond.predicted_samples import (
     PredictedSamples,
     distance_from,
     distance_groups,
 )
 from surrogate.studies.beyond.training_samples import Point, fewer_samples, fewest_samples
-from surrogate.studies.beyond.uncertainty_outside import reach_groups
+from surrogate.studies.beyond.uncertainty_outside import number_groups, outside_claims, reach_groups
 from surrogate.studies.components.errors_on_test_split import split_errors
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.study import StudyResult
@@ -60,11 +66,14 @@ def test_measures_of_samples(three: PredictedSamples) -> None:
 
 def test_errors_by_node(three: PredictedSamples) -> None:
     """Node 5 has errors 0.1 and 0.3, node 9 0.3 and 0.2, the others none."""
-    errors = node_errors_of(three)
+    errors = by_node(three, three.error)
     assert errors[[5, 9]] == pytest.approx([0.2, 0.25])
     assert np.isnan(np.delete(errors, [5, 9])).all()
-    assert evenness("beam", "network", errors).holds
-    assert not evenness("beam", "network", np.array([1.0, 1.0, 5.1])).holds
+    assert relative_by_node(three)[[5, 9]] == pytest.approx([0.2, 0.25])
+    claim = everywhere("network", three)
+    assert not claim.holds
+    assert "worst node 25 %" in claim.evidence
+    assert everywhere("network", samples_with(three.geometry, [[5], [9]], [0.009, 0.001])).holds
 
 
 def test_distance_from_nodes(dataset: Dataset) -> None:
@@ -95,6 +104,20 @@ def test_groups_of_reach() -> None:
         ("up to 1.5 a", [3]),
         ("up to 4 a", [4]),
     ]
+
+
+def test_claims_outside(three: PredictedSamples) -> None:
+    """Half of the errors under one load are inside the band, none of that under two.
+
+    σ is the same everywhere; the error grows from 0.15 to 0.3 m, within a factor of two.
+    """
+    groups = number_groups(three)
+    reliable, growing = outside_claims("beam", three, groups, limit=1)
+    assert not reliable.holds
+    assert "2: 0 %" in reliable.evidence
+    assert growing.holds
+    assert "σ grows 1 times, the error 2 times" in growing.evidence
+    assert outside_claims("beam", three, groups, limit=2) == []
 
 
 def test_coverage_claim(three: PredictedSamples) -> None:
@@ -141,8 +164,12 @@ def test_claims_on_samples() -> None:
 
 
 def test_maps_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -> None:
-    """One panel a network; in space, marks at the loaded nodes that can be seen."""
-    for data, least in ((dataset, 32), (dataset_3d, 40)):
+    """One panel a network; marks at the nodes that can be seen.
+
+    These are all 8 × 4 in the plane. In space, of 8 × 4 × 4, they are those of three faces without
+    the common edges twice: 32 + 32 + 16 − 8 − 4 − 4 + 1 = 65.
+    """
+    for data, seen in ((dataset, 32), (dataset_3d, 65)):
         geometry = data.geometry
         errors = np.linspace(1e-4, 1e-3, len(geometry.coordinates))
         figure = draw_maps(geometry, {"one": errors, "two": 2 * errors})
@@ -150,7 +177,7 @@ def test_maps_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -
         assert [axes.get_title() for axes in panels] == ["one", "two"]
         assert bar.get_xlabel() == "mean error [mm]"
         marks = panels[0].collections[-1].get_offsets()
-        assert least <= len(np.asarray(marks)) <= len(errors)
+        assert len(np.asarray(marks)) == seen
 
 
 def test_errors_over_samples_are_those_of_the_test_split(
