@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from zipfile import BadZipFile
 
 import h5py
 import numpy as np
@@ -25,6 +26,7 @@ Digests = dict[str, str]
 
 TIMES = "wall_time"  # HDF5 datasets that differ from run to run
 LOAD = ("--load", "4,1:0,-1")
+UNREADABLE = (OSError, ValueError, EOFError, KeyError, RuntimeError, BadZipFile)
 
 
 @dataclass(frozen=True)
@@ -199,7 +201,7 @@ def digests(folder: Path) -> Digests:
                     found[name] = _of({key: arrays[key] for key in arrays})
             else:
                 found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
-        except (OSError, ValueError) as error:
+        except UNREADABLE as error:
             found[name] = f"unreadable: {error}"
     return found
 
