@@ -43,6 +43,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
     ],
     "datagen": [
         "ranks",
+        "dolfinx_versions",
         "mesh",
         "loads",
         "solver",
