@@ -26,7 +26,12 @@ REPRODUCE = $(SURROGATE) reproduce --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
-MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
+# More ranks than cores, and no words of mpirun's own: Open MPI 4, then 5, whose options differ.
+export OMPI_MCA_rmaps_base_oversubscribe := 1
+export OMPI_MCA_orte_execute_quiet := 1
+export OMPI_MCA_reachable := weighted
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report shelve reproduce test lint clean debian-packages \
@@ -104,7 +109,7 @@ debian-packages:
 	done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if ! command -v apt-get >/dev/null; then \
-		echo "make: this needs Debian 12, for its package python3-dolfinx" >&2; exit 2; fi; \
+		echo "make: this needs Debian 12 or 13, for the package python3-dolfinx" >&2; exit 2; fi; \
 	if [ "$$(id -u)" != 0 ]; then \
 		echo "make: packages are missing; install them by: sudo apt-get install$$missing" >&2; \
 		exit 2; fi; \

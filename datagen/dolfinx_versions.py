@@ -113,6 +113,17 @@ def cell_kernel(compiled: Any) -> Any:
     return integral.tabulate_tensor_float64
 
 
+def pack_constants(compiled: Any) -> NDArray[np.float64]:
+    """Values of the constants of a form, as its kernels read them (0.10).
+
+    0.7: the C++ function, used with older versions, takes the form's C++ object.
+    """
+    if VERSION >= (0, 10):
+        return np.asarray(dolfinx.fem.pack_constants(compiled))
+    cpp = compiled._cpp_object if VERSION >= (0, 7) else compiled
+    return np.asarray(dolfinx.cpp.fem.pack_constants(cpp))
+
+
 # Macros for C code that calls such a function (0.10: it has a last argument, data of the user).
 KERNEL_MACROS = ("-DKERNEL_HAS_CUSTOM_DATA",) if VERSION >= (0, 10) else ()
 

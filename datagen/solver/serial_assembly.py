@@ -14,11 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx.fem.assemble import pack_constants
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import cell_kernel
+from datagen.dolfinx_versions import cell_kernel, pack_constants
 from datagen.solver.element_loop import ElementLoop, cell_dofs
 
 
@@ -49,9 +48,9 @@ class SerialAssembly:
         dropped[clamped] = True
         indptr, indices = _sparsity(dofs, size)
         places = _places(dofs, indptr, indices, dropped)
-        self._forces = ElementLoop(cell_kernel(internal), _constants(internal), u, dofs, size)
+        self._forces = ElementLoop(cell_kernel(internal), pack_constants(internal), u, dofs, size)
         self._tangent = ElementLoop(
-            cell_kernel(tangent), _constants(tangent), u, places, len(indices) + 1
+            cell_kernel(tangent), pack_constants(tangent), u, places, len(indices) + 1
         )  # the last value, outside the matrix, takes the dropped entries
         self._diagonal = _diagonal(indptr, indices)[dropped]
         self.matrix = PETSc.Mat().createAIJWithArrays(
@@ -99,8 +98,3 @@ def _diagonal(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[
     """Index of the diagonal entry of every row among the matrix values."""
     rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
     return np.flatnonzero(rows == indices)
-
-
-def _constants(form: Any) -> NDArray[np.float64]:
-    """Constants of a form, as its kernel reads them."""
-    return np.asarray(pack_constants(form))

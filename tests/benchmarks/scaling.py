@@ -32,12 +32,9 @@ from tests.benchmarks.publication import (
     markdown_table,
     run_benchmark,
 )
+from tests.open_mpi import SETTINGS
 
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
+ENVIRONMENT = os.environ | SETTINGS
 
 
 @dataclass(frozen=True)
@@ -51,9 +48,7 @@ class Way:
 def seconds(case: Path, samples: int, way: Way) -> float:
     """Wall time in s of one whole `datagen run` into a new folder."""
     with tempfile.TemporaryDirectory() as folder:
-        mpirun = ["mpirun", "--quiet", "-n", str(way.ranks)]
-        if way.ranks > (os.cpu_count() or 1):
-            mpirun.append("--oversubscribe")
+        mpirun = ["mpirun", "-n", str(way.ranks)]
         datagen = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
         options = ["--out", f"{folder}/nodal", "--samples", str(samples)]
         options += ["--ranks-per-solve", str(way.ranks_per_solve)]
