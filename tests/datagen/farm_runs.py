@@ -21,6 +21,7 @@ from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tests.open_mpi import SETTINGS
 
+LAUNCHERS = (b"mpirun", b"prterun")  # Open MPI 5's mpirun turns into the second
 TIMES = {"samples/wall_time"}  # the only array that may differ
 ENVIRONMENT = os.environ | SETTINGS
 
@@ -81,7 +82,7 @@ def pids_of(out: Path) -> list[int]:
             words = path.read_bytes().split(b"\0")
         except OSError:
             continue
-        if str(out).encode() in words and b"mpirun" not in words[0]:
+        if str(out).encode() in words and words[0].rpartition(b"/")[2] not in LAUNCHERS:
             found.append(int(path.parent.name))
     return sorted(found)
 

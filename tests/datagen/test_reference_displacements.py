@@ -11,13 +11,18 @@ import json
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
-from datagen.cases.body import make_body
 from datagen.cases.case import read_case
 from datagen.solver.material import VOLUMETRIC_TERMS
 from shared_schema.material import Volumetric
-from tests.datagen.reference_displacements import CASES, FILE, kept_nodes, samples_of, solved
+from tests.datagen.reference_displacements import (
+    CASES,
+    FILE,
+    body_of,
+    kept_nodes,
+    samples_of,
+    solved,
+)
 
 REFERENCE = json.loads(FILE.read_text())
 SLOW = {"beam3d", "beam3d_any", "finger3d"}
@@ -29,7 +34,7 @@ SLOW = {"beam3d", "beam3d_any", "finger3d"}
 )
 def test_displacements_are_those_of_every_platform(name: str, volumetric: Volumetric) -> None:
     case = read_case(name, volumetric)
-    body = make_body(case, MPI.COMM_SELF)
+    body = body_of(case)
     samples = samples_of(case, body.problem.dimension)
     assert len(samples) >= 2
     for sample in samples:
