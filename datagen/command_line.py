@@ -24,6 +24,7 @@ from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
 
 VOLUMETRIC = ("paper", "quadratic")
+TRUST = "allow the case's gmsh script to run programs and to read and write files"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,6 +45,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
     """
     from mpi4py import MPI
 
+    from datagen.farm.farm import NothingSolvedError
     from datagen.ranks import SharedCounters
 
     comm = MPI.COMM_WORLD
@@ -56,6 +58,10 @@ def _on_every_rank(command: Callable[[], None]) -> int:
             command()
         except (InputError, StoppedError):
             raise
+        except NothingSolvedError:
+            if comm.rank == 0:
+                raise
+            raise StoppedError from None  # without a word
         except BaseException:
             if counters.add("failed", 1):
                 comm.Barrier()  # until the first rank that failed ends this one
@@ -89,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
+    run.add_argument("--trust", action="store_true", help=TRUST)
     run.set_defaults(command=_run)
 
     structure = commands.add_parser("structure", help="map a nodal dataset to its grid")
@@ -125,7 +132,14 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
+    solve.add_argument(
+        "--start",
+        type=Path,
+        metavar="FILE.npz",
+        help="start from the displacement in this file, such as a prediction of `surrogate`",
+    )
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    solve.add_argument("--trust", action="store_true", help=TRUST)
     solve.set_defaults(command=_solve)
 
     check = commands.add_parser("check", help="check every byte of a dataset against the schema")
@@ -161,7 +175,7 @@ def _run(options: argparse.Namespace) -> None:
     from datagen.cases.case import read_case
     from datagen.farm.farm import run
 
-    case = read_case(options.case, options.volumetric, options.samples)
+    case = read_case(options.case, options.volumetric, options.samples, options.trust)
     manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")
@@ -203,15 +217,22 @@ def _solve(options: argparse.Namespace) -> None:
 
     from datagen.cases.body import make_body
     from datagen.cases.case import read_case
+    from datagen.solver.given_start import read_start, solve_from
     from datagen.solver.load_stepping import solve_load_case
 
     require_suffix(options.out)
     require_writable(options.out)
-    case = read_case(options.case, options.volumetric)
+    case = read_case(options.case, options.volumetric, trust=options.trust)
     body = make_body(case, MPI.COMM_SELF)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
     nodes = np.flatnonzero(forces.any(axis=1))
-    report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+    origin = ""
+    if options.start is None:
+        report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+    else:
+        start = read_start(options.start, body.mesh.coordinates)
+        report, used = solve_from(start, body.problem, nodes, forces[nodes], case.solver)
+        origin = f"from {options.start}, " if used else "from rest, "
     if not report.solved:
         raise WorkError(
             f"no equilibrium found beyond {report.load_factor:.1%} of the load "
@@ -227,8 +248,9 @@ def _solve(options: argparse.Namespace) -> None:
     )
     largest = np.linalg.norm(displacement, axis=1).max()
     print(
-        f"{options.out}: largest displacement {largest:.6g} m, {report.load_steps} load steps, "
-        f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N"
+        f"{options.out}: largest displacement {largest:.6g} m, {origin}"
+        f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
+        f"residual {report.residual_norm:.2g} N"
     )
 
 
@@ -249,6 +271,7 @@ def _info(options: argparse.Namespace) -> None:
         from datagen.output.dataset_figure import SUFFIXES, plot_dataset
 
         require_suffix(options.figure, SUFFIXES, "--figure")
+        require_writable(options.figure, "--figure")
         plot_dataset(options.dataset, options.figure)
     print(summary(options.dataset))
 

@@ -23,10 +23,11 @@ def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
             result = work()
         except InputError as wrong:
             error = wrong
-    result, error = comm.bcast((result, error), root=0)
+    if comm.size > 1:
+        result, error = comm.bcast((result, error), root=0)
     if error is not None:
         raise error
-    return result
+    return result  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)

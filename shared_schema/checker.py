@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared_schema.cells import CELL_TYPES
 from shared_schema.common.checksum import sha256
@@ -40,7 +41,7 @@ def check_dataset(folder: Path) -> list[str]:
         return [str(error)]
     problems = _manifest_problems(folder, manifest)
     lengths: dict[str, tuple[int, ...]] = {"dim": (manifest.dimension,)}
-    numbers: list[int] = []
+    numbers: list[NDArray[np.int64]] = []
     test = 0
     mesh: Arrays = {}
     for entry in manifest.shards:
@@ -69,14 +70,13 @@ def check_dataset(folder: Path) -> list[str]:
             for name in (name for name in arrays if name.startswith(("mesh/", "grid/"))):
                 if not np.array_equal(mesh.setdefault(name, arrays[name]), arrays[name]):
                     found.append(f"dataset '{name}' is not that of the shards before")
-            numbers += arrays["samples/number"].tolist()
+            numbers.append(arrays["samples/number"])
             if manifest.kind == "nodal":
-                numbers += arrays["failed/number"].tolist()
+                numbers.append(arrays["failed/number"])
             else:
                 test += int(arrays["samples/is_test"].sum())
         problems += [f"{entry.file}: {problem}" for problem in found]
-    if len(set(numbers)) != len(numbers):
-        problems.append("a sample number appears more than once")
+    problems += _number_problems(manifest, np.concatenate(numbers) if numbers else None)
     info = manifest.structured
     if info is not None and not problems and test != info.test:
         problems.append(f"manifest: 'test' is {info.test}, the shards hold {test}")
@@ -86,6 +86,20 @@ def check_dataset(folder: Path) -> list[str]:
             f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, manifest, dofs)
         ]
     return problems
+
+
+def _number_problems(manifest: Manifest, numbers: NDArray[np.int64] | None) -> list[str]:
+    """Name sample numbers that occur twice or may not be, in the shards that can be read."""
+    if numbers is None or numbers.size == 0:
+        return []
+    if len(np.unique(numbers)) != len(numbers):
+        return ["a sample number appears more than once"]
+    if numbers.min() < 0:
+        return [f"sample number {numbers.min()}, expected none below 0"]
+    load_cases = sum(entry.samples + entry.failed for entry in manifest.shards)
+    if manifest.kind == "nodal" and numbers.max() >= load_cases:
+        return [f"sample number {numbers.max()}, expected 0 to {load_cases - 1}"]
+    return []
 
 
 def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> list[str]:
@@ -104,7 +118,7 @@ def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> l
 
 def _attribute_problems(manifest: Manifest, attributes: Attributes) -> list[str]:
     problems = []
-    if attributes["case_digest"] != manifest.case_digest:
+    if attributes["case_digest"] not in manifest.case_digests:
         problems.append("attribute 'case_digest' is not the manifest's: made from another case")
     if attributes["cell_type"] not in CELL_TYPES:
         problems.append(
@@ -118,6 +132,7 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
     problems = []
     if manifest.case_digest != digest_of(manifest.case):
         problems.append("manifest: 'case_digest' is not the digest of 'case'")
+    problems += _history_problems(manifest)
     for name in ("samples", "failed"):
         total = sum(getattr(entry, name) for entry in manifest.shards)
         if total != getattr(manifest, name):
@@ -142,6 +157,20 @@ def _manifest_problems(folder: Path, manifest: Manifest) -> list[str]:
     return problems
 
 
+def _history_problems(manifest: Manifest) -> list[str]:
+    """Name stages before which the dataset was no smaller one of the same case."""
+    problems = []
+    settings = manifest.case.get("dataset")
+    for number, stage in enumerate(manifest.history):
+        load_cases = stage.samples + stage.failed
+        smaller = {**settings, "samples": load_cases} if isinstance(settings, dict) else None
+        if stage.case_digest != digest_of({**manifest.case, "dataset": smaller}):
+            problems.append(
+                f"manifest: 'history.{number}' is not the same case with {load_cases} samples"
+            )
+    return problems
+
+
 def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
     """List what is wrong with the values: node numbers, load cases, the grid."""
     problems = []
@@ -155,6 +184,9 @@ def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
         for group in ("samples", "failed"):
             if f"{group}/loaded_nodes" in arrays:
                 problems += _load_problems(arrays, group)
+        problems += _support_problems(arrays)
+    if manifest.kind == "nodal":
+        problems += _result_problems(arrays)
     if manifest.structured is None:
         return problems
     if ("grid/sources" in arrays) != (manifest.structured.embedding is not None):
@@ -174,9 +206,53 @@ def _load_problems(arrays: Arrays, group: str) -> list[str]:
         problems.append(f"dataset '{force}' is not zero where '{name}' is padding")
     if np.any(arrays["mesh/clamped"][nodes[~is_padding]]):
         problems.append(f"dataset '{name}' names a clamped node")
+    elif not np.all(arrays["mesh/loadable"][nodes[~is_padding]]):
+        problems.append(f"dataset '{name}' names a node that is not loadable")
     ordered = np.sort(nodes, axis=1)
     if np.any((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_NODE)):
         problems.append(f"dataset '{name}' names a node twice in one load case")
+    return problems
+
+
+def _support_problems(arrays: Arrays) -> list[str]:
+    """Name displacements of clamped nodes: at the nodes, or at the grid points that are nodes."""
+    clamped = arrays["mesh/clamped"]
+    for name in ("samples/nodal_displacement", "samples/displacement"):
+        values = arrays.get(name)
+        if values is None:
+            continue
+        if values.shape[1:] == (len(clamped), arrays["mesh/coordinates"].shape[1]):
+            moved = values[:, clamped]
+        elif "grid/node_at" in arrays:
+            node_at = arrays["grid/node_at"]
+            inside = (node_at >= 0) & (node_at < len(clamped))
+            moved = values[..., inside & clamped[np.where(inside, node_at, 0)]]
+        else:
+            continue
+        if np.any(moved):
+            return [f"dataset '{name}' moves a clamped node"]
+    return []
+
+
+def _result_problems(arrays: Arrays) -> list[str]:
+    """Name results that no solver gives: reasons, counts, times and norms out of their range."""
+    problems = []
+    for name, lowest, highest in (
+        ("samples/converged_reason", 2, 7),  # those of convergence in PETSc
+        ("samples/load_steps", 1, np.inf),
+        ("samples/cutbacks", 0, np.inf),
+        ("samples/newton_iterations", 0, np.inf),
+        ("samples/residual_norm", 0, np.inf),
+        ("samples/wall_time", 0, np.inf),
+        ("failed/load_factor", 0, 1),
+    ):
+        values = arrays[name]
+        if values.size and (values.min() < lowest or values.max() > highest):
+            wrong = values[(values < lowest) | (values > highest)][0]
+            expected = f"at least {lowest}" if highest == np.inf else f"{lowest} to {highest}"
+            problems.append(f"dataset '{name}' is {wrong}, expected {expected}")
+    if not all(arrays["failed/reason"]):
+        problems.append("dataset 'failed/reason' has an empty text")
     return problems
 
 

@@ -3,15 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
 from shared_schema.layout import Arrays, Kind
 from shared_schema.manifest import Manifest, ShardEntry, read_manifest
-from shared_schema.shard_reader import read_attributes, read_shard
+from shared_schema.shard_reader import read_arrays, read_attributes, read_shard
+
+Numbers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Some samples of a dataset, in an order of choice.
+
+    Attributes
+    ----------
+    group : str
+        ``samples`` or ``failed``.
+    shard, row : array of int, (N,)
+        Number of the shard of each sample in the manifest, and its row there.
+    """
+
+    group: str
+    shard: Numbers
+    row: Numbers
+
+    def __len__(self) -> int:
+        return len(self.shard)
+
+    def places(self, shard: int) -> Numbers:
+        """Positions in the selection of the samples of one shard."""
+        order, starts = self._by_shard
+        return order[starts[shard] : starts[shard + 1]] if shard + 1 < len(starts) else order[:0]
+
+    @cached_property
+    def _by_shard(self) -> tuple[Numbers, Numbers]:
+        """Positions sorted by shard, and the start of every shard in them."""
+        order = np.argsort(self.shard, kind="stable")
+        count = int(self.shard.max(initial=-1)) + 2
+        return order, np.searchsorted(self.shard[order], np.arange(count))
+
+    def __getitem__(self, index: NDArray[np.bool_] | Numbers | slice) -> Selection:
+        return Selection(self.group, self.shard[index], self.row[index])
 
 
 class DatasetReader:
@@ -70,13 +110,52 @@ class DatasetReader:
         names : collection of str
             Paths of arrays below ``samples/`` or ``failed/``; each shard is read once for all.
         """
-        groups = {name.partition("/")[0] for name in names}
-        numbers = {f"{group}/number" for group in groups}
-        pieces: dict[str, list[np.ndarray]] = {name: [] for name in {*names, *numbers}}
-        for _, arrays in self:
-            for name, found in pieces.items():
-                found.append(arrays[name])
-        order = {group: np.argsort(np.concatenate(pieces[f"{group}/number"])) for group in groups}
-        return {
-            name: np.concatenate(pieces.pop(name))[order[name.partition("/")[0]]] for name in names
-        }
+        groups = sorted({name.partition("/")[0] for name in names})
+        found = self.gathered(names, *(self.ascending(group) for group in groups))
+        joined = {name: values for arrays in found for name, values in arrays.items()}
+        return {name: joined[name] for name in names}
+
+    def ascending(self, group: str = "samples") -> Selection:
+        """Select all samples of a group, in ascending order of their number."""
+        numbers = self.columns(f"{group}/number")
+        shard = np.repeat(np.arange(len(numbers)), [len(column) for column in numbers])
+        row = np.concatenate([np.arange(len(column)) for column in numbers])
+        order = np.argsort(np.concatenate(numbers))
+        return Selection(group, shard[order], row[order])
+
+    def columns(self, name: str) -> list[NDArray[Any]]:
+        """Read one array of every shard; values are not checked."""
+        paths = [self.folder / entry.file for entry in self.manifest.shards]
+        return [read_arrays(path, self.manifest.kind, (name,))[name] for path in paths]
+
+    def gathered(self, names: Collection[str], *selections: Selection) -> list[Arrays]:
+        """Read arrays of some samples; only one shard is in memory besides the result.
+
+        Parameters
+        ----------
+        names : collection of str
+            Paths of arrays below ``samples/`` or ``failed/``.
+        selections : Selection
+            Every shard in them is read once for all.
+
+        Returns
+        -------
+        list of dict
+            Arrays of every selection by name, those of its group only.
+        """
+        gathered: list[Arrays] = [{} for _ in selections]
+        needed = np.unique(np.concatenate([selection.shard for selection in selections]))
+        if len(needed) == 0:  # no samples; the first shard tells shapes and types
+            needed = np.zeros(1, dtype=np.int64)
+        for number in needed:
+            arrays = self.shard(self.manifest.shards[number])
+            for selection, result in zip(selections, gathered, strict=True):
+                place = selection.places(number)
+                for name in names:
+                    if name.startswith(f"{selection.group}/"):
+                        values = arrays[name]
+                        if name not in result:
+                            shape = (len(selection), *values.shape[1:])
+                            result[name] = np.empty(shape, dtype=values.dtype)
+                        result[name][place] = values[selection.row[place]]
+        return gathered

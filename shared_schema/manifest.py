@@ -116,6 +116,28 @@ class StructuredInfo(Frozen):
         return content
 
 
+class Stage(Frozen):
+    """A dataset as it was before it has grown by further samples of the same case.
+
+    Attributes
+    ----------
+    samples, failed : int
+        Number of solved samples, and of failed load cases. They have the lowest sample numbers.
+    case_digest : str
+        SHA-256 of the case configuration, which had fewer samples.
+    software : dict
+        Versions of the software that made its samples.
+    digest : str
+        Digest of its manifest.
+    """
+
+    samples: int = Field(ge=0)
+    failed: int = Field(ge=0)
+    case_digest: str
+    software: dict[str, str]
+    digest: str
+
+
 class Manifest(Frozen):
     """A dataset's manifest.
 
@@ -139,6 +161,8 @@ class Manifest(Frozen):
         Number of solved samples, and of failed load cases, over all shards.
     transforms : tuple of dict
         Steps that changed the samples after they were solved (noise), with all their settings.
+    history : tuple of Stage
+        The dataset before each time that it has grown; absent from the file if it never has.
     shards : tuple of ShardEntry
     structured : StructuredInfo or None
     stiffness : str or None
@@ -160,22 +184,30 @@ class Manifest(Frozen):
     samples: int = Field(ge=0)
     failed: int = Field(ge=0)
     transforms: tuple[dict[str, Any], ...] = ()
+    history: tuple[Stage, ...] = ()
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
     stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     digest: str = ""
 
     @model_serializer(mode="wrap")
-    def _without_absent_stiffness(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_absent_parts(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         content: dict[str, Any] = handler(self)
         if self.stiffness is None:
             del content["stiffness"]
+        if not self.history:
+            del content["history"]
         return content
 
     @property
     def stiffness_checksum(self) -> str | None:
         """SHA-256 of the stiffness file of either kind of dataset; None if it has none."""
         return self.stiffness if self.structured is None else self.structured.stiffness
+
+    @property
+    def case_digests(self) -> set[str]:
+        """Digests of the case that shards may have: the manifest's, and those of its history."""
+        return {self.case_digest, *(stage.case_digest for stage in self.history)}
 
     def sealed(self) -> Manifest:
         """Return a copy with its own digest filled in."""

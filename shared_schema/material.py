@@ -24,7 +24,7 @@ class NeoHookean(Frozen):
         Name of the volumetric term U(J): λ/4 (J² − 1 − 2 ln J), or λ/2 (J − 1)².
     """
 
-    young_modulus: float = Field(gt=0)
+    young_modulus: float = Field(ge=1e-12, le=1e18)
     poisson_ratio: float = Field(gt=-1, lt=0.5)
     volumetric: Volumetric = "paper"
 

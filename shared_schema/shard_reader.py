@@ -5,7 +5,7 @@ Reading refuses external links and anything that is not laid out as `shared_sche
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from shared_schema.common.errors import InputError, first_line
 from shared_schema.layout import SHARD_ATTRIBUTES, Arrays, FileKind, layout_for
 from shared_schema.shard_problems import array_problems, dataset_paths, plain, structure_problems
 
+HEADROOM = 1 << 24  # bytes; more than the buffers of HDF5
 Attributes = dict[str, int | str]
 
 
@@ -37,8 +38,15 @@ def read_shard(path: Path, kind: FileKind) -> Arrays:
     return arrays
 
 
-def read_arrays(path: Path, kind: FileKind) -> Arrays:
+def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None) -> Arrays:
     """Read a shard's datasets, which must exist inside the file; values are not checked.
+
+    Parameters
+    ----------
+    path : Path
+    kind : {"nodal", "structured", "stiffness"}
+    names : collection of str, optional
+        Paths of the datasets to read; all by default.
 
     Raises
     ------
@@ -49,6 +57,7 @@ def read_arrays(path: Path, kind: FileKind) -> Arrays:
         return {
             layout.path: _read(file[layout.path])
             for layout in layout_for(kind, dataset_paths(file))
+            if names is None or layout.path in names
         }
 
 
@@ -78,12 +87,16 @@ def _open(path: Path, kind: FileKind) -> h5py.File:
 
 @contextmanager
 def _damage_named(path: Path) -> Iterator[None]:
-    """Turn every exception that h5py raises on a damaged file into one InputError."""
+    """Turn every exception that h5py raises on a damaged file into one InputError.
+
+    Lack of memory is no damage: a MemoryError stays one.
+    """
     try:
         yield
     except InputError:
         raise
-    except (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError) as error:
+    except (OSError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        np.empty(HEADROOM, dtype=np.uint8)  # HDF5 does not say that it has no memory; NumPy does
         raise InputError(f"{path}: not a readable HDF5 file ({first_line(error)})") from None
 
 

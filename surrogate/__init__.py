@@ -6,6 +6,7 @@
 """
 
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.training_range import OutsideTrainingWarning
 
 __version__ = "0.1.0"
-__all__ = ["Surrogate", "load"]
+__all__ = ["OutsideTrainingWarning", "Surrogate", "load"]

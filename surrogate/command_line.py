@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
@@ -20,11 +21,18 @@ RUN = "run folder, or a trained network of the package (surrogate list)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
+    """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
-    return run_command("surrogate", lambda: command(options), speaks)
+
+    def run() -> None:
+        from surrogate.hardware import memory_errors
+
+        with memory_errors():
+            command(options)
+
+    return run_command("surrogate", run, speaks)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -53,6 +61,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write TensorBoard's files into the run folder"
+    )
+    train.add_argument(
+        "--start-from",
+        type=Path,
+        metavar="RUN",
+        help="start from the weights of another run on the same body, on any dataset of it",
     )
     train.set_defaults(command=_train)
 
@@ -90,6 +104,20 @@ def _parser() -> argparse.ArgumentParser:
         "--conformal",
         choices=("marginal", "simultaneous"),
         help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
+    )
+    predict.add_argument(
+        "--certify", action="store_true", help="estimate the error; add it as 'estimated_error'"
+    )
+    predict.add_argument(
+        "--tolerance",
+        type=_positive,
+        metavar="M",
+        help="with --certify: largest estimated error of a node in m, else exit code 3",
+    )
+    predict.add_argument(
+        "--correct",
+        action="store_true",
+        help="go on to the finite elements' equilibrium; add the network's as 'predicted'",
     )
     predict.set_defaults(command=_predict)
 
@@ -158,18 +186,39 @@ def _passes(options: argparse.Namespace) -> dict[str, int]:
     return {name: value for name, value in given.items() if value is not None}
 
 
+def _remark_unsealed(folder: Path) -> None:
+    """Warn if a run folder has no manifest."""
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+
+    remark = RunFolder(find_run(folder)).unsealed
+    if remark:
+        print(f"surrogate: warning: {remark}", file=sys.stderr)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
+    return value
+
+
 def _train(options: argparse.Namespace) -> None:
     from surrogate.data.dataset import read_dataset
     from surrogate.models.model import TrainedModel
     from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
     from surrogate.training.data_parallel import joined
-    from surrogate.training.train import train
+    from surrogate.training.train import stays_on_disk, train
 
     config = read_config(options.config)
     run = RunFolder(options.out)
+    require_writable(run.folder)
     with joined(options.device) as (ranks, device):
-        dataset = read_dataset(options.data)
+        dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
         train(
             config,
             dataset,
@@ -179,12 +228,14 @@ def _train(options: argparse.Namespace) -> None:
             ranks,
             options.tensorboard,
             options.seconds,
+            options.start_from,
         )
     if not ranks.is_first:
         return
     lines = run.metric_lines()
     last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
-    state = "trained" if run.model.is_file() else "stopped; resume with the same command"
+    _remark_unsealed(run.folder)
+    state = "trained" if run.is_finished else "stopped; resume with the same command"
     epochs = ""
     if isinstance(config, TrainedModel):
         epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
@@ -194,21 +245,25 @@ def _train(options: argparse.Namespace) -> None:
 def _evaluate(options: argparse.Namespace) -> None:
     from surrogate.device import choose_device
     from surrogate.evaluation.evaluate import evaluate
-    from surrogate.presentation.run_figures import write_figures
+    from surrogate.presentation.run_figures import write_evaluation
     from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import copy_run, find_run, require_changeable
 
     device = choose_device(options.device).type
-    run = options.out or options.run
+    require_changeable(options.run, options.out)
+    _remark_unsealed(options.run)
     evaluation = evaluate(
         options.run,
         options.data,
         device,
         loads=options.loads,
         conformal=options.conformal,
-        out=options.out,
         **_passes(options),
     )
-    write_figures(evaluation, RunFolder(run))
+    run = find_run(options.run)
+    if options.out is not None:
+        run = copy_run(run, options.out)
+    write_evaluation(evaluation, RunFolder(run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
         f"{run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
@@ -223,6 +278,7 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
+    from shared_schema.common.errors import InputError, NotCertifiedError
     from shared_schema.common.point_load import nodal_forces
     from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
@@ -232,9 +288,15 @@ def _predict(options: argparse.Namespace) -> None:
     from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
+    require_writable(options.out)
+    if options.tolerance is not None and not options.certify:
+        raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
+    _remark_unsealed(options.run)
     intervals = None
     if options.conformal:
-        intervals = load_intervals(RunFolder(find_run(options.run)).intervals)
+        run = RunFolder(find_run(options.run))
+        run.seal.require_intact(run.intervals)
+        intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
@@ -244,9 +306,20 @@ def _predict(options: argparse.Namespace) -> None:
     if intervals is not None:
         ends = intervals.bounds(options.conformal, surrogate, predicted)
         fields |= dict(zip(("lower", "upper"), ends, strict=True))
-    warning = surrogate.outside_training(forces)
-    if warning:
+    for warning in surrogate.training_range.exceeded(forces).values():
         print(f"surrogate: warning: {warning}", file=sys.stderr)
+    notes, refusal = ["predicted"], None
+    if options.correct:
+        correction = surrogate.correct(forces, predicted.mean)
+        fields = {"displacement": correction.displacement, "predicted": predicted.mean}
+        notes.append(correction.summary())
+    if options.certify:
+        certificate = surrogate.certify(forces, fields["displacement"])
+        fields["estimated_error"] = certificate.error
+        notes.append(certificate.summary())
+        if options.tolerance is not None:
+            refusal = certificate.refusal(options.tolerance)
+            notes.append("certified" if refusal is None else "not certified")
     write_solution(
         options.out,
         geometry.coordinates,
@@ -254,12 +327,16 @@ def _predict(options: argparse.Namespace) -> None:
         geometry.cell_type,
         {"force": forces, **fields},
     )
-    print(f"{options.out}: predicted")
+    print(f"{options.out}: {', '.join(notes)}")
+    if refusal is not None:
+        raise NotCertifiedError(refusal)
 
 
 def _export(options: argparse.Namespace) -> None:
     from surrogate.inference.export import export
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     difference = export(options.run, options.format, options.out, **_passes(options))
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")
 
@@ -267,6 +344,8 @@ def _export(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     from surrogate.presentation.report import write_report
 
+    require_writable(options.out)
+    _remark_unsealed(options.run)
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())
 
@@ -311,6 +390,8 @@ def _do(options: argparse.Namespace, studies: Sequence[Study], again: bool = Fal
 
     scale, device = read_scale(options.scale), choose_device(options.device)
     out = options.out or Path("docs", "reproduction", scale.name)
+    require_writable(out)
+    require_writable(options.runs, "--runs")
     done = reproduce(studies, Resources(scale, options.data, options.runs, device), out, again)
     state = f"{done} done now, " if done else ""
     print(f"{out / PAGE}: {state}{len(studies) - done} of {len(studies)} studies up to date")

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from datagen.cases.case import Case
-from datagen.loads import LoadableNodes
+from datagen.loads import DrawnLoads, LoadableNodes
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -30,8 +30,8 @@ class Body:
         True for clamped nodes, by node number.
     loadable : array of bool, (n_nodes,)
         True for nodes that the load family may load, by node number.
-    loadable_nodes : LoadableNodes
-        The loadable nodes in the form that load families take.
+    loads : DrawnLoads
+        The load cases, by their sample number.
     problem : EquilibriumProblem
         Built once; distributed over the ranks of the communicator that the body was made with.
     """
@@ -39,7 +39,7 @@ class Body:
     mesh: Mesh
     clamped: NDArray[np.bool_]
     loadable: NDArray[np.bool_]
-    loadable_nodes: LoadableNodes
+    loads: DrawnLoads
     problem: EquilibriumProblem
 
     def shard_arrays(self) -> dict[str, Any]:
@@ -83,12 +83,13 @@ def make_body(case: Case, comm: Any) -> Body:
             f"clamped one, the first at {at}"
         )
     nodes = LoadableNodes(np.flatnonzero(loadable), mesh.coordinates, mesh.cells, mesh.cell_type)
+    loads = DrawnLoads(case.load, case.dataset.seed, nodes)
     try:
-        case.load.check(nodes)
-    except ValueError as error:
-        raise InputError(f"case '{case.name}': load family: {error}") from None
+        loads.check()
+    except InputError as error:
+        raise InputError(f"case '{case.name}': {error}") from None
     problem = EquilibriumProblem(mesh, case.material, clamped, case.solver)
-    return Body(mesh, clamped, loadable, nodes, problem)
+    return Body(mesh, clamped, loadable, loads, problem)
 
 
 def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool_]:

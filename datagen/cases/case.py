@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, SerializeAsAny, field_validator
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
+from datagen.cases.dataset_settings import DatasetSettings
 from datagen.loads import LoadFamily, load_family
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
@@ -18,27 +19,6 @@ from shared_schema.manifest import digest_of
 from shared_schema.material import NeoHookean, Volumetric
 
 SHIPPED = Path(__file__).parents[1] / "configs"
-
-
-class DatasetSettings(Frozen):
-    """Number of samples, their seed, and their division into shards and splits.
-
-    Attributes
-    ----------
-    samples : int
-        Number of load cases, training and test together.
-    seed : int
-        Seed of the random loads; seed and sample number determine a load.
-    shard_size : int
-        Number of load cases in a shard, the unit in which work is distributed and stored.
-    test_fraction : float
-        Fraction of the samples that `datagen structure` puts into the test split.
-    """
-
-    samples: int = Field(gt=0)
-    seed: int = Field(0, ge=0)
-    shard_size: int = Field(500, gt=0)
-    test_fraction: float = Field(0.05, gt=0, lt=1)
 
 
 class Case(Frozen):
@@ -56,7 +36,7 @@ class Case(Frozen):
     dataset : DatasetSettings
     """
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
     material: NeoHookean
     supports: tuple[Region, ...] = Field(min_length=1)
@@ -66,8 +46,9 @@ class Case(Frozen):
 
     @field_validator("load", mode="before")
     @classmethod
-    def _of_its_family(cls, value: Any) -> Any:
-        return load_family(value) if isinstance(value, dict) else value
+    def _of_its_family(cls, value: Any, info: ValidationInfo) -> Any:
+        """Build the family; the context is the folder of a case file, or None of a dataset."""
+        return load_family(value, info.context) if isinstance(value, dict) else value
 
     def plain(self) -> dict[str, Any]:
         """The whole configuration as plain data, as the manifest stores it."""
@@ -78,8 +59,15 @@ class Case(Frozen):
         return digest_of(self.plain())
 
 
-def read_case(name: str, volumetric: Volumetric | None = None, samples: int | None = None) -> Case:
+def read_case(
+    name: str,
+    volumetric: Volumetric | None = None,
+    samples: int | None = None,
+    trust: bool = False,
+) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
+
+    The file of a user's own load family is imported.
 
     Parameters
     ----------
@@ -89,6 +77,8 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
         Replaces the material's volumetric term.
     samples : int, optional
         Replaces the number of samples.
+    trust : bool
+        Allow a gmsh script of the case to run programs and to write files.
 
     Raises
     ------
@@ -102,10 +92,11 @@ def read_case(name: str, volumetric: Volumetric | None = None, samples: int | No
     ):
         if value is not None and isinstance(content.get(section), dict):
             content[section][key] = value
-    case = validate(Case, content, source)
+    folder = Path(source).parent
+    case = validate(Case, content, source, context=folder)
     if isinstance(case.mesh, MeshFile):
         try:
-            mesh = case.mesh.found_from(Path(source).parent)
+            mesh = case.mesh.found_from(folder, trust)
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
         case = case.model_copy(update={"mesh": mesh})

@@ -3,7 +3,8 @@
 The case determines which samples a shard holds. The ranks form groups, each with its own mesh. A
 group takes the next piece of work (a shard, near the end a part of one), solves its samples in
 turn, and its leader writes them. So the dataset does not depend on the number of groups or
-restarts, finished work is never repeated, and all groups end together.
+restarts, finished work is never repeated, and all groups end together. A complete dataset can grow:
+samples that are there are not solved again.
 """
 
 from __future__ import annotations
@@ -26,11 +27,19 @@ from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
+from shared_schema.common.memory import require_memory
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, write_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
 
+
+class NothingSolvedError(WorkError):
+    """No load case of a dataset could be solved; every rank raises it."""
+
+
+BYTES_PER_SAMPLE = 80  # of the plan of a run, on every rank
 POLL = 0.05  # seconds between two updates of the progress, while rank 0 waits for the others
 
 
@@ -56,37 +65,67 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     Raises
     ------
     InputError
-        On every rank, if the folder belongs to another case or run, the case fits no mesh, or
-        `ranks_per_solve` does not divide the number of ranks.
+        On every rank, if the folder belongs to another case or run, the case fits no mesh, its load
+        family draws no load case, or `ranks_per_solve` does not divide the number of ranks.
+    NothingSolvedError
+        On every rank, if the dataset is complete and no load case has an equilibrium.
     StoppedError
         On every rank, after SIGINT or SIGTERM to any of them; solved samples are kept.
     """
     group = RankGroup.of(comm, ranks_per_solve)
+    settings = case.dataset
+    said = f"key 'dataset.samples' = {settings.samples}"
+    on_rank_zero(comm, lambda: require_memory(BYTES_PER_SAMPLE * settings.samples, said))
     journal = Journal(folder)
-    body = None
+    body: Body | None = None
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input is found here, before anything is written
+        on_rank_zero(comm, lambda: _require_memory(case, body.mesh.coordinates.size))
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
         if remaining:
             _make_shards(case, journal, remaining, group, body or _body(case, group))
-        return on_rank_zero(comm, lambda: _finish(case, journal))
+        manifest = on_rank_zero(comm, lambda: _finish(case, journal))
     finally:
         journal.close()
+    if manifest.samples == 0:
+        raise NothingSolvedError(
+            f"{folder}: none of the {manifest.failed} load cases has an equilibrium; "
+            "`datagen info` counts the reasons"
+        )
+    return manifest
+
+
+def _require_memory(case: Case, dofs: int) -> None:
+    """Raise InputError unless a group can keep the displacements of a shard, and write them."""
+    samples = min(case.dataset.shard_size, case.dataset.samples)
+    what = f"key 'dataset.shard_size': {samples} samples of {dofs} degrees of freedom"
+    require_memory(3 * 8.0 * dofs * samples, what)
 
 
 def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
     """Numbers of the unsolved samples of each shard that is not complete."""
-    complete = journal.entries()
+    complete = _complete(case, journal)
     remaining = {}
     for shard in range(shard_count(case)):
-        if shard_name(shard) not in complete:
+        if shard not in complete:
             parts = journal.parts(shard)
             names = ("samples/number", "failed/number")
             done = {int(n) for part in parts for name in names for n in part[name]}
             remaining[shard] = [n for n in shard_samples(case, shard) if n not in done]
     return remaining
+
+
+def _complete(case: Case, journal: Journal) -> dict[int, ShardEntry]:
+    """Entries of the finished shards that hold all their samples, by number."""
+    entries = journal.entries()
+    complete = {}
+    for shard in range(shard_count(case)):
+        entry = entries.get(shard_name(shard))
+        if entry and entry.samples + entry.failed == len(shard_samples(case, shard)):
+            complete[shard] = entry
+    return complete
 
 
 def _make_shards(
@@ -117,6 +156,7 @@ def _make_shards(
     def is_last(piece: Piece) -> bool:
         return counters.add(finished[piece.shard], 1) == piece.of - 1
 
+    wrong: InputError | None = None
     with Interruption() as interruption:
 
         def stopped() -> bool:
@@ -128,11 +168,11 @@ def _make_shards(
             position = group.agree(lambda: counters.add("taken", 1))
             if position >= len(pieces):
                 break
-            try:
-                _make_piece(case, journal, body, pieces[position], group, count, stopped, is_last)
-            except InputError as error:  # raised on these ranks only
-                name = shard_name(pieces[position].shard)
-                raise WorkError(f"{name}: {error}") from error
+            wrong = _make_piece(
+                case, journal, body, pieces[position], group, count, stopped, is_last
+            )
+            if wrong is not None:  # on the ranks of this group only
+                counters.add("interrupted", 1)
         counters.add("ended", 1)
         if group.world.rank == 0:
             while counters.read("ended") < group.world.size:
@@ -143,6 +183,10 @@ def _make_shards(
         group.world.barrier()
         interrupted = counters.read("interrupted") > 0
         counters.close()
+    found = group.world.allgather(wrong)
+    for error in found:
+        if error is not None:
+            raise error
     if interrupted:
         raise StoppedError
 
@@ -156,34 +200,56 @@ def _make_piece(
     count: Callable[[bool], None],
     stopped: Callable[[], bool],
     is_last: Callable[[Piece], bool],
-) -> None:
+) -> InputError | None:
     """Solve a piece and keep its solved samples, even if stopped (collective over the group).
 
-    The group that finishes the last piece of a shard merges the pieces and writes the shard.
+    The group that finishes the last piece of a shard merges the pieces and writes the shard. The
+    result is what is wrong with a load case that the family drew, if anything is.
     """
     job = ShardJob(case, body, piece.numbers)
-    while not (job.is_complete or stopped()):
-        count(job.solve_next())
-    if not group.is_leader:
-        return
-    cell_type = body.mesh.cell_type
-    if job.done and not (job.is_complete and piece.of == 1):
+    wrong = None
+    while not (wrong or job.is_complete or stopped()):
+        try:
+            count(job.solve_next())
+        except InputError as error:
+            wrong = error
+    if group.is_leader:
+        _keep(case, journal, body.mesh.cell_type, piece, job, is_last)
+    return wrong
+
+
+def _keep(
+    case: Case,
+    journal: Journal,
+    cell_type: str,
+    piece: Piece,
+    job: ShardJob,
+    is_last: Callable[[Piece], bool],
+) -> None:
+    """Write the solved samples of a piece: as a part, or with all others as a shard."""
+    extends = journal.extends(piece.shard)
+    if job.done and (extends or not (job.is_complete and piece.of == 1)):
         journal.keep_part(piece.shard, job.arrays(), case, cell_type)
-    if not (job.is_complete and is_last(piece)):
+    if extends or not (job.is_complete and is_last(piece)):
         return
     parts = journal.parts(piece.shard)
     shard = merged([*parts, job.arrays()] if piece.of == 1 else parts)
-    path = journal.folder / shard_name(piece.shard)
-    digest = write_shard(path, "nodal", shard, case.digest(), cell_type)
+    _write(case, journal, piece.shard, shard, cell_type)
+
+
+def _write(case: Case, journal: Journal, shard: int, arrays: Arrays, cell_type: str) -> None:
+    """Write a shard that holds all its samples, and record it as finished."""
+    path = journal.folder / shard_name(shard)
+    digest = write_shard(path, "nodal", arrays, case.digest(), cell_type)
     journal.record(
         ShardEntry(
             file=path.name,
-            samples=len(shard["samples/number"]),
-            failed=len(shard["failed/number"]),
+            samples=len(arrays["samples/number"]),
+            failed=len(arrays["failed/number"]),
             sha256=digest,
         )
     )
-    journal.drop_parts(piece.shard)
+    journal.drop_parts(shard)
 
 
 def _body(case: Case, group: RankGroup) -> Body:
@@ -202,21 +268,32 @@ def _body(case: Case, group: RankGroup) -> Body:
 
 def _finish(case: Case, journal: Journal) -> Manifest:
     """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
-    entries = journal.entries()
-    shards = tuple(entries[shard_name(k)] for k in range(shard_count(case)))
+    complete = _complete(case, journal)
+    for shard in (
+        k for k in range(shard_count(case)) if k not in complete
+    ):  # it grows, see Journal
+        path = journal.folder / shard_name(shard)
+        cell_type = str(read_attributes(path, "nodal")["cell_type"])
+        _write(case, journal, shard, merged(journal.parts(shard)), cell_type)
+    complete = _complete(case, journal)
+    shards = tuple(complete[k] for k in range(shard_count(case)))
     manifest = journal.complete_manifest(shards)
     if manifest is None:
-        manifest = write_manifest(journal.folder, _manifest(case, journal.folder, shards))
+        manifest = write_manifest(journal.folder, _manifest(case, journal, shards))
     journal.remove()
     return manifest
 
 
-def _manifest(case: Case, folder: Path, shards: tuple[ShardEntry, ...]) -> Manifest:
+def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> Manifest:
     """Assemble and write the stiffness of the shards' mesh; make the manifest of the dataset."""
-    path = folder / shards[0].file
+    path = journal.folder / shards[0].file
     first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
-    mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
-    stiffness = stiffness_of(mesh, case.material)
+    checksum, history = journal.stiffness, journal.history
+    if checksum is None:
+        mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
+        stiffness = stiffness_of(mesh, case.material)
+        first_digest = history[0].case_digest if history else case.digest()
+        checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
     return Manifest(
         kind="nodal",
         name=case.name,
@@ -227,6 +304,7 @@ def _manifest(case: Case, folder: Path, shards: tuple[ShardEntry, ...]) -> Manif
         dimension=first["mesh/coordinates"].shape[1],
         samples=sum(entry.samples for entry in shards),
         failed=sum(entry.failed for entry in shards),
+        history=history,
         shards=shards,
-        stiffness=write_stiffness(folder, stiffness, case.digest(), cell_type),
+        stiffness=checksum,
     )

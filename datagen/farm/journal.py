@@ -4,32 +4,43 @@ During a run its folder holds ``.journal/``: the case, an entry for each finishe
 solved parts of unfinished ones. A shard is finished if its entry exists and its file has the
 entry's checksum. After the last shard the stiffness and the manifest are written and the journal is
 removed; a later start takes the entries from the manifest.
+
+A complete dataset can grow by further samples of the same case. Its manifest and shards stay what
+they are until all samples are solved; only then its last shard, if it is not full, gets its further
+samples, and the manifest is replaced.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import shutil
-import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 from datagen.cases.case import Case
+from datagen.farm.work_plan import shard_name
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.folder_lock import LOCK, FolderLock
 from shared_schema.layout import Arrays
-from shared_schema.manifest import MANIFEST, Manifest, ShardEntry, digest_of, read_manifest
+from shared_schema.manifest import (
+    MANIFEST,
+    Manifest,
+    ShardEntry,
+    Stage,
+    digest_of,
+    read_manifest,
+)
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 
 JOURNAL = ".journal"
-LOCK_WAIT = 3.0  # seconds that the ranks of a killed run may take to end
+SAMPLES = "dataset.samples"
+FILES = (("mesh", "sha256", "path"), ("load", "family_sha256", "family"))  # with their checksums
 
 
 class Journal:
@@ -44,7 +55,8 @@ class Journal:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._journal = folder / JOURNAL
-        self._lock: int | None = None
+        self._lock = ExitStack()
+        self._before: Manifest | None = None
 
     @property
     def is_new(self) -> bool:
@@ -62,41 +74,78 @@ class Journal:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"--out '{self.folder}': expected a folder, found a file")
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self._lock = _locked(self.folder)
+        self._lock.enter_context(FolderLock(self.folder))
         try:
-            found = self._case_found()
-            if found is not None:
-                _require_same(self.folder, found, case.plain())
-            elif any(self.folder.iterdir()) and not self._journal.exists():
-                raise InputError(f"--out '{self.folder}': the folder holds something else")
-            else:
-                self._require_shards_of(case)
-            self._journal.mkdir(exist_ok=True)
-            for folder in (self.folder, self._journal):
-                remove_partial_files(folder)
-            if found is None:
-                text = json.dumps(case.plain(), indent=1) + "\n"
-                write_text(self._journal / "case.json", text)
+            self._claim(case)
         except BaseException:
             self.close()
             raise
 
-    def _case_found(self) -> dict[str, Any] | None:
-        """Case of the folder, from the journal or the manifest; None if neither can be read."""
-        content = _json(self._journal / "case.json")
-        if isinstance(content, dict):
-            return content
-        if (self.folder / MANIFEST).is_file():
-            return read_manifest(self.folder, "nodal").case
-        return None
+    def _claim(self, case: Case) -> None:
+        """Check the locked folder's content, and record the case in the journal."""
+        manifest = self._manifest()
+        if manifest is not None and manifest.case_digest != case.digest():
+            self._before = manifest
+        found = _json(self._journal / "case.json")
+        is_recorded = isinstance(found, dict)
+        if is_recorded:
+            _require_same(self.folder, found, case.plain())
+        elif manifest is not None:
+            _require_same_or_fewer(self.folder, manifest.case, case.plain())
+        elif not self._journal.exists() and any(p.name != LOCK for p in self.folder.iterdir()):
+            raise InputError(f"--out '{self.folder}': the folder holds something else")
+        if not is_recorded:
+            self._require_shards_of(case)
+        self._journal.mkdir(exist_ok=True)
+        for folder in (self.folder, self._journal):
+            remove_partial_files(folder)
+        if not is_recorded:
+            text = json.dumps(case.plain(), indent=1) + "\n"
+            write_text(self._journal / "case.json", text)
+
+    def _manifest(self) -> Manifest | None:
+        """Manifest of a complete dataset in the folder; InputError if `run` did not make it."""
+        if not (self.folder / MANIFEST).is_file():
+            return None
+        manifest = read_manifest(self.folder, "nodal")
+        if manifest.transforms:
+            steps = ", ".join(str(step.get("name")) for step in manifest.transforms)
+            raise InputError(
+                f"--out '{self.folder}': holds a dataset that was changed afterwards ({steps}), "
+                "expected one as `datagen run` makes it"
+            )
+        return manifest
+
+    @property
+    def history(self) -> tuple[Stage, ...]:
+        """The dataset before each time that it has grown, this run's growth included."""
+        if self._before is None:
+            manifest = self._manifest()
+            return () if manifest is None else manifest.history
+        stage = Stage(
+            samples=self._before.samples,
+            failed=self._before.failed,
+            case_digest=self._before.case_digest,
+            software=self._before.software,
+            digest=self._before.digest,
+        )
+        return (*self._before.history, stage)
+
+    @property
+    def stiffness(self) -> str | None:
+        """Checksum of the stiffness that is there already and stays; None if it is to be made."""
+        path = self.folder / STIFFNESS_FILE
+        kept = None if self._before is None else self._before.stiffness
+        return kept if path.is_file() and sha256(path) == kept else None
 
     def _require_shards_of(self, case: Case) -> None:
         """Raise InputError unless every shard and part is of this case."""
         kept = [self.folder / name for name in self.entries()]
         kept += [part for part in sorted(self._journal.glob("part-*.h5")) if _is_intact(part)]
+        manifest = self._manifest()
+        digests = {case.digest()} | (set() if manifest is None else manifest.case_digests)
         for path in kept:
-            if read_attributes(path, "nodal")["case_digest"] != case.digest():
+            if read_attributes(path, "nodal")["case_digest"] not in digests:
                 raise InputError(
                     f"--out '{self.folder}': {path.name} is made from another case "
                     f"({JOURNAL}/case.json, which should say it, cannot be read)"
@@ -149,12 +198,20 @@ class Journal:
         write_text(path.with_suffix(".sha256"), digest)
 
     def parts(self, shard: int) -> list[Arrays]:
-        """Read the intact parts of an unfinished shard."""
-        return [
-            read_shard(path, "nodal")
-            for path in sorted(self._journal.glob(f"part-{shard:05d}-*.h5"))
-            if _is_intact(path)
-        ]
+        """Read the intact parts of an unfinished shard, and the shard that it was before."""
+        parts = sorted(self._journal.glob(f"part-{shard:05d}-*.h5"))
+        paths = [path for path in parts if _is_intact(path)]
+        if self.extends(shard):
+            paths.insert(0, self.folder / shard_name(shard))
+        return [read_shard(path, "nodal") for path in paths]
+
+    def extends(self, shard: int) -> bool:
+        """True if an unfinished shard has samples in the dataset that grows, which stay in it."""
+        if self._before is None:
+            return False
+        path = self.folder / shard_name(shard)
+        entries = {entry.file: entry.sha256 for entry in self._before.shards}
+        return path.is_file() and entries.get(path.name) == sha256(path)
 
     def drop_parts(self, shard: int) -> None:
         """Remove the parts of a finished shard."""
@@ -167,25 +224,7 @@ class Journal:
 
     def close(self) -> None:
         """Unlock the folder."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
-
-
-def _locked(folder: Path) -> int:
-    """Lock a folder; raise InputError if another run holds the lock longer than `LOCK_WAIT`."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    limit = time.monotonic() + LOCK_WAIT
-    while True:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() > limit:
-                os.close(descriptor)
-                raise InputError(f"--out '{folder}': another run is working in it") from None
-            time.sleep(0.05)
-        else:
-            return descriptor
+        self._lock.close()
 
 
 def _json(path: Path) -> Any:
@@ -203,13 +242,39 @@ def _is_intact(part: Path) -> bool:
 
 
 def _require_same(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Raise InputError, which names every difference, unless two cases are the same."""
     if digest_of(found) == digest_of(wanted):
         return
-    differences = [
-        f"{key} = {new!r}, the folder has {old!r}"
-        for key, (old, new) in _differences(found, wanted).items()
-    ]
-    raise InputError(f"--out '{folder}': made from another case: {'; '.join(differences)}")
+    differences = _differences(found, wanted)
+    if list(differences) == [SAMPLES]:
+        old, new = differences[SAMPLES]
+        raise InputError(
+            f"--out '{folder}': {SAMPLES} = {new}, but a run of {old} samples is unfinished there; "
+            f"expected --samples {old} first"
+        )
+    said = [_said(key, *values, found, wanted) for key, values in differences.items()]
+    raise InputError(f"--out '{folder}': made from another case: {'; '.join(said)}")
+
+
+def _require_same_or_fewer(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Raise InputError unless a complete dataset is of the same case with at most its samples."""
+    differences = _differences(found, wanted)
+    if list(differences) != [SAMPLES]:
+        _require_same(folder, found, wanted)
+        return
+    old, new = differences[SAMPLES]
+    if not new > old:
+        raise InputError(
+            f"--out '{folder}': {SAMPLES} = {new}, the folder has {old}; a dataset can only grow"
+        )
+
+
+def _said(key: str, old: Any, new: Any, found: dict[str, Any], wanted: dict[str, Any]) -> str:
+    """Describe one difference between two cases; a file that has changed is named."""
+    for section, checksum, file in FILES:
+        if key == f"{section}.{checksum}" and found[section].get(file) == wanted[section][file]:
+            return f"the file of {section}.{file} = {wanted[section][file]!r} has changed"
+    return f"{key} = {new!r}, the folder has {old!r}"
 
 
 def _differences(

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.loads import LoadCase
+from datagen.ranks import on_rank_zero
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.common.nodal_forces import sum_per_node
 from shared_schema.layout import NO_NODE, Arrays
 
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
@@ -77,11 +77,22 @@ class ShardJob:
         """True if every load case is solved or failed."""
         return self.done == len(self.numbers)
 
+    @property
+    def number(self) -> int:
+        """Sample number of the next load case."""
+        return self.numbers[self.done]
+
     def solve_next(self) -> bool:
-        """Solve the next load case (collective); return True if an equilibrium was found."""
+        """Solve the next load case (collective); return True if an equilibrium was found.
+
+        Raises
+        ------
+        InputError
+            On every rank of the group, if the load family draws no load case.
+        """
         case, problem = self.case, self.body.problem
-        number = self.numbers[self.done]
-        load = case.load.draw(number, case.dataset.seed, self.body.loadable_nodes)
+        number, loads = self.number, self.body.loads
+        load = on_rank_zero(self.body.mesh.domain.comm, lambda: loads[number])
         began = time.perf_counter()
         report = solve_load_case(problem, load.nodes, load.forces, case.solver)
         elapsed = time.perf_counter() - began
@@ -98,7 +109,7 @@ class ShardJob:
     def arrays(self) -> dict[str, Any]:
         """Results so far as arrays, by their paths in the schema of a nodal shard."""
         body, dimension = self.body, self.body.mesh.coordinates.shape[1]
-        width = self.case.load.loads_per_sample(body.loadable_nodes)
+        width = body.loads.most
         solved, failed = self.solved, self.failed
         loaded_nodes, force = _pad([s.load for s in solved], width, dimension)
         failed_nodes, failed_force = _pad([f.load for f in failed], width, dimension)
@@ -132,11 +143,10 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
 
 
 def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
-    """Loaded nodes (n, width), each once a load case, and forces (n, width, d); padded."""
+    """Loaded nodes (n, width) and forces (n, width, d), padded."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
     for row, load in enumerate(loads):
-        distinct, summed = sum_per_node(load.nodes, load.forces)
-        nodes[row, : len(distinct)] = distinct
-        force[row, : len(distinct)] = summed
+        nodes[row, : len(load.nodes)] = load.nodes
+        force[row, : len(load.nodes)] = load.forces
     return nodes, force

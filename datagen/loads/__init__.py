@@ -1,5 +1,6 @@
 """Load families, one a file: each draws load cases as a pure function of seed and sample number."""
 
+from datagen.loads.drawn_load import DrawnLoads
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
 
-__all__ = ["LoadCase", "LoadFamily", "LoadableNodes", "generator", "load_family"]
+__all__ = ["DrawnLoads", "LoadCase", "LoadFamily", "LoadableNodes", "generator", "load_family"]

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
+from datagen.quantities import Magnitude
 
 
 class EachNode(LoadFamily):
@@ -20,7 +21,7 @@ class EachNode(LoadFamily):
         Force vector in N.
     """
 
-    force: tuple[float, ...] = Field(min_length=2, max_length=3)
+    force: tuple[Magnitude, ...] = Field(min_length=2, max_length=3)
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless the force has d components."""

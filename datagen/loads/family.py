@@ -1,12 +1,12 @@
 """Base class of load families, and their names in case files.
 
-A case file names a shipped family, or a user's class as ``family: path/to/file.py:ClassName``.
+A case file names a shipped family, or a user's class as ``family: path/to/file.py:ClassName``; the
+path is relative to the case file.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +14,17 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, ValidationError
+from pydantic import (
+    AfterValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+)
 
+from datagen.loads.own_family import import_class
 from datagen.mesh.regions import Region
+from datagen.quantities import Magnitude
 from shared_schema.common.configuration import Frozen, first_problem
 
 SHIPPED = {
@@ -36,7 +44,7 @@ def _ascending(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-ForceRange = Annotated[tuple[float, float], AfterValidator(_ascending)]
+ForceRange = Annotated[tuple[Magnitude, Magnitude], AfterValidator(_ascending)]
 
 
 @dataclass(frozen=True)
@@ -99,10 +107,22 @@ class LoadFamily(Frozen, ABC):
         Name of the family in the case file.
     region : Region
         Region of the loadable nodes; none of them may be clamped.
+    family_sha256 : str, optional
+        Checksum of the file of a user's own family. It is filled in when a case is read, so that a
+        dataset belongs to one version of the file.
     """
 
     family: str
     region: Region
+    family_sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
+
+    @model_serializer(mode="wrap")
+    def _without_absent_checksum(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out no checksum, so that cases with shipped families keep their digest."""
+        content: dict[str, Any] = plain(self)
+        if self.family_sha256 is None:
+            del content["family_sha256"]
+        return content
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError, which names the key, if the family does not fit the mesh."""
@@ -131,41 +151,59 @@ def generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng([seed, number])
 
 
-def load_family(content: dict[str, Any]) -> LoadFamily:
+def load_family(content: dict[str, Any], folder: Path | None = None) -> LoadFamily:
     """Build the family that the ``load`` section of a case names.
+
+    Parameters
+    ----------
+    content : dict
+        The section.
+    folder : Path, optional
+        Folder of the case file. Without one only shipped families are allowed, and nothing else is
+        imported.
 
     Raises
     ------
     ValueError
-        If there is no such family, or one of the keys is wrong.
+        If there is no such family, its file cannot be imported or has another checksum, or one of
+        the keys is wrong.
     """
     name = content.get("family")
     if not isinstance(name, str):
         raise ValueError(f"expected 'family', one of {', '.join(SHIPPED)} or FILE.py:ClassName")
-    family = _import_family(name)
+    if name in SHIPPED:
+        if content.get("family_sha256") is not None:
+            raise ValueError(f"key 'family_sha256': load family '{name}' is no file")
+        place, _, class_name = SHIPPED[name].rpartition(":")
+        family = getattr(importlib.import_module(place), class_name)
+    else:
+        family, digest = _own(name, folder)
+        if content.get("family_sha256") not in (None, digest):
+            raise ValueError(
+                f"load family '{name}': key 'family_sha256' = {content['family_sha256']!r}, "
+                f"the file has {digest}"
+            )
+        content = {**content, "family_sha256": digest}
     try:
-        return family.model_validate(content)
+        built: LoadFamily = family.model_validate(content)
     except ValidationError as error:
         raise ValueError(f"{first_problem(error)} (load family '{name}')") from None
+    return built
 
 
-def _import_family(name: str) -> type[LoadFamily]:
-    """Import the class of a shipped name or of ``FILE.py:ClassName``; ValueError if absent."""
-    place, _, class_name = SHIPPED.get(name, name).rpartition(":")
-    try:
-        if place.endswith(".py"):
-            spec = importlib.util.spec_from_file_location(Path(place).stem, place)
-            if spec is None or spec.loader is None:
-                raise ImportError(place)
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-        else:
-            module = importlib.import_module(place)
-        family = getattr(module, class_name)
-    except (ImportError, AttributeError, OSError, ValueError):
+def _own(name: str, folder: Path | None) -> tuple[type[LoadFamily], str]:
+    """Import ``FILE.py:ClassName``, with the checksum of the file; ValueError if it is unfit."""
+    file, _, class_name = name.rpartition(":")
+    if not (file.endswith(".py") and class_name.isidentifier()):
         raise ValueError(
             f"load family '{name}': expected one of {', '.join(SHIPPED)} or FILE.py:ClassName"
-        ) from None
+        )
+    if folder is None:
+        raise ValueError(f"load family '{name}': own families are read with a case file only")
+    try:
+        family, digest = import_class(folder / file, class_name)
+    except ValueError as error:
+        raise ValueError(f"load family '{name}': {error}") from None
     if not (isinstance(family, type) and issubclass(family, LoadFamily)):
         raise ValueError(f"load family '{name}': expected a subclass of LoadFamily")
-    return family
+    return family, digest

@@ -24,7 +24,7 @@ class RandomNodes(LoadFamily):
     @field_validator("count")
     @classmethod
     def _is_interval(cls, value: tuple[int, int]) -> tuple[int, int]:
-        if not 1 <= value[0] <= value[1]:
+        if not 1 <= value[0] <= value[1] <= 10**9:
             raise ValueError("expected [fewest, most] with 1 <= fewest <= most")
         return value
 

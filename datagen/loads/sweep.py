@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily
+from datagen.quantities import Magnitude
 
 
 class Sweep(LoadFamily):
@@ -23,9 +24,9 @@ class Sweep(LoadFamily):
         Number of magnitudes; sample number `steps` starts again at low.
     """
 
-    direction: tuple[float, ...] = Field(min_length=2, max_length=3)
+    direction: tuple[Magnitude, ...] = Field(min_length=2, max_length=3)
     range: ForceRange
-    steps: int = Field(gt=1)
+    steps: int = Field(gt=1, le=10**6)
 
     @field_validator("direction")
     @classmethod

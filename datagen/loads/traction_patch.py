@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from datagen.loads.facet_quadrature import facet_points
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.quantities import Size
 from shared_schema.cells import boundary_facets
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ class TractionPatch(LoadFamily):
     """
 
     range: ForceRange
-    radius: float = Field(gt=0)
+    radius: Size
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless a patch about any node of the region bears a force."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from datagen.mesh.transfinite import PositiveInt, Transfinite
+from datagen.mesh.transfinite import Elements, Transfinite
+from datagen.quantities import Length
 
 
 class Box(Transfinite):
@@ -22,9 +24,9 @@ class Box(Transfinite):
     """
 
     kind: Literal["box"] = "box"
-    lower: tuple[float, ...] = Field(min_length=2, max_length=3)
-    upper: tuple[float, ...] = Field(min_length=2, max_length=3)
-    elements: tuple[PositiveInt, ...] = Field(min_length=2, max_length=3)
+    lower: tuple[Length, ...] = Field(min_length=2, max_length=3)
+    upper: tuple[Length, ...] = Field(min_length=2, max_length=3)
+    elements: tuple[Elements, ...] = Field(min_length=2, max_length=3)
 
     @property
     def dimension(self) -> int:
@@ -37,7 +39,13 @@ class Box(Transfinite):
             raise ValueError("expected lower, upper and elements of the same length")
         if any(a >= b for a, b in zip(self.lower, self.upper, strict=True)):
             raise ValueError("expected every coordinate of lower below that of upper")
+        self._require_resolved(self.lower, self.upper, self.elements)
         return self
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return math.prod(count + 1 for count in self.elements)
 
     def build(self, model: Any) -> None:
         """Draw and mesh the box in the current gmsh model."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from datagen.mesh.transfinite import PositiveInt, Transfinite
+from datagen.mesh.transfinite import Elements, Transfinite
+from datagen.quantities import Size
 from shared_schema.common.configuration import Frozen
 
 
@@ -21,8 +22,8 @@ class Arm(Frozen):
         Number of elements along x and y.
     """
 
-    length: float = Field(gt=0)
-    elements: tuple[PositiveInt, PositiveInt]
+    length: Size
+    elements: tuple[Elements, Elements]
 
 
 class Block(Frozen):
@@ -36,9 +37,9 @@ class Block(Frozen):
         Number of elements along x and y.
     """
 
-    width: float = Field(gt=0)
-    height: float = Field(gt=0)
-    elements: tuple[PositiveInt, PositiveInt]
+    width: Size
+    height: Size
+    elements: tuple[Elements, Elements]
 
 
 class LShape(Transfinite):
@@ -69,7 +70,16 @@ class LShape(Transfinite):
     def _is_lshape(self) -> LShape:
         if self.arm.elements[1] >= self.block.elements[1]:
             raise ValueError("expected fewer elements along y in the arm than in the block")
+        size = self.arm.length + self.block.width, self.block.height
+        elements = self.arm.elements[0] + self.block.elements[0], self.block.elements[1]
+        self._require_resolved((0.0, 0.0), size, elements)
         return self
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        (arm_x, arm_y), (block_x, block_y) = self.arm.elements, self.block.elements
+        return (arm_x + 1) * (arm_y + 1) + (block_x + 1) * (block_y + 1) - (arm_y + 1)
 
     def build(self, model: Any) -> None:
         """Draw and mesh arm and block in the current gmsh model."""

@@ -1,20 +1,30 @@
-"""Mesh from a file of the user: a gmsh script or mesh, or any file that meshio reads."""
+"""Mesh from a file of the user: a gmsh script or mesh, or any file that meshio reads.
+
+The file is read by another process, so that gmsh or a library that meshio uses can end (they may
+crash, exit or ask a question) without ending this one.
+"""
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr
 
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
-from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from datagen.mesh.gmsh_script import require_harmless
+from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError, first_line
 
 OF_GMSH = (".geo", ".msh")
+UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong
 
 
 class MeshFile(Frozen):
@@ -36,17 +46,30 @@ class MeshFile(Frozen):
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     _folder: Path = PrivateAttr(default=Path())
 
-    def found_from(self, folder: Path) -> MeshFile:
+    def found_from(self, folder: Path, trust: bool = False) -> MeshFile:
         """Copy this mesh file with its path resolved against `folder` and its checksum filled in.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the case file.
+        trust : bool
+            Allow all commands of a gmsh script.
 
         Raises
         ------
         InputError
-            If there is no such file, or its checksum differs from the given one.
+            If there is no such file, its checksum differs from the given one, or gmsh would do more
+            with it than to make or read a mesh.
         """
         path = folder / self.path
         if not path.is_file():
             raise InputError(f"key 'mesh.path' = '{self.path}': no such file {path}")
+        if path.suffix in OF_GMSH and not trust:
+            try:
+                require_harmless(path)
+            except (ValueError, OSError) as error:
+                raise InputError(f"key 'mesh.path' = '{self.path}': {error}") from None
         digest = sha256(path)
         if self.sha256 not in (None, digest):
             raise InputError(f"key 'mesh.sha256' = {self.sha256!r}: {path} has {digest}")
@@ -63,10 +86,37 @@ class MeshFile(Frozen):
             If meshing or reading fails, or the mesh is unfit (see `datagen.mesh.raw_mesh`).
         """
         path = self._folder / self.path
-        try:
-            return _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
-        except (Exception, SystemExit) as error:  # gmsh and meshio raise many types
-            raise InputError(f"key 'mesh.path' = '{self.path}': {first_line(error)}") from None
+        with TemporaryDirectory() as folder:
+            result = Path(folder) / "mesh.npz"
+            done = subprocess.run(
+                [sys.executable, "-m", __name__, str(path.absolute()), str(result)],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+            )
+            if done.returncode == 0 and result.is_file():
+                return read_raw_mesh(result)
+        problem = done.stdout.strip()
+        if done.returncode != UNFIT or not problem:
+            problem = f"reading it ended with {_ending(done.returncode)}"
+        raise InputError(f"key 'mesh.path' = '{self.path}': {problem}")
+
+
+def _ending(code: int) -> str:
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def main(path: Path, result: Path) -> int:
+    """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
+    try:
+        mesh = _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
+        write_raw_mesh(result, mesh)
+    except (Exception, SystemExit) as error:  # gmsh and meshio raise many types
+        print(first_line(error))
+        return UNFIT
+    return 0
 
 
 def _by_gmsh(path: Path) -> RawMesh:
@@ -98,3 +148,7 @@ def _by_meshio(path: Path) -> RawMesh:
         groups[name] = np.unique(np.concatenate([groups.get(name, np.empty(0, int)), *nodes]))
     points = np.asarray(mesh.points, dtype=np.float64)
     return raw_mesh(points, blocks, {k: np.asarray(v, dtype=np.int64) for k, v in groups.items()})
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,25 @@ class RawMesh:
     cells: NDArray[np.int64]
     cell_type: str
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+
+def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
+    """Write a mesh to an ``.npz`` file, its groups as ``group:NAME``."""
+    groups = {f"group:{name}": members for name, members in mesh.groups.items()}
+    np.savez(
+        path,
+        coordinates=mesh.coordinates,
+        cells=mesh.cells,
+        cell_type=np.array(mesh.cell_type),
+        **groups,  # type: ignore[arg-type]
+    )
+
+
+def read_raw_mesh(path: Path) -> RawMesh:
+    """Read a mesh that `write_raw_mesh` wrote."""
+    with np.load(path) as file:
+        groups = {n.removeprefix("group:"): file[n] for n in file if n.startswith("group:")}
+        return RawMesh(file["coordinates"], file["cells"], str(file["cell_type"]), groups)
 
 
 def raw_mesh(

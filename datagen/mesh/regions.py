@@ -5,6 +5,7 @@ Examples are ``{x: "> 0", y: 1}``, ``{group: name}`` and ``{boundary: true, x: "
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from collections.abc import Mapping
@@ -123,6 +124,9 @@ def parse_condition(text: str) -> tuple[str, float]:
     try:
         if match is None:
             raise ValueError
-        return match[1], float(match[2])
+        bound = float(match[2])
+        if not math.isfinite(bound):
+            raise ValueError
+        return match[1], bound
     except ValueError:
         raise ValueError("expected a number or a comparison such as '> 0'") from None

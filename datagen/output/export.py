@@ -28,6 +28,7 @@ from shared_schema.common.solution_file import in_space, require_suffix, write_s
 
 SUFFIXES = (".xdmf", ".pvd")
 FIRST = 100  # number of samples, if no range is given
+MARGIN = 1 << 18  # bytes that HDF5 may add to the arrays of a sample
 MADE_BY = "made_by"  # attribute of an .h5 file that this module wrote
 OURS = "datagen export"
 
@@ -101,16 +102,22 @@ class _Series(TimeSeriesWriter):
     def __init__(self, path: Path, data: Path, name: str) -> None:
         super().__init__(path)
         self.h5_filename = name
-        self._file = _HeldBackErrors(data)
+        self._file = _ReservedFile(data)
 
     def __enter__(self) -> _Series:
+        self._file.reserve(0)
+        self._file.truncate(0)  # HDF5 begins with an empty file
         self.h5_file = h5py.File(self._file, "w")
         self.h5_file.attrs[MADE_BY] = OURS
         return self
 
-    def write_data(self, *args: Any, **kwargs: Any) -> None:
-        super().write_data(*args, **kwargs)
-        self._file.check()
+    def write_points_cells(self, points: Any, cells: Any) -> None:
+        self._file.reserve(points.nbytes + sum(block.nbytes for _, block in cells))
+        super().write_points_cells(points, cells)
+
+    def write_data(self, t: float, point_data: Any) -> None:
+        self._file.reserve(sum(values.nbytes for values in point_data.values()))
+        super().write_data(t, point_data=point_data)
 
     def __exit__(self, *error: Any) -> None:
         super().__exit__(*error)
@@ -118,21 +125,29 @@ class _Series(TimeSeriesWriter):
         self._file.check()
 
 
-class _HeldBackErrors(FileIO):
-    """A new file that keeps its first error for `check`, instead of raising it in `write`.
+class _ReservedFile(FileIO):
+    """A new file in which room is reserved before HDF5 writes.
 
-    HDF5 crashes if a write raises an error, for instance on a full disk.
+    HDF5 crashes if a write raises an error, for instance on a full disk. So `reserve` raises it
+    before. An error in spite of it is kept for `check`.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
+        self._end = 0
         self._error: OSError | None = None
+
+    def reserve(self, size: int) -> None:
+        """Reserve room at the end for `size` bytes of arrays and what HDF5 adds to them."""
+        self.check()
+        os.posix_fallocate(self.fileno(), self._end, size + MARGIN)
 
     def write(self, content: Any) -> int:
         left = memoryview(content)
         with self._held_back():
             while left:
                 left = left[super().write(left) :]
+        self._end = max(self._end, self.tell())
         return memoryview(content).nbytes
 
     def truncate(self, size: int | None = None) -> int:
@@ -208,6 +223,10 @@ def _both(path: Path, data: Path) -> Iterator[tuple[Path, Path]]:
             path.unlink(missing_ok=True)
             _remove(data)
             partial_data.replace(data)
+    except OSError as error:
+        if str(partial_data) not in str(error.filename):
+            raise
+        raise OSError(error.errno, error.strerror, str(data)) from error
     finally:
         _remove(partial_data)
 

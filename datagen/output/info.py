@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
 
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.layout import Arrays
+from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 
 Row = tuple[str, str]
 
-NODAL_ARRAYS = (
-    "samples/loaded_nodes",
-    "samples/force",
-    "samples/displacement",
-    "samples/load_steps",
-    "samples/cutbacks",
-    "samples/newton_iterations",
-    "samples/residual_norm",
-    "samples/wall_time",
-    "failed/reason",
-)
+COUNTS = ("load_steps", "cutbacks", "newton_iterations")
 
 
 def summary(folder: Path) -> str:
@@ -46,6 +36,10 @@ def _common(manifest: Manifest, body: Arrays) -> list[Row]:
     return [
         ("dataset", f"{manifest.name}, {manifest.kind}, schema version {manifest.schema_version}"),
         ("samples", f"{manifest.samples} solved, {manifest.failed} failed"),
+        *(
+            (f"grown from {stage.samples + stage.failed}", f"digest {stage.digest}")
+            for stage in manifest.history
+        ),
         ("shards", str(len(manifest.shards))),
         ("seed", str(manifest.seed)),
         ("mesh", f"{nodes} nodes, {len(body['mesh/cells'])} cells, {nodes * dimension} DOFs"),
@@ -59,28 +53,37 @@ def _common(manifest: Manifest, body: Arrays) -> list[Row]:
 
 
 def _nodal(reader: DatasetReader) -> list[Row]:
-    arrays = reader.joined(NODAL_ARRAYS)
-    reasons = Counter(str(reason) for reason in arrays["failed/reason"])
+    """Rows of a nodal dataset; one shard at a time is in memory, and some numbers a sample."""
+    reasons: Counter[str] = Counter()
+    loads = np.zeros(len(reader.body["mesh/coordinates"]), dtype=np.int64)
+    columns: dict[str, list[np.ndarray]] = defaultdict(list)
+    for _, arrays in reader:
+        reasons.update(str(reason) for reason in arrays["failed/reason"])
+        if len(arrays["samples/number"]) == 0:
+            continue
+        nodes, force = arrays["samples/loaded_nodes"], arrays["samples/force"]
+        loads += np.bincount(nodes[nodes != NO_NODE], minlength=len(loads))
+        columns["force"].append(np.array([force.min(), force.max()]))
+        columns["moved"].append(np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1))
+        for name in (*COUNTS, "residual_norm", "wall_time"):
+            columns[name].append(arrays[f"samples/{name}"])
     rows = [(f"failed: {reason}", str(count)) for reason, count in reasons.most_common()]
     if reader.manifest.samples == 0:
         return rows
-    per_node = np.unique(arrays["samples/loaded_nodes"], return_counts=True)[1]
-    magnitude = np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1)
-    wall = arrays["samples/wall_time"]
-    force = arrays["samples/force"]
-    residual = arrays["samples/residual_norm"].max()
+    of = {name: np.concatenate(values) for name, values in columns.items()}
+    per_node, wall = loads[loads > 0], of["wall_time"]
     return [
         *rows,
         ("samples per loaded node", f"{per_node.min()} to {per_node.max()}"),
-        ("force components", f"{force.min():.4g} to {force.max():.4g} N"),
+        ("force components", f"{of['force'].min():.4g} to {of['force'].max():.4g} N"),
         (
             "largest |u| of a sample",
-            f"median {np.median(magnitude):.4g}, max {magnitude.max():.4g} m",
+            f"median {np.median(of['moved']):.4g}, max {of['moved'].max():.4g} m",
         ),
-        ("load steps", _mean_and_max(arrays["samples/load_steps"])),
-        ("cutbacks", _mean_and_max(arrays["samples/cutbacks"])),
-        ("Newton iterations", _mean_and_max(arrays["samples/newton_iterations"])),
-        ("largest residual", f"{residual:.3g} N"),
+        ("load steps", _mean_and_max(of["load_steps"])),
+        ("cutbacks", _mean_and_max(of["cutbacks"])),
+        ("Newton iterations", _mean_and_max(of["newton_iterations"])),
+        ("largest residual", f"{of['residual_norm'].max():.3g} N"),
         (
             "solve time",
             f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample",

@@ -250,6 +250,22 @@ class EquilibriumProblem:
         local = dolfinx.fem.assemble_scalar(self.forms.energy)
         return float(self.comm.allreduce(local))
 
+    def potential(self) -> float:
+        """Integrate Π(u) = ∫ W dV − f · u under the full load, in J; the same on every rank.
+
+        +∞ if an element is inverted or the displacement is not finite.
+        """
+        if not self._min_j.value() > 0.0:
+            return np.inf
+        work = self.u.x.array[self._load_dofs] @ self._load_values
+        potential = self.energy() - float(self.comm.allreduce(work))
+        return potential if np.isfinite(potential) else np.inf
+
+    def hold_supports(self) -> None:
+        """Set the displacement of the clamped nodes to zero."""
+        self.u.x.array[self._clamped] = 0.0
+        self.u.x.scatter_forward()
+
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
         self._assembly.assemble_tangent()

@@ -31,9 +31,9 @@ class SolverSettings(Frozen):
         Size of a load step, as a fraction of the load, below which the load case counts as failed.
     """
 
-    tolerance: float = Field(1e-8, gt=0)
-    max_iterations: int = Field(15, gt=0)
-    wanted_iterations: int = Field(8, gt=0)
-    first_step: float = Field(1.0, gt=0, le=1)
+    tolerance: float = Field(1e-8, ge=1e-300, le=1e12)
+    max_iterations: int = Field(15, gt=0, le=10_000)
+    wanted_iterations: int = Field(8, gt=0, le=10_000)
+    first_step: float = Field(1.0, ge=1e-9, le=1)
     linear_solver: LinearSolver = "lu"
-    smallest_step: float = Field(1e-3, gt=0, le=1)
+    smallest_step: float = Field(1e-3, ge=1e-9, le=1)

@@ -2,41 +2,79 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from shared_schema.common.atomic_file import PARTIAL, remove_partial_files, require_writable
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import MANIFEST, Manifest, read_manifest
+from shared_schema.common.folder_lock import LOCK, FolderLock
+from shared_schema.manifest import MANIFEST, Manifest, ShardEntry, read_manifest
 from shared_schema.stiffness import STIFFNESS_FILE
 
 
-def claim_folder(folder: Path, made: Manifest) -> None:
-    """Claim a folder for a dataset; remove the manifest and stiffness of the same one, if there.
-
-    Parameters
-    ----------
-    folder : Path
-        Need not exist.
-    made : Manifest
-        Manifest of the dataset that will be written; its shards need not be known yet.
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Context in which this step alone works in the folder of its dataset, which need not exist.
 
     Raises
     ------
     InputError
-        If the folder holds another dataset, or anything else, or cannot be written to.
+        If another process works in the folder, it is a file, or it cannot be written to.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out '{folder}': expected a folder, found a file")
     require_writable(folder)
+    with FolderLock(folder):
+        yield
+
+
+def _is_same(old: Manifest, made: Manifest) -> bool:
+    theirs = old.kind, old.case_digest, old.transforms
+    return theirs == (made.kind, made.case_digest, made.transforms)
+
+
+def _is_smaller(old: Manifest, made: Manifest) -> bool:
+    """True if the old dataset was made in the same way before the case's dataset has grown."""
+    grown = old.case_digest in {stage.case_digest for stage in made.history}
+    theirs, ours = (
+        [{**step, "source_digest": None} for step in manifest.transforms]
+        for manifest in (old, made)
+    )
+    return grown and old.kind == made.kind and theirs == ours
+
+
+def claim_folder(folder: Path, made: Manifest) -> None:
+    """Claim a locked folder for a dataset; remove manifest and stiffness of the same one, if there.
+
+    Parameters
+    ----------
+    folder : Path
+    made : Manifest
+        Manifest of the dataset that will be written; its shards need not be known yet. It may
+        replace the same dataset with fewer samples.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another dataset, or anything else.
+    """
     if (folder / MANIFEST).is_file():
         old = read_manifest(folder)
-        theirs = (old.kind, old.case_digest, old.transforms)
-        if theirs != (made.kind, made.case_digest, made.transforms):
+        if not (_is_same(old, made) or _is_smaller(old, made)):
             raise InputError(f"--out '{folder}': holds another dataset, '{old.name}'")
         (folder / MANIFEST).unlink()
-    elif folder.is_dir():
-        ours = ("shard-", STIFFNESS_FILE, PARTIAL)  # of a step that was killed
+    else:
+        ours = ("shard-", STIFFNESS_FILE, PARTIAL, LOCK)  # of a step that was killed
         if not all(path.name.startswith(ours) for path in folder.iterdir()):
             raise InputError(f"--out '{folder}': the folder holds something else")
     (folder / STIFFNESS_FILE).unlink(missing_ok=True)
     remove_partial_files(folder)
+
+
+def remove_other_shards(folder: Path, entries: Iterable[ShardEntry]) -> None:
+    """Remove the shards that a killed step left behind and that the dataset does not list."""
+    listed = {entry.file for entry in entries}
+    for path in folder.glob("shard-*"):
+        if path.name not in listed:
+            path.unlink()

@@ -5,13 +5,15 @@ Where ‖f‖₂ ≤ threshold, u → (1 + γ) u with one γ ~ U(−relative, re
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.structure.claim_folder import claim_folder
+from datagen.quantities import LARGEST_SEED
+from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -53,8 +55,10 @@ def add_noise(
     """
     if not 0 < relative < 1:
         raise InputError(f"--relative {relative}: expected a number between 0 and 1")
-    if not threshold > 0:
+    if not 0 < threshold < math.inf:
         raise InputError(f"--threshold {threshold}: expected a positive number of newtons")
+    if not 0 <= seed <= LARGEST_SEED:
+        raise InputError(f"--seed {seed}: expected a number from 0 to {LARGEST_SEED}")
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
     step: dict[str, Any] = {
@@ -65,12 +69,19 @@ def add_noise(
         "source_digest": manifest.digest,
     }
     noisy = manifest.model_copy(update={"transforms": (*manifest.transforms, step)})
+    with locked(folder):
+        return _make(reader, folder, noisy, step)
+
+
+def _make(reader: DatasetReader, folder: Path, noisy: Manifest, step: dict[str, Any]) -> Manifest:
+    """Write the noisy dataset into its locked folder."""
+    manifest = reader.manifest
+    settings = step["seed"], step["relative"], step["threshold"]
     claim_folder(folder, noisy)
     progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
     entries, done = [], 0
-    folder.mkdir(parents=True, exist_ok=True)
     for entry, arrays in reader:
-        factor = noise_factor(arrays, seed, relative, threshold)
+        factor = noise_factor(arrays, *settings)
         arrays["samples/displacement"] = arrays["samples/displacement"] * factor[:, None, None]
         digest = write_shard(
             folder / entry.file, "nodal", arrays, manifest.case_digest, reader.cell_type
@@ -81,10 +92,11 @@ def add_noise(
     progress.close()
     update: dict[str, Any] = {"shards": tuple(entries)}
     if manifest.stiffness is not None:
-        stiffness = read_stiffness(source)
+        stiffness = read_stiffness(reader.folder)
         update["stiffness"] = write_stiffness(
             folder, stiffness, manifest.case_digest, reader.cell_type
         )
+    remove_other_shards(folder, entries)
     return write_manifest(folder, noisy.model_copy(update=update))
 
 

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.cases.case import Case
+from datagen.cases.dataset_settings import DatasetSettings
 from datagen.mesh.raw_mesh import RawMesh
+from datagen.quantities import LARGEST_SEED
 from datagen.solver.stiffness import stiffness_of
-from datagen.structure.claim_folder import claim_folder
+from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.structure.embedding import embed
 from shared_schema.checker import require_intact
 from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
@@ -33,6 +37,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
+from shared_schema.material import NeoHookean
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 
@@ -73,25 +78,53 @@ def structure(
         If the source is not an intact nodal dataset, order or shape do not fit its mesh, or the
         folder holds something else.
     """
+    if not 0 <= order_seed <= LARGEST_SEED:
+        raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
-    case = validate(Case, manifest.case, str(source / MANIFEST))
+    settings, material = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    x, cells = reader.body["mesh/coordinates"], reader.body["mesh/cells"]
-    mesh = RawMesh(x, cells, reader.cell_type)
-    grid = _grid_of(mesh, shape, order, order_seed)
+    grid = _grid_of(reader, shape, order, order_seed)
     made = _already_made(folder, manifest, grid, order, order_seed)
     if made is not None:
         return made
+    with locked(folder):
+        made = _already_made(folder, manifest, grid, order, order_seed)  # by a run just before
+        return made or _make(reader, folder, grid, order, order_seed, settings, material)
+
+
+def _settings(manifest: Manifest, source: str) -> tuple[DatasetSettings, NeoHookean]:
+    """Settings of a dataset and its material; no other part of its case is looked at or imported.
+
+    Raises
+    ------
+    InputError
+        If a key of either is missing or wrong.
+    """
+    settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{source}: case.dataset")
+    material = validate(NeoHookean, manifest.case.get("material"), f"{source}: case.material")
+    return settings, material
+
+
+def _make(
+    reader: DatasetReader,
+    folder: Path,
+    grid: Grid,
+    order: NodeOrder,
+    order_seed: int,
+    settings: DatasetSettings,
+    material: NeoHookean,
+) -> Manifest:
+    """Write the structured dataset into its locked folder."""
+    manifest, cell_type = reader.manifest, reader.cell_type
     claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
-    is_test = split(case, manifest.samples)
-    progress = Progress(manifest.samples, 0, "samples", f"datagen structure {case.name}")
+    is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    progress = Progress(manifest.samples, 0, "samples", f"datagen structure {manifest.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
     round_trips: list[NDArray[np.float64]] = []
     entries: list[ShardEntry] = []
     start = 0
-    folder.mkdir(parents=True, exist_ok=True)
     for entry, nodal in reader:
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
@@ -101,15 +134,15 @@ def structure(
         displacement.add(arrays["samples/displacement"][train][..., grid.mask])
         round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
         digest = write_shard(
-            folder / entry.file, "structured", arrays, manifest.case_digest, mesh.cell_type
+            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
         )
         entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
         progress.update(stop)
     progress.close()
     if manifest.stiffness is not None:
-        stiffness = read_stiffness(source)
+        stiffness = read_stiffness(reader.folder)
     else:  # written by a version whose `datagen run` did not assemble it
-        stiffness = stiffness_of(mesh, case.material)
+        stiffness = stiffness_of(_mesh(reader), material)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
@@ -117,14 +150,14 @@ def structure(
         order_seed=order_seed,
         train=int((~is_test).sum()),
         test=int(is_test.sum()),
-        split_seed=case.dataset.seed,
+        split_seed=settings.seed,
         force=force.result(),
         displacement=displacement.result(),
         source_digest=manifest.digest,
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
         if not grid.points_are_nodes
         else None,
-        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, mesh.cell_type),
+        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
     )
     update: dict[str, Any] = {
         "kind": "structured",
@@ -133,6 +166,7 @@ def structure(
         "structured": info,
         "stiffness": None,  # it is in `structured`
     }
+    remove_other_shards(folder, entries)
     return write_manifest(folder, manifest.model_copy(update=update))
 
 
@@ -152,10 +186,16 @@ def _already_made(
     return made if (*found, info.embedding is not None) == wanted else None
 
 
+def _mesh(reader: DatasetReader) -> RawMesh:
+    """Mesh of a dataset."""
+    return RawMesh(reader.body["mesh/coordinates"], reader.body["mesh/cells"], reader.cell_type)
+
+
 def _grid_of(
-    mesh: RawMesh, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
+    reader: DatasetReader, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
 ) -> Grid:
     """Grid of the mesh with its nodes in the given order, or an embedded one."""
+    mesh = _mesh(reader)
     x = mesh.coordinates
     if shape is None:
         try:
@@ -165,11 +205,20 @@ def _grid_of(
                 raise InputError(f"--order {order}: {error}") from None
     elif order != "preferred":
         raise InputError(f"--order {order}: an embedded grid (--grid) has no other order")
-    elif len(shape) != x.shape[1] or min(shape) < 2:
-        raise InputError(
-            f"--grid {shape}: expected {x.shape[1]} numbers of grid points, at least 2"
-        )
+    else:
+        _require_sensible(shape, reader)
     return embed(x, mesh.cells, mesh.cell_type, shape)
+
+
+def _require_sensible(shape: tuple[int, ...], reader: DatasetReader) -> None:
+    """Raise InputError unless an embedded grid fits the dimension and the memory."""
+    text, dimension = ",".join(str(count) for count in shape), reader.manifest.dimension
+    if len(shape) != dimension or min(shape) < 2:
+        raise InputError(f"--grid {text}: expected {dimension} numbers of grid points, at least 2")
+    corners = reader.body["mesh/cells"].shape[1]
+    samples = max(entry.samples for entry in reader.manifest.shards)
+    numbers = 4 * corners + 4 * dimension * samples  # 8 bytes each: both operators, both fields
+    require_memory(8.0 * numbers * math.prod(shape), f"--grid {text}")
 
 
 def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
@@ -182,12 +231,33 @@ def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
     return grid.reordered(nodes)
 
 
-def split(case: Case, samples: int) -> NDArray[np.bool_]:
-    """Choose the test split at random: round(test_fraction · samples) of them, one at least."""
-    test = min(max(1, round(case.dataset.test_fraction * samples)), samples - 1)
-    order = np.random.default_rng([case.dataset.seed, SPLIT_STREAM, samples]).permutation(samples)
+def split(settings: DatasetSettings, stages: Sequence[int], samples: int) -> NDArray[np.bool_]:
+    """Choose the test split at random: round(test_fraction · samples) of them, one at least.
+
+    A dataset that has grown is split stage by stage: the samples of a stage stay on their side, and
+    those that came later are drawn so that the test split has its part of all samples again.
+
+    Parameters
+    ----------
+    settings : DatasetSettings
+    stages : sequence of int
+        Number of solved samples before each growth, ascending.
+    samples : int
+        Number of solved samples.
+
+    Returns
+    -------
+    array of bool, (samples,)
+        True for samples of the test split, in ascending order of their number.
+    """
     is_test = np.zeros(samples, dtype=bool)
-    is_test[order[:test]] = True
+    start = 0
+    for stop in (*stages, samples):
+        test = max(0, min(max(1, round(settings.test_fraction * stop)), stop - 1))
+        order = np.random.default_rng([settings.seed, SPLIT_STREAM, stop]).permutation(stop)
+        order = order[order >= start]
+        is_test[order[: max(0, test - int(is_test[:start].sum()))]] = True
+        start = stop
     return is_test
 
 

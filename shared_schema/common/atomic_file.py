@@ -76,7 +76,7 @@ def remove_partial_files(folder: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def require_writable(out: Path) -> None:
+def require_writable(out: Path, option: str = "--out") -> None:
     """Raise InputError unless a file or folder `out` can be created.
 
     Creates and removes an unnamed file in the folder, or in the nearest existing one above it.
@@ -95,4 +95,4 @@ def require_writable(out: Path) -> None:
     except OSError as error:
         if error.errno not in REFUSALS:
             raise
-        raise InputError(f"--out '{out}': cannot be written to ({error.strerror})") from None
+        raise InputError(f"{option} '{out}': cannot be written to ({error.strerror})") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -13,10 +14,13 @@ from tqdm import tqdm
 from shared_schema.common.errors import (
     DONE,
     FAILED,
+    NOT_CERTIFIED,
     WRONG_INPUT,
     InputError,
+    NotCertifiedError,
     StoppedError,
     WorkError,
+    first_line,
 )
 
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
@@ -31,7 +35,7 @@ def make_parser(program: str, description: str, version: str) -> tuple[Parser, C
     parser = argparse.ArgumentParser(
         prog=program,
         description=description,
-        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong.",
+        epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong, 3 not certified.",
     )
     parser.add_argument("--version", action="version", version=f"{program} {version}")
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
@@ -50,12 +54,22 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
     """
     try:
         command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads the output, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
     except InputError as error:
         if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)
         return WRONG_INPUT
+    except NotCertifiedError as error:
+        print(f"{program}: not certified: {error}", file=sys.stderr)
+        return NOT_CERTIFIED
     except (WorkError, OSError) as error:
         print(f"{program}: failed: {error}", file=sys.stderr)
+        return FAILED
+    except MemoryError as error:
+        print(f"{program}: failed: out of memory ({first_line(error)})", file=sys.stderr)
         return FAILED
     except (StoppedError, KeyboardInterrupt):
         if speaks:

@@ -6,15 +6,40 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic_core import CoreSchema
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.yaml_reader import yaml_content
+
+LARGEST_FILE = 1 << 20  # bytes of a YAML file
+PLAIN = ("int", "float", "bool", "str")
+
+
+def _make_strict(schema: Any) -> None:
+    parts = schema.values() if isinstance(schema, dict) else schema
+    if isinstance(schema, dict) and schema.get("type") in PLAIN:
+        schema["strict"] = True
+    for part in parts:
+        if isinstance(part, (dict, list, tuple)):
+            _make_strict(part)
 
 
 class Frozen(BaseModel):
-    """Base of every configuration model: immutable; unknown keys are errors."""
+    """Base of every configuration model: immutable; unknown keys are errors.
+
+    Plain values are not converted: true and '6' are no numbers, 6 is no text. Whole numbers are
+    floats as well, and lists are tuples.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Make the schemas of plain values strict."""
+        schema = handler(source)
+        _make_strict(schema)
+        return schema
 
 
 Model = TypeVar("Model")
@@ -26,10 +51,15 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file is missing, is not valid YAML, or does not hold a mapping.
+        If the file is missing, is not valid YAML, holds a key twice or more than can be meant
+        (`yaml_content`), or does not hold a mapping.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            text = file.read(LARGEST_FILE + 1)
+        if len(text) > LARGEST_FILE:
+            raise InputError(f"{path}: expected at most {LARGEST_FILE} bytes")
+        content = yaml_content(text.decode("utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -73,7 +103,9 @@ def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str
     return read_yaml(path), str(path)
 
 
-def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str) -> Model:
+def validate(
+    model: type[Model] | TypeAdapter[Model], content: Any, source: str, context: Any = None
+) -> Model:
     """Build a configuration model from plain data, or name the first key that is wrong.
 
     Parameters
@@ -84,6 +116,8 @@ def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str)
         Content that was read, usually a dictionary.
     source : str
         Origin of the content, for the error message.
+    context : Any, optional
+        What validators of the model may look at besides.
 
     Raises
     ------
@@ -92,7 +126,7 @@ def validate(model: type[Model] | TypeAdapter[Model], content: Any, source: str)
     """
     try:
         adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
-        return adapter.validate_python(content)
+        return adapter.validate_python(content, context=context)
     except ValidationError as error:
         raise InputError(f"{source}: {first_problem(error)}") from None
 

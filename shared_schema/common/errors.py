@@ -6,12 +6,13 @@ code    meaning
 0       done
 1       the work failed, with the reason (a load case without equilibrium, say)
 2       the input is wrong: one line with the key, the value and what was expected
+3       the work is done, and its result is not certified (`surrogate predict --certify`)
 ======  ==========================================================================
 """
 
 from __future__ import annotations
 
-DONE, FAILED, WRONG_INPUT = 0, 1, 2
+DONE, FAILED, WRONG_INPUT, NOT_CERTIFIED = 0, 1, 2, 3
 
 
 def first_line(error: BaseException) -> str:
@@ -29,3 +30,7 @@ class StoppedError(Exception):
 
 class WorkError(Exception):
     """The input was right and the work failed; the message is the reason (exit code 1)."""
+
+
+class NotCertifiedError(Exception):
+    """The result was written and is not certified; the message says why (exit code 3)."""

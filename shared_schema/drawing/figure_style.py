@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -51,6 +52,14 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format of the file's suffix; it appears complete or not at all."""
     with complete_or_absent(path) as partial:
         figure.savefig(partial, dpi=DPI, bbox_inches="tight")
+
+
+@styled
+def png(figure: Figure) -> bytes:
+    """Draw a figure as the content of a PNG file."""
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=DPI, bbox_inches="tight")
+    return content.getvalue()
 
 
 def legend_below(figure: Figure, columns: int) -> None:

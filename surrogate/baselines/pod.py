@@ -13,6 +13,7 @@ truncation error of the modes, they give the standard deviations at the nodes:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from math import comb
 from typing import Literal, Self
 
 import torch
@@ -45,7 +46,7 @@ class PODConfig(Frozen, ABC):
 
     regression: str
     energy: float = Field(ENERGY, gt=0, lt=1)
-    rank: int | None = Field(None, ge=1)
+    rank: int | None = Field(None, ge=1, le=10**5)
 
     @model_validator(mode="after")
     def _energy_or_rank(self) -> Self:
@@ -56,6 +57,20 @@ class PODConfig(Frozen, ABC):
     @abstractmethod
     def make_regression(self) -> RidgeRegression | GaussianProcess:
         """Make the regression, not yet fitted."""
+
+    @abstractmethod
+    def memory(self, samples: int, dimension: int, loadable: int) -> int:
+        """Estimate the memory in bytes that the fit of the regression takes.
+
+        Parameters
+        ----------
+        samples : int
+            Number of training samples.
+        dimension : int
+            Number of space dimensions d.
+        loadable : int
+            Number of nodes that may be loaded.
+        """
 
 
 class RidgeConfig(PODConfig):
@@ -70,12 +85,16 @@ class RidgeConfig(PODConfig):
     """
 
     regression: Literal["ridge"] = "ridge"
-    degree: int = Field(6, ge=1)
-    penalty: float = Field(1e-8, gt=0)
+    degree: int = Field(6, ge=1, le=20)
+    penalty: float = Field(1e-8, ge=1e-30, le=1e6)
 
     def make_regression(self) -> RidgeRegression:
         """Make the regression, not yet fitted."""
         return RidgeRegression(self.degree, self.penalty)
+
+    def memory(self, samples: int, dimension: int, loadable: int) -> int:
+        """Monomials of all samples (`monomials`), in double precision."""
+        return 8 * samples * loadable * (comb(dimension + self.degree, dimension) - 1)
 
 
 class GaussianProcessConfig(PODConfig):
@@ -88,11 +107,15 @@ class GaussianProcessConfig(PODConfig):
     """
 
     regression: Literal["gp"]
-    gp_samples: int = Field(2000, ge=2)
+    gp_samples: int = Field(2000, ge=2, le=50_000)
 
     def make_regression(self) -> GaussianProcess:
         """Make the regression, not yet fitted."""
         return GaussianProcess(self.gp_samples)
+
+    def memory(self, samples: int, dimension: int, loadable: int) -> int:
+        """Kernel matrix, its Cholesky factor and its three derivatives, in double precision."""
+        return 8 * 5 * min(self.gp_samples, samples) ** 2
 
 
 class PODNetwork(Fitted):

@@ -1,8 +1,8 @@
-"""A structured dataset in memory, as tensors."""
+"""A structured dataset, as tensors in memory; the training samples may stay on disk."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,77 +11,63 @@ from torch import Tensor
 
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.common.memory import require_memory
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.material import NeoHookean
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
-
-ON_GRID = ("samples/is_test", "samples/force", "samples/displacement")
-AT_NODES = ("samples/loaded_nodes", "samples/nodal_force", "samples/nodal_displacement")
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Forces and the displacements that they cause, on the grid.
-
-    Attributes
-    ----------
-    force : Tensor, (N, d, nx, ny[, nz])
-        In N.
-    displacement : Tensor, (N, d, nx, ny[, nz])
-        In m.
-    """
-
-    force: Tensor
-    displacement: Tensor
-
-    def __len__(self) -> int:
-        return len(self.force)
-
-    def __getitem__(self, index: Tensor | slice) -> Samples:
-        return Samples(self.force[index], self.displacement[index])
-
-    def to(self, device: torch.device) -> Samples:
-        """The same samples on a device."""
-        return Samples(self.force.to(device), self.displacement.to(device))
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """A structured dataset, whole.
+    """A structured dataset.
 
     Attributes
     ----------
     manifest : Manifest
     geometry : Geometry
-    train, test : Samples
-        Samples of each split, in ascending order of their number.
+    train_in_memory : Samples or None
+        Training split, in ascending order of the samples' numbers; None if it stays on disk.
+    train_on_disk : SamplesOnDisk
+        Training split in its files, in the same order.
+    test : Samples
+        Test split, in the same order.
     nodal_test : NodalSamples
         The test split by nodes.
-    embedded_train : NodalSamples or None
-        The training split by nodes, if the grid is embedded and does not hold it exactly.
     stiffness : Stiffness or None
         Stiffness of the undeformed body without supports, if the dataset has it.
     """
 
     manifest: Manifest
     geometry: Geometry
-    train: Samples
+    train_in_memory: Samples | None
+    train_on_disk: SamplesOnDisk
     test: Samples
     nodal_test: NodalSamples
-    embedded_train: NodalSamples | None = None
     stiffness: Stiffness | None = None
+
+    @property
+    def train(self) -> Samples:
+        """Training split in memory; the dataset must be read with it."""
+        assert self.train_in_memory is not None
+        return self.train_in_memory
+
+    @property
+    def training(self) -> Samples | SamplesOnDisk:
+        """Training split, in memory or on disk."""
+        return self.train_on_disk if self.train_in_memory is None else self.train_in_memory
 
     def nodal_train(self, rows: Tensor) -> NodalSamples:
         """Samples of the training split by nodes, given their rows."""
-        if self.embedded_train is None:
-            return at_nodes(self.geometry.grid, self.train[rows])
-        whole, chosen = self.embedded_train, rows.numpy()
-        return NodalSamples(whole.force[chosen], whole.displacement[chosen])
+        if self.geometry.grid.points_are_nodes:
+            return at_nodes(self.geometry.grid, self.training[rows])
+        return self.train_on_disk.at_nodes(rows)
 
     @property
     def material(self) -> NeoHookean:
@@ -96,13 +82,22 @@ class Dataset:
         return self.manifest.structured
 
 
-def read_dataset(folder: Path) -> Dataset:
-    """Read a structured dataset into memory.
+def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
+    """Read a structured dataset.
+
+    At most one shard is in memory besides the result.
+
+    Parameters
+    ----------
+    folder : Path
+    on_disk : bool
+        Leave the training samples on disk, for datasets that are larger than the memory.
 
     Raises
     ------
     InputError
-        If there is no dataset, it is of another kind, or any byte of it has changed.
+        If there is no dataset, it is of another kind, any byte of it has changed, or the samples
+        take more memory than the machine has.
     """
     reader = DatasetReader(folder, "structured")
     manifest = reader.manifest
@@ -110,27 +105,45 @@ def read_dataset(folder: Path) -> Dataset:
         raise InputError(f"{folder}: no samples in it")
     geometry = Geometry.from_arrays(reader.body, reader.cell_type)
     is_exact = geometry.grid.points_are_nodes
-    arrays = reader.joined(ON_GRID if is_exact else (*ON_GRID, *AT_NODES))
-    is_test = torch.from_numpy(arrays["samples/is_test"])
-    samples = Samples(
-        torch.from_numpy(arrays["samples/force"]),
-        torch.from_numpy(arrays["samples/displacement"]),
-    )
-    train, test = samples[~is_test], samples[is_test]
-    if is_exact:
-        dataset = Dataset(manifest, geometry, train, test, at_nodes(geometry.grid, test))
+    everything = reader.ascending()
+    is_test = np.empty(len(everything), dtype=np.bool_)
+    for shard, column in enumerate(reader.columns("samples/is_test")):
+        place = everything.places(shard)
+        is_test[place] = column[everything.row[place]]
+    training, testing = everything[~is_test], everything[is_test]
+    sample = 2 * 4 * geometry.dimension * geometry.grid.mask.size
+    kept = len(testing) if on_disk else len(everything)
+    hint = "" if on_disk else " (with 'training.samples_on' = 'disk', only those of the test split)"
+    require_memory(kept * sample, f"{folder}: {kept} samples in memory{hint}")
+    names = FIELDS if is_exact else (*FIELDS, *AT_NODES)
+    train: Samples | None = None
+    if on_disk:
+        (tested,) = reader.gathered(names, testing)
     else:
-        nodes, loads, displacement = (arrays[name] for name in AT_NODES)
-        force = scatter_forces(nodes, loads, len(geometry.coordinates))
-        chosen = is_test.numpy()
-        nodal_train, nodal_test = (
-            NodalSamples(force[rows].astype(np.float64), displacement[rows].astype(np.float64))
-            for rows in (~chosen, chosen)
-        )
-        dataset = Dataset(manifest, geometry, train, test, nodal_test, nodal_train)
-    if dataset.info.stiffness is None:
-        return dataset
-    return replace(dataset, stiffness=read_stiffness(folder))
+        if is_exact:
+            trained, tested = reader.gathered(FIELDS, training, testing)
+        else:
+            (trained,), (tested,) = (
+                reader.gathered(FIELDS, training),
+                reader.gathered(names, testing),
+            )
+        train = samples_of(trained)
+    test = samples_of(tested)
+    nodal_test = (
+        at_nodes(geometry.grid, test)
+        if is_exact
+        else nodal_samples(tested, len(geometry.coordinates))
+    )
+    has_stiffness = manifest.stiffness_checksum is not None
+    stiffness = read_stiffness(folder) if has_stiffness else None
+    stored = SamplesOnDisk(reader, training)
+    return Dataset(manifest, geometry, train, stored, test, nodal_test, stiffness)
+
+
+def samples_of(arrays: Arrays) -> Samples:
+    """Samples as tensors, which share their memory with the arrays."""
+    force, displacement = (torch.from_numpy(arrays[name]) for name in FIELDS)
+    return Samples(force, displacement)
 
 
 def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:

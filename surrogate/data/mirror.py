@@ -17,8 +17,8 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import Samples
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 
 AXES = ("x", "y", "z")
 TOLERANCE = 1e-6  # of mirrored positions, relative to the body's size

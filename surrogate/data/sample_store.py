@@ -1,20 +1,22 @@
-"""Memory that holds the samples during a training: the device's, or the host's.
+"""Place of the samples during a training: the device's memory, the host's, or the disk.
 
-A batch on the device is a gather. A batch from the host is copied through pinned memory on a
-separate stream while the device works on the batch before.
+A batch on the device is a gather. Any other batch is copied through pinned memory on a separate
+stream while the device works on the batch before.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from typing import Literal, Protocol
 
 import torch
 from torch import Tensor
 
-from surrogate.data.dataset import Samples
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 
-Location = Literal["auto", "device", "host"]
+Location = Literal["auto", "device", "host", "disk"]
 PART_OF_FREE_MEMORY = 0.5  # what samples may take of the device's; the rest is the network's
 
 
@@ -45,20 +47,24 @@ class DeviceStore:
         return (self._samples[batch] for batch in indices)
 
 
-class HostStore:
-    """Samples in host memory, copied to the device one batch ahead."""
+class CopyAhead(ABC):
+    """Samples elsewhere, copied to the device one batch ahead."""
 
-    def __init__(self, samples: Samples, device: torch.device) -> None:
+    def __init__(self, device: torch.device) -> None:
         self.home = torch.device("cpu")
-        self._samples, self._device = samples.to(self.home), device
+        self._device = device
         self._stream: torch.cuda.Stream | None = None
         if device.type == "cuda":
             self._stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
 
+    @abstractmethod
+    def gathered(self, indices: Iterable[Tensor], pinned: bool) -> Iterator[Samples]:
+        """Yield batches in the memory of the host, pinned for copies to a GPU."""
+
     def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
         """Yield batches; the copy of the next one is already started."""
         ahead: tuple[Samples, torch.cuda.Event | None] | None = None
-        for batch in indices:
+        for batch in self.gathered(indices, pinned=self._stream is not None):
             following = self._send(batch)
             if ahead is not None:
                 yield self._receive(*ahead)
@@ -66,15 +72,15 @@ class HostStore:
         if ahead is not None:
             yield self._receive(*ahead)
 
-    def _send(self, batch: Tensor) -> tuple[Samples, torch.cuda.Event | None]:
+    def _send(self, batch: Samples) -> tuple[Samples, torch.cuda.Event | None]:
         """Begin to copy a batch."""
         if self._stream is None:
-            return self._samples[batch].to(self._device), None
+            return batch.to(self._device), None
         with torch.cuda.stream(self._stream):
             sent = Samples(
                 *(
-                    gather_pinned(field, batch).to(self._device, non_blocking=True)
-                    for field in (self._samples.force, self._samples.displacement)
+                    field.to(self._device, non_blocking=True)
+                    for field in (batch.force, batch.displacement)
                 )
             )
             return sent, self._stream.record_event()
@@ -89,14 +95,50 @@ class HostStore:
         return samples
 
 
+class HostStore(CopyAhead):
+    """Samples in the memory of the host."""
+
+    def __init__(self, samples: Samples, device: torch.device) -> None:
+        super().__init__(device)
+        self._samples = samples.to(self.home)
+
+    def gathered(self, indices: Iterable[Tensor], pinned: bool) -> Iterator[Samples]:
+        """Yield batches."""
+        for batch in indices:
+            if pinned:
+                fields = (self._samples.force, self._samples.displacement)
+                yield Samples(*(gather_pinned(field, batch) for field in fields))
+            else:
+                yield self._samples[batch]
+
+
+class DiskStore(CopyAhead):
+    """Samples on disk."""
+
+    def __init__(self, samples: SamplesOnDisk, device: torch.device) -> None:
+        super().__init__(device)
+        self._samples = samples
+
+    def gathered(self, indices: Iterable[Tensor], pinned: bool) -> Iterator[Samples]:
+        """Yield batches; their shards are read ahead."""
+        return self._samples.batches(indices, pinned)
+
+
 def gather_pinned(field: Tensor, indices: Tensor) -> Tensor:
     """Gather samples into pinned memory, from which the device copies asynchronously."""
     pinned = torch.empty((len(indices), *field.shape[1:]), dtype=field.dtype, pin_memory=True)
     return torch.index_select(field, 0, indices, out=pinned)
 
 
-def store_samples(samples: Samples, location: Location, device: torch.device) -> SampleStore:
-    """Put samples into the memory of a location; ``auto``: the device's, if they fit."""
+def store_samples(
+    samples: Samples | SamplesOnDisk, location: Location, device: torch.device
+) -> SampleStore:
+    """Put samples into the memory of a location; ``auto``: the device's, if they fit.
+
+    Samples on disk stay there.
+    """
+    if isinstance(samples, SamplesOnDisk):
+        return DiskStore(samples, device)
     on_device = location == "device" or (location == "auto" and fits(samples, device))
     return DeviceStore(samples, device) if on_device else HostStore(samples, device)
 

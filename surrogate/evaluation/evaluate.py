@@ -1,10 +1,10 @@
-"""Evaluation of a run on the test split: its measures, written into ``evaluation.json``."""
+"""Evaluation of a run on the test split: its measures, the content of ``evaluation.json``."""
 
 from __future__ import annotations
 
 import json
 import platform
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset, read_dataset
@@ -23,9 +22,9 @@ from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.shelf import copy_run, find_run, is_shelved
+from surrogate.runs.shelf import find_run
 from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
-from surrogate.uncertainty.intervals import fit_intervals
+from surrogate.uncertainty.intervals import Intervals, fit_intervals
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,10 @@ class Evaluation:
         Calibration measures of a probabilistic surrogate.
     extrapolation : Extrapolation or None
         Predictions under other loads.
+    intervals : Intervals or None
+        Conformal intervals.
+    content : dict
+        All measures and their origin as plain data.
     """
 
     surrogate: Surrogate
@@ -54,6 +57,8 @@ class Evaluation:
     measures: ErrorMeasures
     calibration: CalibrationMeasures | None
     extrapolation: Extrapolation | None
+    intervals: Intervals | None = None
+    content: dict[str, Any] = field(default_factory=dict)
 
     @property
     def predicted(self) -> NDArray[np.float64]:
@@ -75,6 +80,14 @@ class Evaluation:
         moved, error = tip_measures(self.predicted[example], self.reference[example], tip)
         return {"tip_displacement": moved, "relative_tip_error": error}
 
+    def files(self, run: RunFolder) -> dict[Path, bytes]:
+        """Content of the files of the evaluation in a run folder, except figures."""
+        text = json.dumps(self.content, indent=1) + "\n"
+        files = {run.evaluation: text.encode()}
+        if self.intervals is not None:
+            files[run.intervals] = self.intervals.serialised()
+        return files
+
 
 def evaluate(
     run_folder: Path,
@@ -84,9 +97,8 @@ def evaluate(
     seed: int = 0,
     loads: Path | None = None,
     conformal: float | None = None,
-    out: Path | None = None,
 ) -> Evaluation:
-    """Evaluate a run on the test split of a dataset and write the measures into it.
+    """Evaluate a run on the test split of a dataset; nothing is written.
 
     Parameters
     ----------
@@ -102,27 +114,17 @@ def evaluate(
     conformal : float, optional
         Level of conformal intervals, fitted to the run's calibration split and measured on the test
         split.
-    out : Path, optional
-        New folder for a copy of the run, into which the measures are written instead.
 
     Raises
     ------
     InputError
-        If the run or the dataset is missing or damaged, their cases differ, `out` exists, or it is
-        missing for a network that comes with the package.
+        If the run or the dataset is missing or damaged, or their cases differ.
     """
     run_folder = find_run(run_folder)
-    if out is None and is_shelved(run_folder):
-        raise InputError(
-            f"{run_folder.name}: comes with the package and is not changed; expected --out DIR, "
-            "a new folder for a copy with the results"
-        )
-    if out is not None and out.exists():
-        raise InputError(f"--out '{out}': exists, expected a new folder")
     run = RunFolder(run_folder)
     description = run.description()
     surrogate = load(run_folder, device)
-    dataset = read_dataset(data)
+    dataset = read_dataset(data, on_disk=True)
     require_same_body(
         Body(description.data.case, surrogate.geometry.arrays()),
         Body(dataset.manifest.case, dataset.geometry.arrays()),
@@ -145,9 +147,11 @@ def evaluate(
         measure(force, distribution.mean, reference, surrogate.geometry.tip),
         _calibration(surrogate, distribution, reference),
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
+        intervals,
     )
     epochs, seconds = run.training_effort()
-    content: dict[str, Any] = {
+    content = evaluation.content
+    content |= {
         "run": description.run.name,
         "case": description.run.case,
         "recipe": description.run.recipe,
@@ -170,13 +174,8 @@ def evaluate(
         content["uncertainty"] = {**drawn, **evaluation.calibration.plain()}
     if evaluation.extrapolation is not None:
         content["extrapolation"] = evaluation.extrapolation.plain()
-    if out is not None:
-        copy_run(run_folder, out)
-        run = RunFolder(out)
     if intervals is not None:
         content["conformal"] = intervals.measures(surrogate, distribution, reference)
-        intervals.save(run.intervals)
-    write_text(run.evaluation, json.dumps(content, indent=1) + "\n")
     return evaluation
 
 

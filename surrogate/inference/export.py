@@ -23,6 +23,7 @@ from torch.export import Dim, ExportedProgram
 
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, WorkError, first_line
+from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.prediction import Surrogate, load, require_passes
 from surrogate.mechanics.block_solve import BlockSolve
@@ -110,6 +111,8 @@ def export(
     if passes is not None:
         surrogate.require_stochastic(passes=passes)
         require_passes(passes, seed or 0)
+        drawn = sum(p.nbytes for p in surrogate.network.parameters()) if passes > 1 else 0
+        require_memory(passes * drawn, f"--passes {passes}: the file")
         surrogate.passes.draw(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
     _make_exportable(surrogate)

@@ -15,7 +15,12 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
+from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
+from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.newton import Correction, correct
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -29,6 +34,7 @@ BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 PASSES = 300
 LARGEST_FORCE = float(np.finfo(np.float32).max)
+MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
 Array = NDArray[np.float64]
 
 
@@ -76,6 +82,8 @@ class Surrogate:
         Mesh, supports and grid; its node numbers are those of forces and displacements.
     description : RunDescription
         Configuration and dataset of the run.
+    training_range : TrainingRange
+        Forces of the training data; `predict` warns of others.
     """
 
     def __init__(
@@ -85,6 +93,8 @@ class Surrogate:
         self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
         self.geometry = geometry
         self.description = description
+        data = description.data
+        self.training_range = TrainingRange(data.info.force.max_abs, geometry.loadable, data.loads)
         self.passes = Passes(network)
 
     @property
@@ -103,6 +113,8 @@ class Surrogate:
         Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
         a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
 
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
+
         Parameters
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
@@ -116,12 +128,76 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong or a force is not finite.
+            If the shape is wrong, a force is not finite, or one acts at a clamped node.
         """
         nodal = self._checked(forces)
+        self.training_range.warn(nodal)
+        return self._mean(nodal)
+
+    def _mean(self, nodal: Array) -> Array:
+        """Predict without warnings."""
         if self._is_one(nodal) and self._one_load is not None:
             return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
         return self._predicted(nodal, PASSES, 0).mean
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body; InputError if the run names no material."""
+        return Equilibrium(self.geometry, self.description.data.material)
+
+    def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
+        """Estimate the errors of predictions from their out-of-balance forces.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run does not name its material.
+        """
+        equilibrium = self.equilibrium
+        nodal, displacement = self._with_predicted(forces, predicted)
+        return certify(equilibrium, nodal, displacement)
+
+    def correct(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Correction:
+        """Go on from a prediction to the finite elements' equilibrium.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m, which may be wrong; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found.
+        """
+        equilibrium = self.equilibrium
+        nodal, displacement = self._with_predicted(forces, predicted)
+        if nodal.ndim != 2:
+            raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
+        return correct(equilibrium, nodal, displacement)
+
+    def _with_predicted(
+        self, forces: ArrayLike, predicted: ArrayLike | None
+    ) -> tuple[Array, Array]:
+        """Return forces and displacements, checked; predict them if they are not given."""
+        nodal = self._checked(forces)
+        if predicted is None:
+            return nodal, self._mean(nodal)
+        displacement = np.asarray(predicted, dtype=np.float64)
+        if displacement.shape != nodal.shape:
+            raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
+        return nodal, displacement
 
     def predict_distribution(
         self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
@@ -141,12 +217,13 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, `passes` is below 1 or `seed` below 0.
+            If the shape is wrong, a force is not finite or acts at a clamped node, `passes` is
+            below 1 or `seed` below 0.
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
         if self._is_one(nodal) and not self.is_probabilistic:
-            mean = self.predict(nodal)
+            mean = self._mean(nodal)
             return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
         return self._predicted(nodal, passes, seed)
 
@@ -190,6 +267,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+        held = np.flatnonzero(
+            self.geometry.clamped & nodal.any(axis=-1).reshape(-1, expected[0]).any(axis=0)
+        )
+        if len(held):
+            raise InputError(f"forces at node {held[0]}: the node is clamped, expected a free one")
         return nodal
 
     @torch.inference_mode()
@@ -221,30 +303,15 @@ class Surrogate:
                     "probabilistic weights or dropout"
                 )
 
-    def outside_training(self, forces: NDArray[np.float64]) -> str | None:
-        """Describe how forces leave the range of the training data; None if they do not.
-
-        Parameters
-        ----------
-        forces : array, (n_nodes, d)
-            Nodal forces in N.
-        """
-        limit = self.description.data.info.force.max_abs
-        largest = np.abs(forces).max(axis=0)
-        if np.any(largest > np.asarray(limit) * (1 + 1e-6)):
-            allowed = ", ".join(f"{value:.3g}" for value in limit)
-            return f"force components reach beyond those of the training data (±{allowed} N)"
-        loaded = forces.any(axis=1)
-        if np.any(loaded & ~self.geometry.loadable):
-            return "a loaded node was never loaded in the training data"
-        return None
-
 
 def require_passes(passes: int, seed: int) -> None:
-    """Raise InputError unless there is at least one pass and the seed is not negative."""
-    for name, value, least in (("passes", passes, 1), ("seed", seed, 0)):
-        if value < least:
-            raise InputError(f"{name} = {value}, expected {least} at least")
+    """Raise InputError unless number of passes and seed can be meant."""
+    for name, value, least, most in (
+        ("passes", passes, 1, MOST_PASSES),
+        ("seed", seed, 0, MOST_SEED),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value}, expected {least} at least and {most} at most")
 
 
 def make_surrogate(
@@ -259,8 +326,8 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
-    data = description.data
-    network = description.run.build(geometry, data.info, data.material)
+    config, data = description.run, description.data
+    network = config.build(geometry, data.info, data.material if config.needs_material else None)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 
@@ -277,13 +344,17 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     Raises
     ------
     InputError
-        If there is no finished run, or its files are damaged.
+        If there is no finished run, its files are damaged, or a weight is not finite.
     """
     folder = RunFolder(find_run(run))
     description = folder.description()
     tensors = folder.read_tensors()
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
-        return make_surrogate(tensors, description, device)
+        with memory_errors():
+            return make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"

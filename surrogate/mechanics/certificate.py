@@ -1,13 +1,16 @@
 r"""Certificates: how wrong a predicted displacement is, computed without the true one.
 
-The forces of a prediction u are out of balance by r(u), and one step of Newton's method estimates
-its error to second order:
+The forces of a prediction u are out of balance by r(u), and one step of Newton's method with one
+simplified step after it estimate its error to third order:
 
-.. math:: u - u_{true} = -δ(u) + O(‖u - u_{true}‖^2), \qquad δ(u) = -K(u)^{-1} r(u)
+.. math:: u - u_{true} = -(δ + \bar δ) + O(‖u - u_{true}‖^3), \qquad
+          δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
 
-(`surrogate.mechanics.equilibrium`). The step has no such meaning where a cell is inverted, since
-the strain energy is not defined there, or where K(u) is not positive definite, since no stable
-equilibrium is near; such predictions are never certified.
+(`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite, the
+contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
+estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
+(`surrogate.mechanics.newton`), by 20 steps at most. A prediction whose estimate does not settle is
+never certified, nor is one with an inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
@@ -17,9 +20,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.equilibrium import Equilibrium, norms
+from surrogate.mechanics.newton import searched
 
 Array = NDArray[np.float64]
+CONTRACTION = 0.25  # largest Θ of an estimate that is settled
+LAST_PART = 0.1  # largest part of its last step in it
+NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
+ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -36,15 +44,15 @@ class Certificate:
         ‖error‖₂ / ‖estimate of the true displacement‖₂.
     inverted : array of int, () or (N,)
         Number of inverted cells.
-    stable : array of bool, () or (N,)
-        True if the tangent K(u) is positive definite.
+    settled : array of bool, () or (N,)
+        True if Newton's method contracts, so that the estimate is to be trusted.
     """
 
     out_of_balance: Array
     error: Array
     relative_error: Array
     inverted: NDArray[np.int64]
-    stable: NDArray[np.bool_]
+    settled: NDArray[np.bool_]
 
     @property
     def mean_error(self) -> Array:
@@ -59,8 +67,18 @@ class Certificate:
         return result
 
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
-        """True where `max_error` is at most `tolerance` in m, and `stable`."""
-        return np.asarray((self.max_error <= tolerance) & self.stable)
+        """True where `max_error` is at most `tolerance` in m, and `settled`."""
+        return np.asarray((self.max_error <= tolerance) & self.settled)
+
+    def summary(self) -> str:
+        """Describe the estimated error of a single prediction in a line."""
+        if self.inverted:
+            return f"{self.inverted} inverted elements, no estimate of the error"
+        return (
+            f"estimated error {_length(float(self.mean_error))} in the mean, "
+            f"{_length(float(self.max_error))} at most, "
+            f"forces out of balance by {float(self.out_of_balance):.2g} of the load"
+        )
 
     def refusal(self, tolerance: float) -> str | None:
         """Say why a single prediction is not certified; None if it is."""
@@ -68,7 +86,7 @@ class Certificate:
             return f"{self.inverted} inverted elements"
         if not self.max_error <= tolerance:
             return f"estimated error {_length(float(self.max_error))} > {_length(tolerance)}"
-        return None if self.stable else "no stable equilibrium is near, the tangent is indefinite"
+        return None if self.settled else "the estimate does not settle, no equilibrium is near"
 
 
 def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:
@@ -86,25 +104,41 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     held = np.where(equilibrium.free[:, None], u, 0.0)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
-    residual = np.where(inverted == 0, _norms(r), np.inf)
+    residual = np.where(inverted == 0, norms(r), np.inf)
     sound = np.flatnonzero(np.isfinite(residual))
-    steps, stable = np.zeros_like(u), np.zeros(len(u), dtype=bool)
-    steps[sound], stable[sound] = equilibrium.newton_steps(held[sound], r[sound])
-    error = np.full_like(u, np.inf)
-    error[sound] = (u - held - steps)[sound]
-    truth = _norms(np.where(np.isfinite(error), held + steps, 0.0))
+    truth, settled = np.zeros(u.shape), np.zeros(len(u), dtype=bool)
+    truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
+    error = np.full(u.shape, np.inf)
+    error[sound] = u[sound] - truth[sound]
     return Certificate(
-        out_of_balance=_ratio(residual, _norms(f * equilibrium.free[:, None])).reshape(shape[:-2]),
+        out_of_balance=_ratio(residual, norms(f * equilibrium.free[:, None])).reshape(shape[:-2]),
         error=error.reshape(shape),
-        relative_error=_ratio(_norms(error), truth).reshape(shape[:-2]),
+        relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),
-        stable=stable.reshape(shape[:-2]),
+        settled=settled.reshape(shape[:-2]),
     )
 
 
-def _norms(fields: Array) -> Array:
-    norms: Array = np.sqrt(np.square(fields).sum(axis=(1, 2)))
-    return norms
+def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Step from predictions until Newton's method contracts: the estimates of the truth."""
+    truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
+    for _ in range(ROUNDS):
+        found = equilibrium.newton_steps(truth[going], f[going])
+        last, error = norms(found.simplified), norms(u[going] - truth[going] - found.steps)
+        small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
+        contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
+        truth[going[contracts]] += (found.steps + found.simplified)[contracts]
+        settled[going[contracts]] = True
+        for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
+            one = slice(row, row + 1)
+            r = equilibrium.out_of_balance(truth[one], f[one])
+            advanced = searched(equilibrium, f[one], truth[one], r, step[None])
+            if advanced is not None:
+                truth[one] = advanced[0]
+        going = going[~contracts]
+        if len(going) == 0:
+            break
+    return truth, settled
 
 
 def _ratio(part: Array, whole: Array) -> Array:

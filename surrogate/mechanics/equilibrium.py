@@ -7,10 +7,17 @@ r"""Equilibrium of a solid under nodal forces: out-of-balance forces and Newton 
 at the free degrees of freedom; clamped nodes do not move. Equilibrium is r = 0, and δ is the step
 of Newton's method towards it. Where K is not positive definite, δ is computed with K + τ K(0)
 instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π decreases along δ.
+
+A second step with the same factorisation, the simplified Newton step
+:math:`\bar δ = -K(u)^{-1} r(u + δ)`, tells what δ leaves:
+:math:`Θ = ‖\bar δ‖_2 / ‖δ‖_2` is the contraction of Newton's method (Deuflhard, *Newton Methods for
+Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +31,34 @@ from surrogate.mechanics.solid import Solid
 
 Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
+EPSILON = float(np.finfo(np.float64).eps)
 AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
+
+
+@dataclass(frozen=True)
+class NewtonSteps:
+    """Newton steps of N displacement fields.
+
+    Attributes
+    ----------
+    steps : array, (N, n_nodes, d)
+        δ in m; zero at clamped nodes.
+    simplified : array, (N, n_nodes, d)
+        Simplified steps from u + δ in m; not finite if a cell is inverted there.
+    stable : array of bool, (N,)
+        True where K(u) is positive definite.
+    """
+
+    steps: Array
+    simplified: Array
+    stable: NDArray[np.bool_]
+
+    @property
+    def contraction(self) -> Array:
+        """Θ, (N,); 0 if δ is 0, +∞ if a cell is inverted at u + δ."""
+        first, second = norms(self.steps), norms(self.simplified)
+        theta = np.divide(second, first, out=np.zeros_like(first), where=first > 0)
+        return np.nan_to_num(theta, nan=np.inf)
 
 
 class Equilibrium:
@@ -42,12 +76,17 @@ class Equilibrium:
     solid : Solid
     free : array of bool, (n_nodes,)
         Nodes that are not clamped.
+    rounding : float
+        Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     """
 
     def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
         body = geometry.coordinates, geometry.cells
         self.solid = Solid(*body, geometry.cell_type, material)
         self.free = ~geometry.clamped
+        moduli = material.lame_lambda + material.lame_mu
+        self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
+        self._size = geometry.coordinates.size
         self._layout = BandLayout(*body, geometry.clamped)
         per_sample = len(self._layout.dofs) * (self._layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
@@ -69,43 +108,60 @@ class Equilibrium:
         r[:, ~self.free] = 0.0
         return r
 
-    def newton_steps(self, u: Array, r: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Newton steps δ in m, (N, n_nodes, d), at displacements without inverted cells.
+    def newton_step(self, u: Array, r: Array) -> Array:
+        """Return δ in m of a single displacement without inverted cells, (1, n_nodes, d)."""
+        factor, _ = self._factors(u)[0]
+        return self._solved([factor], r)
 
-        Returns
-        -------
-        steps : array, (N, n_nodes, d)
-            Zero at clamped nodes.
-        stable : array of bool, (N,)
-            True where K(u) is positive definite.
-        """
-        steps, stable = np.zeros_like(u), np.zeros(len(u), dtype=bool)
-        right = r.reshape(len(u), -1)[:, self._layout.dofs]
+    def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
+        """Return δ, and the simplified step after it, at displacements without inverted cells."""
+        steps, simplified = np.zeros(u.shape), np.full(u.shape, np.nan)
+        stable = np.zeros(len(u), dtype=bool)
         for start in range(0, len(u), self._at_once):
             some = slice(start, start + self._at_once)
-            for row, band in enumerate(self._bands(u[some]), start):
-                factor = BandCholesky.of(band)
-                stable[row] = factor is not None
-                factor = factor or self._shifted(u[row : row + 1])
-                steps[row].flat[self._layout.dofs] = -factor.solve(right[row])
-        return steps, stable
+            factors, is_stable = zip(*self._factors(u[some]), strict=True)
+            steps[some] = self._solved(factors, self.out_of_balance(u[some], f[some]))
+            trial = u[some] + steps[some]
+            residual = self.out_of_balance(trial, f[some])
+            residual[(self.inverted(trial) > 0) | ~np.isfinite(residual).all((1, 2))] = np.nan
+            simplified[some] = self._solved(factors, residual)
+            stable[some] = is_stable
+        return NewtonSteps(steps, simplified, stable)
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
-        response = np.zeros_like(f)
-        forces = f.reshape(len(f), -1)[:, self._layout.dofs]
-        response.reshape(len(f), -1)[:, self._layout.dofs] = self._undeformed.solve(forces.T).T
-        return response
+        response = np.zeros((len(f), self._size))
+        forces = f.reshape(response.shape)[:, self._layout.dofs]
+        response[:, self._layout.dofs] = self._undeformed.solve(forces.T).T
+        return response.reshape(f.shape)
 
     @cached_property
     def _undeformed(self) -> BandCholesky:
-        factor = BandCholesky.of(self._bands(np.zeros((1, *self._shape)))[0])
+        rest = np.zeros((1, len(self.free), self._size // len(self.free)))
+        factor = BandCholesky.of(self._bands(rest)[0])
         assert factor is not None, "the supports do not hold the body"
         return factor
 
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return len(self.free), int(self.solid.gradients.shape[3])
+    def _factors(self, u: Array) -> list[tuple[BandCholesky, bool]]:
+        """Factorise every K(u), or K(u) + τ K(0); say whether it was K(u)."""
+        found = []
+        for row, band in enumerate(self._bands(u)):
+            factor = BandCholesky.of(band)
+            found.append((factor or self._shifted(u[row : row + 1]), factor is not None))
+        return found
+
+    def _solved(self, factors: Sequence[BandCholesky], r: Array) -> Array:
+        """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
+        flat = r.reshape(len(r), self._size)
+        found = np.zeros_like(flat)
+        for row, factor in enumerate(factors):
+            found[row, self._layout.dofs] = -factor.solve(flat[row, self._layout.dofs])
+        return found.reshape(r.shape)
+
+    def energy_norm(self, r: Array) -> Array:
+        """√(r · K(0)⁻¹ r) in √J, (N,): the size of out-of-balance forces, by one kept factor."""
+        work: Array = (r * self.linear_response(r)).sum((1, 2))
+        return np.sqrt(np.maximum(work, 0.0))
 
     def _bands(self, u: Array) -> Array:
         return self._layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
@@ -114,9 +170,15 @@ class Equilibrium:
         """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
         tangent, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
         shift = FIRST_SHIFT
-        while shift < 1 / np.finfo(np.float64).eps:
+        while shift < 1 / EPSILON:
             factor = BandCholesky.of(tangent + shift * undeformed)
             if factor is not None:
                 return factor
             shift *= SHIFT_GROWTH
         return self._undeformed
+
+
+def norms(fields: Array) -> Array:
+    """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
+    result: Array = np.sqrt(np.square(fields).sum(axis=(1, 2)))
+    return result

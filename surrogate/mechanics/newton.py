@@ -1,8 +1,10 @@
 r"""Correction of a prediction: Newton's method with a line search on the potential energy.
 
-.. math:: u_{k+1} = u_k + α δ(u_k), \qquad Π(u_k + α δ) \le Π(u_k) + 10^{-4} α \, r · δ
+.. math:: u_{k+1} = u_k + α δ(u_k), \qquad Π(u_k + α δ) \le Π(u_k) + c \, α \, r(u_k) · δ
 
-with the largest :math:`α = 2^{-m}` (Armijo's rule). Π is infinite where a cell is inverted, so no
+with the largest :math:`α = 2^{-m}` and c = 1e-4 (Armijo's rule). Where the difference of Π drowns
+in rounding errors, its slope decides (Hager and Zhang 2005, Eq. 4.1):
+:math:`r(u_k + α δ) · δ \le (2 c - 1) \, r(u_k) · δ`. Π is infinite where a cell is inverted, so no
 step inverts one, and Π decreases along every δ (`surrogate.mechanics.equilibrium`); so every start
 leads to an equilibrium. A good prediction saves iterations. A bad one could cost many, or lead to
 another equilibrium; therefore the start is the state of lowest Π among the prediction, the linear
@@ -22,8 +24,7 @@ from surrogate.mechanics.equilibrium import Equilibrium
 Array = NDArray[np.float64]
 TOLERANCE = 1e-8  # of ‖r‖₂ in N, that of the finite elements
 ITERATIONS, HALVINGS = 200, 40
-SUFFICIENT = 1e-4  # part of the decrease of Π that its slope promises
-ROUNDING = 1e-13  # of Π, relative to the largest of its terms
+SUFFICIENT = 1e-4  # c
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,13 @@ class Correction:
     iterations: int
     residual_norm: float
 
+    def summary(self) -> str:
+        """Describe the correction in a line."""
+        return (
+            f"corrected in {self.iterations} Newton iterations from the {self.start}, "
+            f"residual {self.residual_norm:.2g} N"
+        )
+
 
 def correct(
     equilibrium: Equilibrium, forces: Array, predicted: Array, tolerance: float = TOLERANCE
@@ -68,24 +76,37 @@ def correct(
     """
     f = forces[None]
     start, u = safest_start(equilibrium, f, predicted[None])
-    potential = equilibrium.potential(u, f)
+    r = equilibrium.out_of_balance(u, f)
     for iteration in range(ITERATIONS + 1):
-        r = equilibrium.out_of_balance(u, f)
         norm = float(np.linalg.norm(r))
         if norm <= tolerance:
             return Correction(u[0], start, iteration, norm)
-        step, _ = equilibrium.newton_steps(u, r)
-        slope = float((r * step).sum())
-        rounding = ROUNDING * float(np.abs(f * u).sum() + np.abs(potential).max())
-        for halving in range(HALVINGS):
-            trial = u + 0.5**halving * step
-            found = equilibrium.potential(trial, f)
-            if found <= potential + SUFFICIENT * 0.5**halving * slope + rounding:
-                break
-        else:
+        advanced = searched(equilibrium, f, u, r, equilibrium.newton_step(u, r))
+        if advanced is None:
             break
-        u, potential = trial, found
+        u, r = advanced
     raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} N")
+
+
+def searched(
+    equilibrium: Equilibrium, f: Array, u: Array, r: Array, step: Array
+) -> tuple[Array, Array] | None:
+    """Search along a step: the next displacement with its r; None if Π does not decrease.
+
+    All arrays are (1, n_nodes, d).
+    """
+    potential, slope = equilibrium.potential(u, f), float((r * step).sum())
+    for halving in range(HALVINGS):
+        part = 0.5**halving
+        trial = u + part * step
+        change = equilibrium.potential(trial, f) - potential
+        if change > equilibrium.rounding:
+            continue
+        new = equilibrium.out_of_balance(trial, f)
+        decreases = change <= SUFFICIENT * part * slope
+        if decreases or float((new * step).sum()) <= (2 * SUFFICIENT - 1) * slope:
+            return trial, new
+    return None
 
 
 def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[str, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Literal, Self
 
 from pydantic import model_validator
@@ -9,7 +10,8 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.baselines.linear_map import LinearMap, compliance_of
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.models.model import TrainedModel, require_stiffness
 from surrogate.models.training_config import RegressionTraining
 from surrogate.networks.field_network import FieldNetwork
@@ -41,7 +43,7 @@ class LinearModel(TrainedModel):
         """Build the layer; its weights are zero until `start_from_data`."""
         return LinearMap(dimension, free)
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError unless the grid points are nodes and the dataset holds the stiffness."""
         where = f"config '{self.name}': key 'model' = 'linear'"
         if not dataset.geometry.grid.points_are_nodes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sized
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
@@ -13,8 +14,9 @@ from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.models.training_config import SplitConfig, TrainingConfig
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import VariationalConfig
@@ -66,13 +68,18 @@ class Model(Frozen, ABC):
     likelihood: Likelihood
     displacement_scale: Literal["global", "node"] = "global"
     training: SplitConfig
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, lt=2**63)
 
     def plain(self) -> dict[str, Any]:
         """Return the whole configuration as plain data."""
         return self.model_dump(mode="json")
 
     # --- from the configuration and the data to a network -----------------------------------------
+
+    @property
+    def needs_material(self) -> bool:
+        """True if the network contains the linear response of the body."""
+        return False
 
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
@@ -101,7 +108,11 @@ class Model(Frozen, ABC):
             True at grid points that are nodes and not clamped.
         """
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of channels of the network's input in d dimensions."""
+        return dimension
+
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:

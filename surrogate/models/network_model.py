@@ -29,7 +29,7 @@ class NetworkModel(TrainedModel):
         Number of networks, trained together from different initial weights.
     """
 
-    ensemble: int = Field(1, ge=1)
+    ensemble: int = Field(1, ge=1, le=100)
     training: RecalibratedTraining
 
     @model_validator(mode="after")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Literal
 
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.models.model import Gaussian, Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -39,8 +42,8 @@ class PODModel(Model):
         """Build the network, empty until `start_from_data` fits it."""
         return PODNetwork(self.pod, free)
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
-        """Raise InputError if `pod.rank` exceeds the largest rank that the samples can have."""
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
+        """Raise InputError if `pod.rank` exceeds the samples' rank, or memory is short."""
         geometry = dataset.geometry
         most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
         if self.pod.rank is not None and self.pod.rank > most:
@@ -48,6 +51,9 @@ class PODModel(Model):
                 f"config '{self.name}': key 'pod.rank' = {self.pod.rank}: expected {most} at most, "
                 "the smaller of the numbers of training samples and of free degrees of freedom"
             )
+        loadable = int(geometry.loadable.sum())
+        needed = self.pod.memory(len(train), geometry.dimension, loadable)
+        require_memory(needed, f"config '{self.name}': key 'pod': the fit")
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scales, then fit modes and regression."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Literal, Self
 
 import torch
@@ -11,8 +12,9 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.network_model import (
     Bayesian,
@@ -44,6 +46,11 @@ class ReducedModel(NetworkModel):
     model: Literal["reduced"]
     network: ReducedConfig = ReducedConfig()
 
+    @property
+    def needs_material(self) -> bool:
+        """True: the network contains the linear response of the body."""
+        return True
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
     ) -> FieldNetwork:
@@ -54,7 +61,7 @@ class ReducedModel(NetworkModel):
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the network; its modes are empty until `start_from_data`."""
-        return ReducedNetwork(self.members(dimension), self.network, free)
+        return ReducedNetwork(self.members(dimension), self.network, dimension, free)
 
     def member(self, dimension: int, number: int) -> nn.Module:
         """Build one dense network."""
@@ -63,7 +70,7 @@ class ReducedModel(NetworkModel):
         outputs = output_channels(self.likelihood, self.network.output_modes)
         return DenseNetwork(self.network, outputs, posterior)
 
-    def require_suitable(self, dataset: Dataset, train: Samples) -> None:
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if there are more modes than samples or free degrees of freedom."""
         geometry = dataset.geometry
         most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))

@@ -68,15 +68,17 @@ class TrainingConfig(SplitConfig, ABC):
         Compile the network by `torch.compile`.
     cuda_graphs : bool
         Launch a whole step as one CUDA graph; useful for small batches on a GPU.
-    samples_on : {"auto", "device", "host"}
-        Memory that holds the samples; ``auto`` chooses the device's if they fit.
+    samples_on : {"auto", "device", "host", "disk"}
+        Memory that holds the samples; ``auto`` chooses the device's if they fit. With ``disk`` the
+        samples are read from their shards in every epoch, in an order that is random within a
+        window (`surrogate.data.samples_on_disk`); the dataset may be larger than the memory.
     checkpoint_seconds : float
         Time between two checkpoints; one is always written at the end.
     """
 
-    mirrors: tuple[Literal["x", "y", "z"], ...] = ()
-    epochs: int = Field(600, gt=0)
-    batch_size: int = Field(4, gt=0)
+    mirrors: tuple[Literal["x", "y", "z"], ...] = Field((), max_length=3)
+    epochs: int = Field(600, gt=0, le=10**6)
+    batch_size: int = Field(4, gt=0, le=10**6)
     optimiser: OptimiserConfig = OptimiserConfig()
     schedule: ScheduleConfig = ScheduleConfig()
     early_stopping: EarlyStoppingConfig | None = None
@@ -85,7 +87,7 @@ class TrainingConfig(SplitConfig, ABC):
     compile: bool = False
     cuda_graphs: bool = False
     samples_on: Location = "auto"
-    checkpoint_seconds: float = Field(60.0, ge=0)
+    checkpoint_seconds: float = Field(60.0, ge=0, le=10**7)
 
     @property
     def validation_users(self) -> tuple[str, ...]:

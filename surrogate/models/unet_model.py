@@ -10,8 +10,9 @@ from torch import Tensor, nn
 
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.network_model import (
     Bayesian,
@@ -50,6 +51,11 @@ class UNetModel(NetworkModel):
             )
         return self
 
+    @property
+    def needs_material(self) -> bool:
+        """True if the network contains the linear response of the body."""
+        return self.network.needs_linear_response
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
     ) -> FieldNetwork:
@@ -57,7 +63,7 @@ class UNetModel(NetworkModel):
         config = self.network
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
         linear = None
-        if config.needs_linear_response:
+        if self.needs_material:
             linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
 
@@ -77,6 +83,10 @@ class UNetModel(NetworkModel):
         posterior = self.posterior
         assert posterior is None or isinstance(posterior, VariationalConvolutions)
         return UNet(dimension, outputs, self.network, posterior, number)
+
+    def input_channels(self, dimension: int) -> int:
+        """Return the number of channels of the input in d dimensions."""
+        return self.network.input_channels(dimension)
 
     @property
     def has_dropout(self) -> bool:

@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
-from surrogate.data.dataset import Samples
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
@@ -184,7 +184,7 @@ class FieldNetwork(nn.Module):
         Parameters
         ----------
         samples : Samples
-            Forces in N and displacements in m, on the network's device.
+            Forces in N and displacements in m, on any device.
 
         Returns
         -------

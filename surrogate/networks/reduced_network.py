@@ -22,7 +22,6 @@ from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
 from surrogate.networks.field_network import SMALLEST_STD
-from surrogate.networks.fitted import Fitted
 from surrogate.probabilistic.flipout import FlipoutDense, VariationalConfig
 from surrogate.probabilistic.likelihoods import Prediction
 
@@ -45,7 +44,7 @@ class VariationalLayers(VariationalConfig):
         layers if left out.
     """
 
-    layers: tuple[int, ...] | None = Field(None, min_length=1)
+    layers: tuple[int, ...] | None = Field(None, min_length=1, max_length=101)
 
     def covers(self, layer: int) -> bool:
         """Tell whether a layer is probabilistic."""
@@ -64,10 +63,10 @@ class ReducedConfig(Frozen):
     activation : {"relu", "gelu", "silu"}
     """
 
-    input_modes: int = Field(48, ge=1)
-    output_modes: int = Field(96, ge=1)
-    width: int = Field(256, ge=1)
-    depth: int = Field(3, ge=1)
+    input_modes: int = Field(48, ge=1, le=10**4)
+    output_modes: int = Field(96, ge=1, le=10**4)
+    width: int = Field(256, ge=1, le=10**5)
+    depth: int = Field(3, ge=1, le=100)
     activation: Literal["relu", "gelu", "silu"] = "silu"
 
 
@@ -115,8 +114,10 @@ class DenseNetwork(nn.Module):
         return y
 
 
-class ReducedNetwork(Fitted):
+class ReducedNetwork(nn.Module):
     """Map from the scaled force grid to the scaled correction of the linear response.
+
+    Its modes are zero until `fit`.
 
     Parameters
     ----------
@@ -124,6 +125,8 @@ class ReducedNetwork(Fitted):
         Network (N, input_modes) → (K·N, output_modes) or twice as many outputs: first the means,
         then ρ of the standard deviations.
     config : ReducedConfig
+    dimension : int
+        Number of space dimensions d.
     free : Tensor of bool, (nx, ny[, nz])
         True at grid points that are nodes and not clamped.
 
@@ -142,10 +145,17 @@ class ReducedNetwork(Fitted):
     modes: Tensor
     truncation: Tensor
 
-    def __init__(self, dense: nn.Module, config: ReducedConfig, free: Tensor) -> None:
-        super().__init__("encoder", "modes", "truncation")
+    def __init__(
+        self, dense: nn.Module, config: ReducedConfig, dimension: int, free: Tensor
+    ) -> None:
+        super().__init__()
         self.dense, self.config = dense, config
-        self.register_buffer("points", free.flatten().nonzero().squeeze(1), persistent=False)
+        points = free.flatten().nonzero().squeeze(1)
+        size = dimension * len(points)
+        self.register_buffer("points", points, persistent=False)
+        self.register_buffer("encoder", torch.zeros(config.input_modes, size))
+        self.register_buffer("modes", torch.zeros(config.output_modes, size))
+        self.register_buffer("truncation", torch.zeros(size))
 
     @torch.no_grad()
     def fit(

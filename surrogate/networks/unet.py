@@ -39,6 +39,8 @@ TRANSFORMS: dict[Transform, Callable[[Tensor], Tensor]] = {
     "saturating": saturating,
 }
 
+MOST_CHANNELS = 2**16  # of a level
+
 
 class UNetConfig(Frozen):
     """Architecture of a U-Net (defaults: the paper's in two dimensions).
@@ -70,15 +72,15 @@ class UNetConfig(Frozen):
         and in stochastic passes.
     """
 
-    levels: int = Field(3, ge=1)
-    channels: int = Field(128, ge=1)
-    multiplier: int = Field(2, ge=1)
-    padding: int = Field(2, ge=0)
+    levels: int = Field(3, ge=1, le=10)
+    channels: int = Field(128, ge=1, le=4096)
+    multiplier: int = Field(2, ge=1, le=8)
+    padding: int = Field(2, ge=0, le=64)
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
     inputs: tuple[Input, ...] = Field(("force",), min_length=1)
     skip: Literal["none", "linear"] = "none"
-    force_transforms: tuple[Transform, ...] = Field(("linear",), min_length=1)
+    force_transforms: tuple[Transform, ...] = Field(("linear",), min_length=1, max_length=100)
     dropout: float = Field(0.0, ge=0, lt=1)
 
     @model_validator(mode="after")
@@ -88,6 +90,17 @@ class UNetConfig(Frozen):
         if "force" not in self.inputs and self.force_transforms != ("linear",):
             raise ValueError(
                 f"force_transforms = {list(self.force_transforms)}: expected with input 'force'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _channels_of_the_coarsest_level(self) -> Self:
+        most = self.level_channels()[-1]
+        if most > MOST_CHANNELS:
+            raise ValueError(
+                f"channels = {self.channels}, multiplier = {self.multiplier}, levels = "
+                f"{self.levels}: {most} channels at the coarsest level, expected {MOST_CHANNELS} "
+                "at most"
             )
         return self
 

@@ -24,7 +24,7 @@ class EarlyStoppingConfig(Frozen):
         training stops.
     """
 
-    patience: int = Field(gt=0)
+    patience: int = Field(gt=0, le=10**6)
 
 
 class EarlyStopping:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import torch
 from pydantic import Field, model_validator
@@ -12,6 +12,7 @@ from shared_schema.common.configuration import Frozen
 from surrogate.optim.muon import Muon
 
 MOMENTUM = 0.95
+Decay = Annotated[float, Field(ge=0, lt=1)]
 
 
 class OptimiserConfig(Frozen):
@@ -39,12 +40,12 @@ class OptimiserConfig(Frozen):
     """
 
     name: Literal["adam", "muon"] = "adam"
-    learning_rate: float = Field(1e-4, gt=0)
-    betas: tuple[float, float] = (0.9, 0.999)
+    learning_rate: float = Field(1e-4, gt=0, le=10)
+    betas: tuple[Decay, Decay] = (0.9, 0.999)
     momentum: float = Field(MOMENTUM, ge=0, lt=1)
-    weight_decay: float = Field(0.0, ge=0)
-    rho_factor: float = Field(1.0, gt=0)
-    gradient_clip: float | None = Field(None, gt=0)
+    weight_decay: float = Field(0.0, ge=0, le=100)
+    rho_factor: float = Field(1.0, gt=0, le=1e6)
+    gradient_clip: float | None = Field(None, gt=0, le=1e6)
 
     @model_validator(mode="after")
     def _momentum_is_of_muon(self) -> Self:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
 
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, first_line
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.paper import PAPER
 from surrogate.runs.description import RunDescription
@@ -126,32 +126,40 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
     evaluation = run.read_evaluation()
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
-    page = PAGES.get_template("report.html.j2").render(
-        case=description.run.case,
-        likelihood=description.run.likelihood.replace("_", " "),
-        model=description.run.title,
-        recipe=description.run.recipe,
-        dimension=description.data.dimension,
-        info=description.data.info,
-        evaluation=evaluation,
-        rows=_rows(description, evaluation),
-        figures=_figures(run),
-        solving=_solving(nodal, description) if nodal is not None else None,
-        run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
-        case_configuration=yaml.safe_dump(description.data.case, sort_keys=False),
-    )
+    figures, trained_on = _figures(run), run.trained_on()
+    solving = _solving(nodal, description) if nodal is not None else None
+    try:
+        page = PAGES.get_template("report.html.j2").render(
+            case=description.run.case,
+            likelihood=description.run.likelihood.replace("_", " "),
+            model=description.run.title,
+            recipe=description.run.recipe,
+            dimension=description.data.dimension,
+            info=description.data.info,
+            evaluation=evaluation,
+            trained_on=trained_on,
+            rows=_rows(description, evaluation, trained_on),
+            figures=figures,
+            solving=solving,
+            run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
+            case_configuration=yaml.safe_dump(description.data.case, sort_keys=False),
+        )
+    except (LookupError, TypeError, ValueError, UndefinedError) as error:
+        reason = f"{type(error).__name__}: {first_line(error)}"
+        raise InputError(f"{run.evaluation}: not measures of a run ({reason})") from None
     write_text(path, page + "\n")
 
 
 def _figures(run: RunFolder) -> list[Figure]:
+    drawn = run.read_figures()
     return [
-        Figure(caption, "data:image/png;base64," + b64encode(file.read_bytes()).decode())
+        Figure(caption, "data:image/png;base64," + b64encode(drawn[name]).decode())
         for name, caption in FIGURES
-        if (file := run.figures / name).is_file()
+        if name in drawn
     ]
 
 
-def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
+def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: str) -> list[Row]:
     test, example = evaluation["test"], evaluation["example"]
     paper = PAPER.network(description.run.case, description.run.likelihood)
     minutes = evaluation["training_seconds"] / 60
@@ -164,7 +172,7 @@ def _rows(description: RunDescription, evaluation: dict[str, Any]) -> list[Row]:
             f"{example['relative_tip_error']:.2%} at {example['tip_displacement']:.2f} m",
         ),
         ("trainable parameters", f"{evaluation['trainable_parameters'] / 1e6:.2f} M"),
-        ("training time", f"{minutes:.1f} min, {evaluation['machine']}"),
+        ("training time", f"{minutes:.1f} min, {trained_on}"),
         (
             "relative tip error, median of the test split",
             f"{test['relative_tip_error_median']:.2%}",

@@ -1,10 +1,10 @@
-"""The figures of one evaluated run, drawn into its ``figures/`` folder."""
+"""The files of an evaluation in the run folder: measures and figures."""
 
 from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from shared_schema.drawing.figure_style import save
+from shared_schema.drawing.figure_style import png
 from surrogate.evaluation.error_metrics import displacement_at_load, sample_errors
 from surrogate.evaluation.evaluate import Evaluation
 from surrogate.presentation.calibration_curves import calibration_curves
@@ -17,8 +17,24 @@ from surrogate.runs.folder import RunFolder
 from surrogate.uncertainty.calibration import CalibrationMeasures
 
 
-def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
-    """Draw the paper's figures of one run into its ``figures/`` folder."""
+def write_evaluation(evaluation: Evaluation, run: RunFolder) -> None:
+    """Write the measures of an evaluation and the paper's figures into its run folder.
+
+    Either all files replace those of the evaluation before, or none does.
+
+    Raises
+    ------
+    InputError
+        If another process works in the folder.
+    OSError
+        If a file cannot be written.
+    """
+    files = evaluation.files(run)
+    files |= {run.figures / f"{name}.png": png(f) for name, f in _figures(evaluation, run).items()}
+    run.write_evaluation(files)
+
+
+def _figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
     drawn = _error_figures(evaluation)
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # a fitted model has no epochs
@@ -26,9 +42,7 @@ def write_figures(evaluation: Evaluation, run: RunFolder) -> None:
     if evaluation.calibration is not None:
         name = run.description().run.name
         drawn |= _uncertainty_figures(evaluation, evaluation.calibration, name)
-    run.figures.mkdir(exist_ok=True)
-    for file, figure in drawn.items():
-        save(figure, run.figures / f"{file}.png")
+    return drawn
 
 
 def _error_figures(evaluation: Evaluation) -> dict[str, Figure]:

@@ -49,12 +49,12 @@ class VariationalConfig(Frozen):
     """
 
     biases: bool = False
-    prior_std: float = Field(0.1, gt=0)
+    prior_std: float = Field(0.1, ge=1e-9, le=1000)
     prior_mean: Literal["trainable", "zero"] = "trainable"
-    initial_std: float = Field(0.01, gt=0)
+    initial_std: float = Field(0.01, ge=1e-9, le=1000)
     posterior_std: Literal["gradient", "gauss_newton"] = "gradient"
     kl_divergence: Literal["closed", "sampled"] = "closed"
-    weight: float = Field(1.0, gt=0)
+    weight: float = Field(1.0, ge=1e-9, le=1000)
     warmup: float = Field(0.0, ge=0, le=1)
 
     def factor(self, step: int, steps: int) -> float:
@@ -73,8 +73,8 @@ class VariationalConvolutions(VariationalConfig):
         Levels with probabilistic convolutions, 0 being the finest; all levels if left out.
     """
 
-    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1)
-    levels: tuple[int, ...] | None = Field(None, min_length=1)
+    convolutions: tuple[Literal[1, 2], ...] = Field((2,), min_length=1, max_length=2)
+    levels: tuple[int, ...] | None = Field(None, min_length=1, max_length=10)
 
     def covers(self, level: int, number: int) -> bool:
         """Tell whether convolution `number` (1 or 2) of a level is probabilistic."""

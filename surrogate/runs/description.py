@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 
-from pydantic import model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
+from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model
 from surrogate.runs.configuration import KINDS, RunConfig, tag_of
 from surrogate.runs.legacy import upgraded
@@ -30,6 +31,8 @@ class DataFingerprint(Frozen):
     cell_type : str
     info : StructuredInfo
         Grid, split and statistics.
+    loads : LoadRange or None
+        Numbers of loads and resultants of the training split; None in older files.
     """
 
     case: dict[str, Any]
@@ -37,11 +40,30 @@ class DataFingerprint(Frozen):
     dimension: int
     cell_type: str
     info: StructuredInfo
+    loads: LoadRange | None = None
 
     @property
     def material(self) -> NeoHookean:
         """Material of the body; InputError if the case does not name it."""
         return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
+
+
+class Origin(Frozen):
+    """Another run whose weights a training starts from.
+
+    Attributes
+    ----------
+    run : str
+        Name of its configuration.
+    data : str
+        Digest of its dataset.
+    weights : str
+        Digest of its weights.
+    """
+
+    run: str
+    data: str
+    weights: str
 
 
 class RunDescription(Frozen):
@@ -53,11 +75,25 @@ class RunDescription(Frozen):
         Version of the file; files of version 1 lack this key.
     run : RunConfig
     data : DataFingerprint
+    start_from : Origin or None
+        Run whose weights the training starts from; absent from the file if there is none.
     """
 
     version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
+    start_from: Origin | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_absent_origin(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if self.start_from is None:
+            del content["start_from"]
+        return content
+
+    def as_before_loads(self) -> RunDescription:
+        """Return the same description without `data.loads`, as older files have it."""
+        return self.model_copy(update={"data": self.data.model_copy(update={"loads": None})})
 
     @model_validator(mode="before")
     @classmethod
@@ -71,7 +107,7 @@ class RunDescription(Frozen):
         return {**content, "version": 2, "run": upgraded(run, kind)}
 
 
-def describe(config: Model, dataset: Dataset) -> RunDescription:
+def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) -> RunDescription:
     """Describe a run.
 
     Raises
@@ -91,5 +127,6 @@ def describe(config: Model, dataset: Dataset) -> RunDescription:
         dimension=manifest.dimension,
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
+        loads=load_range(dataset),
     )
-    return RunDescription(run=cast(RunConfig, config), data=data)
+    return RunDescription(run=cast(RunConfig, config), data=data, start_from=start_from)

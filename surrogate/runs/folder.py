@@ -2,30 +2,36 @@
 
 ::
 
+    manifest.json       checksums of all finished files, except those of TensorBoard
     config.yaml         resolved configuration, and the dataset of the training
     model.safetensors   weights, scales, mesh and grid map
-    metrics.jsonl       one line per epoch
+    metrics.jsonl       one line per epoch, each with its own checksum
     hardware.txt        name of the hardware of the training
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
     figures/            figures
-    checkpoint/         last.safetensors, to resume from
+    checkpoint/         last.safetensors, to resume from, with its own checksum
     tensorboard/        event files of TensorBoard (with `train --tensorboard`)
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 from torch import Tensor
 
-from shared_schema.common.atomic_file import write_text
+from shared_schema.common.atomic_file import complete_or_absent, remove_partial_files, write_text
 from shared_schema.common.configuration import read_yaml, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.runs.description import RunDescription
+from surrogate.runs.manifest import Seal
+from surrogate.runs.metric_lines import append_line, read_lines, write_lines
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
 
@@ -48,61 +54,122 @@ class RunFolder:
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
+        self.seal = Seal(folder)
 
-    def start(self, description: RunDescription) -> None:
-        """Make the folder, or require that it belongs to the same configuration and dataset.
+    @property
+    def is_finished(self) -> bool:
+        """True if the training has ended with a model."""
+        return self.seal.lists(self.model)
+
+    @property
+    def unsealed(self) -> str | None:
+        """Remark that nothing in the folder can be checked; None if it has a manifest."""
+        if self.seal.exists or not self.config.is_file():
+            return None
+        return f"{self.folder}: unsealed, an earlier version made it; its files are read unchecked"
+
+    def require_free(self, description: RunDescription) -> None:
+        """Require that a run can start or resume in the folder; nothing is written.
+
+        A run without a finished epoch gives way to another one.
 
         Raises
         ------
         InputError
-            If the folder belongs to another run (the message names the first difference) or holds
-            other files.
+            If the folder belongs to another run (the message names the first difference), holds
+            other files, or a finished file in it is damaged.
         """
         if self.config.is_file():
             existing = self.description()
-            if existing != description:
+            if existing.data.loads is None:
+                description = description.as_before_loads()
+            if existing != description and self._is_bound():
                 raise InputError(
                     f"--out '{self.folder}': a run with another "
                     f"{first_difference(existing.model_dump(), description.model_dump())}"
                 )
-            return
-        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
+            self.seal.require_intact()
+            self.metric_lines()
+        elif self.folder.exists() and (not self.folder.is_dir() or self._content()):
             raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
-        self.folder.mkdir(parents=True, exist_ok=True)
-        content = description.model_dump(mode="json")
-        write_text(self.config, yaml.safe_dump(content, sort_keys=False))
+
+    def start(self, description: RunDescription) -> None:
+        """Make the folder, or continue in it after `require_free`; seal its configuration.
+
+        Raises
+        ------
+        InputError
+            See `require_free`.
+        """
+        self.require_free(description)
+        for folder in (self.folder, self.checkpoint.parent, self.figures):
+            remove_partial_files(folder)
+        if not self._is_bound():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            content = description.model_dump(mode="json")
+            write_text(self.config, yaml.safe_dump(content, sort_keys=False))
+            self.seal.make(self.config)
+        elif not self.seal.exists:
+            write_lines(self.metrics, self.metric_lines())
+            self.seal.make(self.config)
+
+    @contextmanager
+    def owned(self) -> Iterator[None]:
+        """Work alone in the folder, which is made; if it stays empty, it is removed again.
+
+        Raises
+        ------
+        InputError
+            If another process works in the folder.
+        """
+        try:
+            with FolderLock(self.folder):
+                yield
+        finally:
+            with suppress(OSError):
+                self.folder.rmdir()
+
+    def _content(self) -> list[Path]:
+        return [path for path in self.folder.iterdir() if path.name != LOCK]
+
+    def _is_bound(self) -> bool:
+        """True if the folder has results, so that it belongs to its configuration."""
+        return self.checkpoint.is_file() or self.model.is_file()
 
     def description(self) -> RunDescription:
         """Read ``config.yaml``; InputError if it is missing or damaged."""
         if not self.config.is_file():
             raise InputError(f"{self.folder}: no run there, expected a folder with config.yaml")
+        self.seal.require_intact(self.config)
         return validate(RunDescription, read_yaml(self.config), str(self.config))
 
     def read_tensors(self) -> dict[str, Tensor]:
         """Read ``model.safetensors``; InputError if the run is not finished or damaged."""
-        if not self.model.is_file():
+        if not self.is_finished:
             raise InputError(f"{self.folder}: the run is not finished, no {self.model.name} in it")
+        self.seal.require_intact(self.model)
         return load_tensors(self.model)[0]
 
     def write_tensors(self, tensors: dict[str, Tensor]) -> None:
-        """Write ``model.safetensors`` atomically."""
+        """Write ``model.safetensors`` atomically, and seal all that the training has written."""
         save_atomically(tensors, self.model)
+        self.seal.add(p for p in (self.model, self.metrics, self.hardware) if p.is_file())
 
     def trained_on(self) -> str:
         """Return the name of the hardware of the training; "unknown" if the file is missing."""
+        self.seal.require_intact(self.hardware)
         return self.hardware.read_text().strip() if self.hardware.is_file() else "unknown"
 
     def metric_lines(self) -> list[dict[str, Any]]:
-        """Read every complete line of ``metrics.jsonl``; an incomplete last line is left out."""
-        if not self.metrics.is_file():
-            return []
-        lines = []
-        for text in filter(None, self.metrics.read_text().splitlines()):
-            try:
-                lines.append(json.loads(text))
-            except ValueError:
-                break
-        return lines
+        """Read every complete line of ``metrics.jsonl``; an incomplete last line is left out.
+
+        Raises
+        ------
+        InputError
+            If a line is damaged.
+        """
+        self.seal.require_intact(self.metrics)
+        return read_lines(self.metrics, checked=self.seal.exists)
 
     def training_effort(self) -> tuple[int, float]:
         """Return epochs and seconds of the training; those of the evaluation if it has no lines."""
@@ -114,18 +181,68 @@ class RunFolder:
         return evaluation["epochs"], evaluation["training_seconds"]
 
     def keep_metric_lines(self, epoch: int) -> None:
-        """Delete the lines of epochs after `epoch`."""
+        """Delete the lines of epochs after `epoch`; InputError if a line before is missing."""
         lines = [line for line in self.metric_lines() if line["epoch"] <= epoch]
-        write_text(self.metrics, "".join(json.dumps(line) + "\n" for line in lines))
+        if len(lines) < epoch:
+            raise InputError(
+                f"{self.metrics}: {len(lines)} lines of epochs, expected {epoch} as in "
+                f"{self.checkpoint.name}"
+            )
+        write_lines(self.metrics, lines)
+
+    def append_metric_line(self, line: Mapping[str, float]) -> None:
+        """Append the measures of an epoch."""
+        append_line(self.metrics, line)
+
+    def write_evaluation(self, files: Mapping[Path, bytes]) -> None:
+        """Write all files of an evaluation in place of those before, or none of them.
+
+        Parameters
+        ----------
+        files : mapping of Path to bytes
+            New content of ``evaluation.json``, ``intervals.safetensors`` and the figures. Other
+            figures are removed; other intervals stay.
+
+        Raises
+        ------
+        InputError
+            If another process works in the folder.
+        OSError
+            If a file cannot be written; those before are then still there.
+        """
+        with FolderLock(self.folder, "RUN"):
+            self.figures.mkdir(exist_ok=True)
+            for folder in (self.folder, self.figures):
+                remove_partial_files(folder)
+            before = [self.evaluation, *self.figures.iterdir()]
+            with ExitStack() as all_or_none:
+                for path, content in files.items():
+                    all_or_none.enter_context(complete_or_absent(path)).write_bytes(content)
+                self.seal.withdraw([*before, *files])
+                for path in before:
+                    path.unlink(missing_ok=True)
+            self.seal.add(files)
+
+    def read_figures(self) -> dict[str, bytes]:
+        """Read the figures of the evaluation, by file name; InputError if one is damaged."""
+        if not self.figures.is_dir():
+            return {}
+        files = sorted(path for path in self.figures.glob("*.png") if self.seal.lists(path))
+        if files:
+            self.seal.require_intact(*files)
+        return {path.name: path.read_bytes() for path in files}
 
     def read_evaluation(self) -> dict[str, Any]:
         """Read ``evaluation.json``; InputError if it is missing or damaged."""
-        if not self.evaluation.is_file():
+        if not self.seal.lists(self.evaluation):
             raise InputError(f"{self.folder}: not evaluated yet, no {self.evaluation.name} in it")
+        self.seal.require_intact(self.evaluation)
         try:
-            content: dict[str, Any] = json.loads(self.evaluation.read_text())
-        except ValueError as error:
+            content = json.loads(self.evaluation.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"{self.evaluation}: damaged ({error})") from None
+        if not isinstance(content, dict):
+            raise InputError(f"{self.evaluation}: damaged, expected a mapping")
         return content
 
 

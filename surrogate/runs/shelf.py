@@ -12,8 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import InputError
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.manifest import Seal
 
 SHELF = Path(__file__).parents[1] / "trained"
 KEPT = ("config.yaml", "model.safetensors", "evaluation.json", "hardware.txt")
@@ -49,9 +51,26 @@ def find_run(run: str | Path) -> Path:
     )
 
 
-def is_shelved(run: Path) -> bool:
-    """True for the folder of a network that comes with the package."""
-    return run.parent.resolve() == SHELF.resolve()
+def require_changeable(run: Path, copy: Path | None) -> None:
+    """Require that results can be written into a run, or into a new folder for a copy of it.
+
+    Raises
+    ------
+    InputError
+        If the copy's folder exists, or there is none for a network that comes with the package.
+    """
+    folder = find_run(run)
+    if copy is not None:
+        if copy.exists():
+            raise InputError(f"--out '{copy}': exists, expected a new folder")
+        require_writable(copy)
+    elif folder.parent.resolve() == SHELF.resolve():
+        raise InputError(
+            f"{folder.name}: comes with the package and is not changed; expected --out DIR, "
+            "a new folder for a copy with the results"
+        )
+    else:
+        require_writable(folder, "RUN")
 
 
 def shelve(run: Path, name: str) -> Path:
@@ -94,10 +113,10 @@ def shelve(run: Path, name: str) -> Path:
     return SHELF / name
 
 
-def copy_run(run: Path, folder: Path) -> None:
-    """Copy the files of a run that are kept to a new folder."""
+def copy_run(run: Path, folder: Path) -> Path:
+    """Copy the files of a run that are kept to a new folder, and return it."""
     with _copied(run, folder):
-        pass
+        return folder
 
 
 @contextmanager
@@ -110,6 +129,7 @@ def _copied(run: Path, folder: Path) -> Iterator[Path]:
         for name in (*KEPT, *KEPT_IF_THERE):
             if (run / name).is_file():
                 shutil.copy(run / name, copy)
+        Seal(copy).make(*(file for file in copy.iterdir()))
         yield copy
         if folder.exists():
             folder.rename(Path(parts) / "replaced")

@@ -3,35 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar, cast
 
 import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import Samples
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.models.model import Model
 from surrogate.seeds import CALIBRATION, VALIDATION, stream
 
+AnySamples = TypeVar("AnySamples", bound=Samples | SamplesOnDisk)
+
 
 @dataclass(frozen=True)
-class TrainingSplit:
+class TrainingSplit(Generic[AnySamples]):
     """Disjoint random subsets of the training samples; each subset keeps the samples' order.
 
     Attributes
     ----------
-    train : Samples
+    train : Samples or SamplesOnDisk
         Samples that the weights are fitted to.
-    validation : Samples
+    validation : Samples or SamplesOnDisk
         Samples for early stopping and recalibration.
-    calibration : Samples
+    calibration : Samples or SamplesOnDisk
         Samples that only conformal intervals are fitted to.
     calibration_rows : Tensor of int
         Row numbers of the calibration samples among all training samples.
     """
 
-    train: Samples
-    validation: Samples
-    calibration: Samples
+    train: AnySamples
+    validation: AnySamples
+    calibration: AnySamples
     calibration_rows: Tensor
 
 
@@ -42,7 +46,7 @@ def set_aside(rows: Tensor, count: int, seed: int, purpose: int) -> tuple[Tensor
     return rows[order[count:].sort().values], rows[order[:count].sort().values]
 
 
-def split_training(samples: Samples, config: Model) -> TrainingSplit:
+def split_training(samples: AnySamples, config: Model) -> TrainingSplit[AnySamples]:
     """Split the training samples by the fractions of a configuration.
 
     Raises
@@ -69,4 +73,5 @@ def split_training(samples: Samples, config: Model) -> TrainingSplit:
                 f"config '{config.name}': key {fraction} takes none of {total} samples, but "
                 f"'training.{key}' expects some"
             )
-    return TrainingSplit(samples[train], samples[validation], samples[calibration], calibration)
+    parts = [cast(AnySamples, samples.subset(r)) for r in (train, validation, calibration)]
+    return TrainingSplit(parts[0], parts[1], parts[2], calibration)

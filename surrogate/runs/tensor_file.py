@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
@@ -12,18 +14,25 @@ from torch import Tensor
 
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, first_line
+from surrogate.hardware import memory_errors
 
 Tensors = dict[str, Tensor]
-DIGEST = "sha256"
+DIGEST = "digest"
+TENSOR_DIGEST = "sha256"  # in files of earlier versions, which leaves out the metadata
+
+
+def serialised(tensors: Tensors, metadata: dict[str, str] | None = None) -> bytes:
+    """Content of a file of tensors, text metadata and a digest of both."""
+    contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
+    text = metadata or {}
+    return save(contiguous, {**text, DIGEST: tensor_digest(contiguous, text)})
 
 
 def save_atomically(tensors: Tensors, path: Path, metadata: dict[str, str] | None = None) -> None:
-    """Write tensors, text metadata and a digest of the tensors."""
+    """Write a file of tensors, text metadata and a digest of both."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
-    text = {**(metadata or {}), DIGEST: tensor_digest(contiguous)}
     with complete_or_absent(path) as partial:
-        partial.write_bytes(save(contiguous, text))
+        partial.write_bytes(serialised(tensors, metadata))
 
 
 def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
@@ -32,24 +41,29 @@ def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
     Raises
     ------
     InputError
-        If the file is damaged; a single changed bit of a tensor is found.
+        If the file is damaged; a single changed bit of a tensor or of the metadata is found.
     """
     try:
-        with safe_open(path, framework="pt") as file:
+        with memory_errors(), safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged ({first_line(error)})") from None
-    if metadata.get(DIGEST) != tensor_digest(tensors):
+    digest, text = metadata.pop(DIGEST, None), metadata
+    if digest is None:
+        digest, text = metadata.pop(TENSOR_DIGEST, None), {}
+    if digest != tensor_digest(tensors, text):
         raise InputError(f"{path}: damaged (the tensors do not match their digest)")
     return tensors, metadata
 
 
-def tensor_digest(tensors: Tensors) -> str:
-    """Return the SHA-256 of names, types, shapes and bytes of tensors, sorted by name."""
+def tensor_digest(tensors: Tensors, metadata: Mapping[str, str]) -> str:
+    """Return the SHA-256 of names, types, shapes and bytes of tensors, and of text metadata."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
         value = tensors[name]
         digest.update(f"{name} {value.dtype} {tuple(value.shape)}".encode())
         digest.update(value.reshape(-1).view(torch.uint8).numpy().tobytes())
+    for key in sorted(metadata):
+        digest.update(json.dumps([key, metadata[key]]).encode())
     return digest.hexdigest()

@@ -8,6 +8,7 @@ averages and the state of early stopping.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,6 +17,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
+from surrogate.hardware import memory_errors
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
 EARLIER = {"posterior_std": "spreads"}  # names in run folders of version 1
@@ -83,14 +85,24 @@ def load_checkpoint(
     """
     tensors, metadata = load_tensors(path)
     try:
-        status = json.loads(metadata["status"])
-        for owner, stateful in states.items():
-            stateful.load_state_dict(_state(owner, tensors))
-        for number, optimiser in enumerate(optimisers):
-            _restore(optimiser, _below(f"optimiser.{number}.", tensors))
-        return int(status["epoch"]), float(status["seconds"])
-    except (KeyError, RuntimeError, ValueError) as error:
+        epoch, seconds = _status(metadata["status"])
+        with memory_errors():
+            for owner, stateful in states.items():
+                stateful.load_state_dict(_state(owner, tensors))
+            for number, optimiser in enumerate(optimisers):
+                _restore(optimiser, _below(f"optimiser.{number}.", tensors))
+    except (KeyError, RuntimeError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a checkpoint of this run ({first_line(error)})") from None
+    return epoch, seconds
+
+
+def _status(text: str) -> tuple[int, float]:
+    """Read number of epochs and time of a checkpoint; ValueError if they are none."""
+    status = json.loads(text)
+    epoch, seconds = status["epoch"], float(status["seconds"])
+    if type(epoch) is not int or epoch < 1 or not 0 <= seconds < math.inf:
+        raise ValueError(f"status {text}")
+    return epoch, seconds
 
 
 def _restore(optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from surrogate.data.dataset import Samples
+from surrogate.data.samples import Samples
 
 WARM_UP = 3  # steps before the capture, in which libraries and optimisers allocate what they need
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import sys
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -21,9 +22,11 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
 from surrogate.data.mirror import with_mirror_images
 from surrogate.data.sample_store import DeviceStore
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
-from surrogate.hardware import hardware
-from surrogate.inference.prediction import make_surrogate
+from surrogate.hardware import hardware, require_device_memory
+from surrogate.inference.prediction import load, make_surrogate
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork
@@ -31,12 +34,15 @@ from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import TrainingSplit, split_training
+from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
+from surrogate.training.memory_estimate import training_memory
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
+from surrogate.training.warm_start import warm_start
 from surrogate.uncertainty.recalibration import recalibrate
 
 
@@ -54,6 +60,7 @@ def train(
     ranks: Ranks = ALONE,
     tensorboard: bool = False,
     seconds: float = math.inf,
+    start_from: Path | None = None,
 ) -> None:
     """Fit a model, or train it to its last epoch, resuming from the run's checkpoint.
 
@@ -72,11 +79,14 @@ def train(
         Also write files for TensorBoard.
     seconds : float
         Time after which this call begins no further epoch; a checkpoint is written after the last.
+    start_from : Path, optional
+        Folder of another run on the same body, whose weights the training starts from.
 
     Raises
     ------
     InputError
-        If the dataset belongs to another case, or the folder to another run.
+        If the dataset belongs to another case, the folder to another run or to another process, or
+        a file in it is damaged.
     WorkError
         If the loss is no longer finite; the last good checkpoint is kept.
     """
@@ -86,35 +96,83 @@ def train(
         raise InputError(f"--seconds {seconds:g}: expected more than 0")
     if tensorboard:
         require_tensorboard()
-    description = describe(config, dataset)
-    split = split_training(dataset.train, config)
-    if isinstance(config, TrainedModel):
-        key, axes = f"config '{config.name}': key 'training.mirrors'", config.training.mirrors
-        split = replace(split, train=with_mirror_images(split.train, dataset.geometry, axes, key))
+    deadline = time.perf_counter() + seconds
+    start = None if start_from is None else warm_start(start_from, config, dataset)
+    require_samples_at(config, dataset)
+    split = split_training(dataset.training, config)
     if isinstance(config, TrainedModel) and config.training.batch_size < ranks.count:
         raise InputError(
             f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
             f"expected {ranks.count} at least, the number of processes"
         )
     config.require_suitable(dataset, split.train)
-    ranks.from_first(lambda: run.start(description))
-    if run.model.is_file():
+    description = describe(config, dataset, None if start is None else start.origin)
+    ranks.from_first(lambda: run.require_free(description))
+    if run.is_finished:
+        load(run.folder)
         return
-    began = time.perf_counter()
-    network = config.build(dataset.geometry, dataset.info, dataset.material)
-    config.start_from_data(network, dataset, split.train)
     if isinstance(config, TrainedModel):
-        trainer = _trainer(config, network, split, dataset, device, ranks)
-        deadline = began + seconds
-        _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
-    elif ranks.is_first:
-        _finish_fit(config, network.to(device), split, dataset, run, began)
+        split = replace(split, train=mirrored(split.train, config, dataset))
+        batch = min(-(-config.training.batch_size // ranks.count), len(split.train))
+        require_device_memory(
+            training_memory(config, dataset.geometry, batch),
+            f"config '{config.name}': keys 'network', 'ensemble', 'training.batch_size': training",
+            device,
+        )
+    with ExitStack() as held:
+        ranks.from_first(lambda: held.enter_context(run.owned()))
+        began = time.perf_counter()
+        material = dataset.material if config.needs_material else None
+        network = config.build(dataset.geometry, dataset.info, material)
+        if start is None:
+            config.start_from_data(network, dataset, first_samples(split, config.seed))
+        else:
+            start.apply(network)
+        if isinstance(config, TrainedModel):
+            trainer = _trainer(config, network, split, dataset, device, ranks)
+            ranks.from_first(lambda: run.start(description))
+            _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
+        elif ranks.is_first:
+            run.start(description)
+            _finish_fit(config, network.to(device), split, dataset, run, began)
+
+
+def mirrored(
+    train: Samples | SamplesOnDisk, config: TrainedModel, dataset: Dataset
+) -> Samples | SamplesOnDisk:
+    """Training samples with their mirror images, if the configuration asks for them."""
+    axes, key = config.training.mirrors, f"config '{config.name}': key 'training.mirrors'"
+    if not axes:
+        return train
+    if isinstance(train, SamplesOnDisk):
+        raise InputError(f"{key} = {list(axes)}: expected none of samples on disk")
+    return with_mirror_images(train, dataset.geometry, axes, key)
+
+
+def first_samples(split: TrainingSplit[Samples | SamplesOnDisk], seed: int) -> Samples:
+    """Training samples that a network starts from: all, or random ones of those on disk."""
+    if isinstance(split.train, Samples):
+        return split.train
+    return split.train.some(torch.Generator().manual_seed(stream(seed, ORDER)))
+
+
+def stays_on_disk(config: Model) -> bool:
+    """True if the training samples of a configuration are not read into memory."""
+    return isinstance(config, TrainedModel) and config.training.samples_on == "disk"
+
+
+def require_samples_at(config: Model, dataset: Dataset) -> None:
+    """Raise InputError unless the samples are on disk exactly if the configuration says so."""
+    on_disk = stays_on_disk(config)
+    if on_disk != isinstance(dataset.training, SamplesOnDisk):
+        found, expected = ("in memory", "on disk") if on_disk else ("on disk", "in memory")
+        raise InputError(f"config '{config.name}': the samples are {found}, expected {expected}")
 
 
 def _trainer(
     config: TrainedModel,
     network: FieldNetwork,
-    split: TrainingSplit,
+    split: TrainingSplit[Samples | SamplesOnDisk],
     dataset: Dataset,
     device: torch.device,
     ranks: Ranks,
@@ -186,7 +244,7 @@ def _train(
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
             surrogate = make_surrogate(tensors, description)
-            recalibrate(surrogate, trainer.validation)
+            recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
         _write_model(run, trainer.device, tensors)
 
@@ -194,7 +252,7 @@ def _train(
 def _finish_fit(
     config: Model,
     network: FieldNetwork,
-    split: TrainingSplit,
+    split: TrainingSplit[Samples | SamplesOnDisk],
     dataset: Dataset,
     run: RunFolder,
     began: float,
@@ -202,7 +260,7 @@ def _finish_fit(
     """Write a model that is fitted directly, and one line of measures with epoch 0."""
     device = network.displacement_rms.device
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
-        store = DeviceStore(network.prepared(split.validation), device)
+        store = DeviceStore(network.prepared(split.validation.in_memory()), device)
         seconds = time.perf_counter() - began
         measures = validate(config, network, store, len(split.validation))
         log.write({"epoch": 0, **measures, "seconds": seconds})

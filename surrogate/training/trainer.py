@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.command_line import Progress
-from surrogate.data.dataset import Samples
-from surrogate.data.sample_store import store_samples
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast, convolutions
 from surrogate.models.model import TrainedModel
 from surrogate.networks.field_network import FieldNetwork
@@ -30,6 +30,7 @@ from surrogate.training.compilation import compiled
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
 from surrogate.training.gauss_newton import EVERY, GaussNewtonStd
+from surrogate.training.prepared_store import prepared_store
 from surrogate.training.validation import loss_per_datum, validate
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
@@ -44,15 +45,15 @@ class Trainer:
     config : TrainedModel
     network : FieldNetwork
         Network, already on the device of the training.
-    train, validation : Samples
+    train, validation : Samples or SamplesOnDisk
     ranks : Ranks
         Processes that train the network together.
     """
 
     config: TrainedModel
     network: FieldNetwork
-    train: Samples
-    validation: Samples
+    train: Samples | SamplesOnDisk
+    validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
 
     def __post_init__(self) -> None:
@@ -61,13 +62,13 @@ class Trainer:
         self.steps = self.steps_per_epoch * training.epochs
         posterior, self.elbo, self.posterior_std = self.config.posterior, None, None
         if posterior is not None:
-            components = self.network.free_points.numel() * self.train.force.shape[1]
+            components = self.network.free_points.numel() * len(self.network.displacement_scale)
             data = len(self.train) * components * self.network.members
             self.elbo = EvidenceLowerBound(self.network, posterior, data, self.device)
             if posterior.posterior_std == "gauss_newton":
                 self.posterior_std = GaussNewtonStd(self.network, len(self.train))
         self.train_store, self.validation_store = (
-            store_samples(self.network.prepared(samples), training.samples_on, self.device)
+            prepared_store(samples, self.network, training.samples_on, self.device)
             for samples in (self.train, self.validation)
         )
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
@@ -89,7 +90,7 @@ class Trainer:
     def order(self, epoch: int) -> Tensor:
         """Return the order of the training samples in an epoch."""
         generator = torch.Generator().manual_seed(stream(self.config.seed, ORDER, epoch))
-        return torch.randperm(len(self.train), generator=generator).to(self.train_store.home)
+        return self.train.order(generator).to(self.train_store.home)
 
     def differentiate(self, samples: Samples, whole: int) -> Tensor:
         """Set the gradients of this process's share of a batch of `whole` samples.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from collections.abc import Mapping
 
 from shared_schema.common.errors import InputError
@@ -27,7 +26,7 @@ class TrainingLog:
     """
 
     def __init__(self, run: RunFolder, epoch: int, tensorboard: bool, silent: bool) -> None:
-        self._path = None if silent else run.metrics
+        self._run = None if silent else run
         self._events = None
         if silent:
             return
@@ -39,9 +38,8 @@ class TrainingLog:
 
     def write(self, line: Line) -> None:
         """Append the measures of an epoch."""
-        if self._path is not None:
-            with self._path.open("a") as file:
-                file.write(json.dumps(line) + "\n")
+        if self._run is not None:
+            self._run.append_metric_line(line)
         if self._events is not None:
             for name, value in line.items():
                 if name != "epoch":

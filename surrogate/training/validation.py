@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surrogate.data.dataset import Samples
 from surrogate.data.sample_store import SampleStore
+from surrogate.data.samples import Samples
 from surrogate.device import convolutions
 from surrogate.models.model import Model
 from surrogate.networks.field_network import FieldNetwork

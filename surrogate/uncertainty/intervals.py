@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError, first_line
 from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.runs.split import split_training
-from surrogate.runs.tensor_file import load_tensors, save_atomically
+from surrogate.runs.tensor_file import load_tensors, serialised
 from surrogate.uncertainty.conformal import ConformalCalibration, Kind
 
 KINDS: tuple[Kind, ...] = ("marginal", "simultaneous")
@@ -66,13 +66,13 @@ class Intervals:
             }
         return content
 
-    def save(self, path: Path) -> None:
-        """Write the intervals atomically."""
+    def serialised(self) -> bytes:
+        """Content of a file of the intervals, which `load_intervals` reads."""
         tensors: dict[str, Tensor] = {
             kind: torch.from_numpy(calibration.factor)
             for kind, calibration in self.calibrations.items()
         }
-        save_atomically(tensors, path, {"level": repr(self.level), "samples": str(self.samples)})
+        return serialised(tensors, {"level": repr(self.level), "samples": str(self.samples)})
 
 
 def score_scale(surrogate: Surrogate, predicted: Distribution) -> ArrayLike:
@@ -98,7 +98,7 @@ def fit_intervals(
             f"--conformal {level}: not the dataset that the run was trained on, which holds its "
             "calibration split"
         )
-    rows = split_training(dataset.train, description.run).calibration_rows
+    rows = split_training(dataset.training, description.run).calibration_rows
     if len(rows) == 0:
         raise InputError(
             f"--conformal {level}: the run has no calibration split, "
@@ -125,7 +125,7 @@ def fit_intervals(
 
 
 def load_intervals(path: Path) -> Intervals:
-    """Read a file of `Intervals.save`.
+    """Read a file of `Intervals.serialised`.
 
     Raises
     ------

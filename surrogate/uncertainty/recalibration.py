@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from surrogate.data.dataset import Samples
+from surrogate.data.samples import Samples
 from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.uncertainty.calibration import negative_log_likelihood
 

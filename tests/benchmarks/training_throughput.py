@@ -26,7 +26,8 @@ from torch.nn import functional
 from torch.utils.data import DataLoader, TensorDataset
 
 from shared_schema.common.command_line import Progress
-from surrogate.data.dataset import Dataset, Samples, read_dataset
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.samples import Samples
 from surrogate.device import lay_out
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork

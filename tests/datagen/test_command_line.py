@@ -27,6 +27,24 @@ def test_solve_writes_npz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         assert file["displacement"][tip, 1] < -1.0
 
 
+def test_solve_from_a_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    start, out = tmp_path / "start.npz", tmp_path / "a.npz"
+    main(["solve", "beam2d", "--load", "4,1:0,-2.45", "--out", str(start)])
+    arguments = ["solve", "beam2d", "--load", CORNER, "--out", str(out)]
+    main(arguments)
+    with np.load(out) as file:
+        expected = file["displacement"]
+    capsys.readouterr()
+    assert main([*arguments, "--start", str(start)]) == 0
+    assert f"from {start}, 1 load steps" in capsys.readouterr().out
+    with np.load(out) as file:
+        np.testing.assert_allclose(file["displacement"], expected, atol=1e-8)
+    out.unlink()
+    error = refusal([*arguments, "--start", str(tmp_path / "none.npz")], capsys)
+    assert "--start" in error
+    assert not out.exists()
+
+
 def test_loads_at_several_nodes_act_together(tmp_path: Path) -> None:
     """Two half loads at one node act as the whole load."""
     whole, halves = tmp_path / "whole.npz", tmp_path / "halves.npz"

@@ -42,6 +42,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "drawing",
     ],
     "datagen": [
+        "quantities",
         "ranks",
         "dolfinx_versions",
         "mesh",

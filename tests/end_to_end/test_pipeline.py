@@ -79,6 +79,27 @@ def test_prediction_is_near_the_solution(work: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.mpi
+def test_a_corrected_prediction_is_the_solution(work: Path) -> None:
+    """`predict --correct`, and `solve --start` from the prediction, both to 1e-8 m."""
+    load, out = ("--load", "3.2,1:1,-2"), work / "corrected.npz"
+    execute(DATAGEN, "solve", "beam2d", *load, "--out", work / "fem.npz")
+    execute(SURROGATE, "predict", work / "run", *load, "--out", work / "net.npz")
+    execute(SURROGATE, "predict", work / "run", *load, "--correct", "--out", out)
+    start = ("--start", work / "net.npz")
+    said = execute(DATAGEN, "solve", "beam2d", *load, *start, "--out", work / "started.npz").stdout
+    assert "from " in said
+    with np.load(work / "fem.npz") as fem:
+        for path in (out, work / "started.npz"):
+            with np.load(path) as found:
+                difference = np.abs(found["displacement"] - fem["displacement"]).max()
+                assert difference < 1e-8, path
+    certify = ("--certify", "--tolerance", "1e-6", "--out", out)
+    refused = execute(SURROGATE, "predict", work / "run", *load, *certify, code=3)
+    assert "not certified: estimated error" in refused.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
 def test_loads_outside_the_training_are_warned_of(work: Path) -> None:
     out = ("--out", work / "far.npz")
     far = execute(SURROGATE, "predict", work / "run", "--load", "4,1:0,-5", *out)

@@ -24,7 +24,8 @@ from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 from torch.utils.flop_counter import FlopCounterMode
 
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.device import Precision, convolutions, lay_out
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count

@@ -47,7 +47,7 @@ def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
     if setting.on_gpu:
         torch.cuda.reset_peak_memory_stats(setting.device)
     reserve = RESERVE.get(config.likelihood, 12.0)
-    train(config, dataset, run, setting.device, seconds=max(1.0, setting.seconds_left - reserve))
+    train(config, dataset, run, setting.device, seconds=max(1e-3, setting.seconds_left - reserve))
     memory = torch.cuda.max_memory_allocated(setting.device) if setting.on_gpu else None
     finished = run.model.is_file()
     evaluation = evaluated(run if finished else as_it_is(run, dataset), setting, config.case)

@@ -207,6 +207,25 @@ NODAL_DAMAGE: list[Any] = [
     ),
     pytest.param(put("samples/number", 1, 3), ("more than once",), id="sample-3-twice"),
     pytest.param(put("failed/number", 0, 0), ("more than once",), id="failed-sample-0-twice"),
+    pytest.param(put("samples/number", 1, -1), ("sample number -1",), id="negative-number"),
+    pytest.param(put("failed/number", 0, 4), ("number 4, expected 0 to 3",), id="number-beyond"),
+    pytest.param(
+        put("samples/converged_reason", 1, -3), ("converged_reason", "-3", "2 to 7"), id="reason"
+    ),
+    pytest.param(
+        put("samples/converged_reason", 1, 99), ("converged_reason", "99"), id="reason-99"
+    ),
+    pytest.param(put("samples/load_steps", 0, 0), ("load_steps", "at least 1"), id="no-step"),
+    pytest.param(put("samples/cutbacks", 0, -1), ("cutbacks", "at least 0"), id="cutbacks"),
+    pytest.param(put("samples/wall_time", 0, -0.1), ("wall_time", "-0.1"), id="time"),
+    pytest.param(put("failed/load_factor", 0, 1.5), ("load_factor", "0 to 1"), id="load-factor"),
+    pytest.param(put("failed/reason", 0, ""), ("failed/reason", "empty"), id="no-reason"),
+    pytest.param(
+        put("samples/displacement", (1, 2, 0), 1e-9), ("moves a clamped node",), id="moved-support"
+    ),
+    pytest.param(
+        put("samples/loaded_nodes", (0, 0), 4), ("a node that is not loadable",), id="not-loadable"
+    ),
 ]
 
 
@@ -242,6 +261,10 @@ STRUCTURED_DAMAGE: list[Any] = [
     ),
     pytest.param(reshape("grid/mask", (3, 4)), ("grid/mask", "grid"), id="grid-shape"),
     pytest.param(put("samples/number", 1, 3), ("more than once",), id="sample-3-twice"),
+    pytest.param(put("samples/number", 1, -7), ("sample number -7",), id="negative-number"),
+    pytest.param(
+        put("samples/displacement", (0, 1, 0, 2), 1e-9), ("moves a clamped node",), id="support"
+    ),
 ]
 
 

@@ -29,7 +29,7 @@ from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.models.unet_model import UNetModel
-from surrogate.presentation.run_figures import write_figures
+from surrogate.presentation.run_figures import write_evaluation
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
@@ -133,9 +133,10 @@ def build(
                 "samples/loaded_nodes": nodes[here, None],
                 "samples/force": forces[here, None],
                 "samples/displacement": displacement[here],
+                "samples/converged_reason": np.full(len(here), 2),
                 **{
                     f"samples/{name}": np.ones(len(here), dtype=np.int64)
-                    for name in ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
+                    for name in ("load_steps", "cutbacks", "newton_iterations")
                 },
                 "samples/residual_norm": np.zeros(len(here)),
                 "samples/wall_time": np.full(len(here), 0.5),
@@ -286,5 +287,5 @@ def trained(make_run: Callable[..., Path]) -> Path:
 def evaluated(make_run: Callable[..., Path], data: Path) -> Path:
     """A trained and evaluated run; not to be changed."""
     folder = make_run(epochs=40)
-    write_figures(evaluate(folder, data), RunFolder(folder))
+    write_evaluation(evaluate(folder, data), RunFolder(folder))
     return folder

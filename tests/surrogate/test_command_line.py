@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 import yaml
 
 import surrogate
 from surrogate.command_line import main
 from surrogate.models.unet_model import UNetModel
+from surrogate.optim.schedule import ScheduleConfig
 
 
 @pytest.fixture
@@ -81,7 +87,8 @@ def test_predict(trained: Path, out: Path, suffix: str, capsys: pytest.CaptureFi
     loads = ["--load", "3.5,1.5:0.5,-1", "--load", "2,1.5:0,1"]
     assert main(["predict", str(trained), *loads, "--out", str(path)]) == 0
     captured = capsys.readouterr()
-    assert captured.err == ""
+    warning = "surrogate: warning: number of loaded nodes 2, 1 in the training data\n"
+    assert captured.err == warning
     assert captured.out == f"{path}: predicted\n"
     if suffix == ".npz":
         with np.load(path) as found:
@@ -147,7 +154,45 @@ def test_predict_warns_outside_training(
     assert main(["predict", str(trained), "--load", "3.5,1.5:0,9", "--out", f"{out}/u.npz"]) == 0
     captured = capsys.readouterr()
     assert captured.err.startswith("surrogate: warning: force components reach beyond")
-    assert captured.err.count("\n") == 1
+    assert captured.err.count("\n") == 2  # the resultant as well
+
+
+def predict_at_corner(trained: Path, out: Path, *options: str) -> tuple[int, dict[str, np.ndarray]]:
+    load = ["--load", "3.5,1.5:0.5,-1", "--out", f"{out}/u.npz"]
+    code = main(["predict", str(trained), *load, *options])
+    with np.load(out / "u.npz") as file:
+        return code, dict(file)
+
+
+def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Displacements of the training are made up, so they are not in equilibrium."""
+    code, fields = predict_at_corner(trained, out, "--certify")
+    assert code == 0
+    assert "estimated error" in capsys.readouterr().out
+    assert np.abs(fields["estimated_error"]).max() > 1e-3
+    code, _ = predict_at_corner(trained, out, "--certify", "--tolerance", "1e-3")
+    captured = capsys.readouterr()
+    assert code == 3
+    assert captured.out.endswith(", not certified\n")
+    assert captured.err.startswith("surrogate: not certified: estimated error")
+    assert captured.err.endswith("> 1 mm\n")
+
+
+def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--correct", "--certify", "--tolerance", "1e-6")
+    code, fields = predict_at_corner(trained, out, *options)
+    assert code == 0
+    printed = capsys.readouterr().out
+    assert "predicted, corrected in" in printed
+    assert printed.endswith(", certified\n")
+    assert sorted(fields) == [
+        *("coordinates", "displacement", "estimated_error", "force", "predicted")
+    ]
+    model = surrogate.load(trained)
+    np.testing.assert_array_equal(fields["predicted"], model.predict(fields["force"]))
+    assert model.certify(fields["force"], fields["displacement"]).max_error < 1e-6
+    correction = model.correct(fields["force"])
+    np.testing.assert_allclose(correction.displacement, fields["displacement"], atol=1e-6)
 
 
 def test_train_refusals(
@@ -221,6 +266,8 @@ def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixtur
     for option in ("--passes", "--seed"):
         part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
         assert_refused([*arguments, option, 3], part, out, capsys)
+    part = "--tolerance 0.1: expected beside --certify"
+    assert_refused([*arguments, "--tolerance", 0.1], part, out, capsys)
 
 
 def test_report_refusals(
@@ -251,9 +298,111 @@ def test_failed_work_exits_with_one(
     out: Path,
     make_config: Callable[..., UNetModel],
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     path = tmp_path / "wild.yaml"
-    path.write_text(yaml.safe_dump(make_config("adam", learning_rate=1e30).plain()))
+    monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e30)
+    path.write_text(yaml.safe_dump(make_config("adam", learning_rate=1.0).plain()))
     command = ["train", str(path), "--data", str(data), "--out", str(out / "run")]
     assert main([*command, "--device", "cpu"]) == 1
     assert capsys.readouterr().err.startswith("surrogate: failed: diverged in epoch ")
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ({"network": {"levels": 6, "channels": 2048}}, "keys 'network', 'ensemble', "),
+        ({"network": {"levels": 2, "channels": 2048}, "ensemble": 100}, "keys 'network', 'ensemb"),
+        (
+            {"model": "pod", "pod": {"regression": "gp"}, "likelihood": "maximum_likelihood"},
+            "key 'pod': the fit",
+        ),
+    ],
+    ids=["network", "ensemble", "gaussian-process"],
+)
+def test_networks_larger_than_the_memory_are_refused(
+    tmp_path: Path,
+    data: Path,
+    out: Path,
+    change: dict[str, Any],
+    part: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first network has 65536 channels at its coarsest level: 39 · 10⁹ weights a kernel."""
+    if "pod" in change:  # 46 samples need 85 kB
+        monkeypatch.setattr("shared_schema.common.memory.available_memory", lambda: 80_000)
+        monkeypatch.setattr("surrogate.data.dataset.require_memory", lambda *_: None)
+    path = tmp_path / "large.yaml"
+    path.write_text(yaml.safe_dump({"name": "large", "case": "beam2d", **change}))
+    arguments = ["train", path, "--data", data, "--out", out / "run", "--device", "cpu"]
+    assert_refused(arguments, f"config 'large': {part}", out, capsys)
+    capsys.readouterr()
+    assert main([str(a) for a in arguments]) == 2
+    assert "GiB of memory at least, expected at most the " in capsys.readouterr().err
+
+
+def test_senseless_options_are_refused(
+    trained_bayes: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    predict = ["predict", trained_bayes, "--load", "3.5,1.5:0,1", "--out", out / "u.npz"]
+    export = ["export", trained_bayes, "--format", "pt2", "--out", out / "a.pt2"]
+    evaluate = ["evaluate", trained_bayes, "--data", data]
+    for part, arguments in (
+        ("passes = 0, expected 1 at least", [*predict, "--passes", 0]),
+        ("passes = 1000000000000, expected 1 at least", [*predict, "--passes", 10**12]),
+        ("seed = -1, expected 0 at least", [*predict, "--seed", -1]),
+        (f"seed = {2**63}, expected 0 at least", [*predict, "--seed", 2**63]),
+        ("passes = 1000000000000, expected 1 at least", [*export, "--passes", 10**12]),
+        ("passes = 1000000000000, expected 1 at least", [*evaluate, "--passes", 10**12]),
+        ("--conformal nan: ", [*evaluate, "--conformal", "nan"]),
+    ):
+        assert_refused(arguments, part, out, capsys)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("Unable to allocate 9 GiB"),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes."),
+        OSError(12, "Cannot allocate memory"),
+        RuntimeError("can't start new thread"),
+        torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 9 GiB."),
+    ],
+    ids=["numpy", "torch", "system", "thread", "cuda"],
+)
+def test_lack_of_memory_is_failed_work(
+    trained: Path,
+    out: Path,
+    error: Exception,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    command = ["predict", str(trained), "--load", "3.5,1.5:0,1", "--out", str(out / "u.npz")]
+    for place in (
+        "surrogate.inference.prediction.make_surrogate",
+        "surrogate.runs.tensor_file.safe_open",
+        "surrogate.inference.prediction.Surrogate.predict_distribution",
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(place, fail)
+            assert main(command) == 1
+        message = capsys.readouterr().err
+        assert message.startswith("surrogate: failed: out of memory (")
+        assert message.count("\n") == 1
+    assert list(out.iterdir()) == []
+
+
+def test_output_that_nobody_reads(trained: Path, out: Path) -> None:
+    """`surrogate predict … | true`: no complaint about the pipe."""
+    command = [sys.executable, "-m", "surrogate.command_line", "predict", str(trained)]
+    command += ["--load", "3.5,1.5:0,1", "--out", str(out / "u.npz")]
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as pipe:
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, check=False, text=True)
+    assert done.stderr == ""
+    assert (out / "u.npz").is_file()

@@ -112,7 +112,7 @@ class Resources:
     def trained(self, name: str) -> RunFolder:
         """Folder of a run; trains it first, or resumes its training, if it is not trained."""
         run = self.run(name)
-        if not run.model.is_file():
+        if not run.is_finished:
             self.runs.mkdir(parents=True, exist_ok=True)
             train(self.scale.config_of(name), self.dataset_of(name), run, self.device)
         return run

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import NodeOrder
-from surrogate.inference.prediction import PASSES
+from surrogate.inference.prediction import MOST_PASSES, PASSES
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.configuration import SHIPPED, run_config
@@ -41,7 +41,7 @@ class DatasetSpec(Frozen):
     """
 
     case: str | None = None
-    samples: int | None = Field(None, ge=1)
+    samples: int | None = Field(None, ge=1, le=10**9)
     of: str | None = None
     noise: bool = False
     order: NodeOrder = "preferred"
@@ -93,7 +93,7 @@ class Scale(Frozen):
 
     name: str
     description: str
-    passes: int = Field(PASSES, ge=1)
+    passes: int = Field(PASSES, ge=1, le=MOST_PASSES)
     timing: Timing = TIMING
     datasets: dict[str, DatasetSpec]
     runs: dict[str, RunSpec]

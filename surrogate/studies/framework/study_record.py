@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, field_validator
 
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, validate
@@ -104,6 +105,11 @@ class Claim(Frozen):
     holds: bool
     evidence: str
     better: bool = False
+
+    @field_validator("holds", mode="before")
+    @classmethod
+    def _of_numpy_too(cls, holds: object) -> object:
+        return bool(holds) if isinstance(holds, np.bool_) else holds
 
     @property
     def verdict(self) -> Verdict:

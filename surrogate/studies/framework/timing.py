@@ -31,8 +31,8 @@ class Timing(Frozen):
         Time after which no further repeat begins.
     """
 
-    repeats: int = Field(200, ge=1)
-    seconds: float = Field(5.0, gt=0)
+    repeats: int = Field(200, ge=1, le=10**6)
+    seconds: float = Field(5.0, gt=0, le=10**6)
 
 
 TIMING = Timing()

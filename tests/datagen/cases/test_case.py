@@ -55,7 +55,7 @@ def test_any_load(name: str, clamped: int, loadable: int, largest: float) -> Non
     case = read_case(name)
     body = make_body(case, MPI.COMM_SELF)
     assert (body.clamped.sum(), body.loadable.sum()) == (clamped, loadable)
-    loads = [case.load.draw(n, case.dataset.seed, body.loadable_nodes) for n in range(400)]
+    loads = [case.load.draw(n, case.dataset.seed, body.loads.loadable) for n in range(400)]
     assert {len(load.nodes) for load in loads} == {1, 2, 3, 4}
     forces = np.abs(np.concatenate([load.forces for load in loads]))
     assert 0.99 * largest < forces.max() <= largest
@@ -73,7 +73,7 @@ def test_soft_finger(tmp_path: Path) -> None:
     assert np.all(x[body.clamped, 0] == 0)
     moved = []
     for number in range(6):
-        load = case.load.draw(number, case.dataset.seed, body.loadable_nodes)
+        load = case.load.draw(number, case.dataset.seed, body.loads.loadable)
         assert solve_load_case(body.problem, load.nodes, load.forces, case.solver).solved
         moved.append(np.linalg.norm(body.problem.displacement(), axis=1).max())
     assert 5e-4 < np.median(moved) < 0.02

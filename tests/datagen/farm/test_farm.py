@@ -6,7 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
-import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import yaml
 from mpi4py import MPI
 
 from datagen.cases.case import SHIPPED, Case, read_case
-from datagen.farm.farm import run
+from datagen.farm.farm import NothingSolvedError, run
 from datagen.farm.journal import Journal
 from datagen.farm.work_plan import shard_count, shard_samples
 from datagen.loads.family import LoadCase
@@ -29,6 +29,7 @@ from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
     ENVIRONMENT,
+    all_end,
     assert_near,
     assert_same,
     command,
@@ -39,6 +40,19 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
+
+STOPPED = """
+import os, signal, sys
+from datagen.command_line import main
+from datagen.farm.shard_job import ShardJob
+solve_next = ShardJob.solve_next
+def solve_and_stop(job):
+    if job.number == 100:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return solve_next(job)
+ShardJob.solve_next = solve_and_stop
+sys.exit(main())
+"""
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +122,10 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     ) as process:
         wait_until(lambda: recorded(killed) >= 5, process)
         os.killpg(process.pid, signal.SIGKILL)
-    subprocess.run(["pkill", "-9", "-f", str(killed)], check=False)  # ranks in groups of their own
-    time.sleep(0.2)
+    for pid in pids_of(killed):  # ranks are in groups of their own
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    assert all_end(killed, within=60)
     done = {p.name: p.stat().st_mtime_ns for p in killed.glob("shard-*.h5")}
     assert 5 <= len(done) < 50
     assert not (killed / "manifest.json").exists()
@@ -175,11 +191,10 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
     """SIGTERM to one rank ends all after their sample; what was solved is kept and not redone."""
     case_file = write_case(tmp_path, samples=4000, shard_size=500)
     out = tmp_path / "nodal"
-    with start(command(ranks, case_file, out)) as process:
-        wait_until(lambda: recorded(out) > 0, process)
-        time.sleep(0.1)  # into the next shard
-        os.kill(pids_of(out)[0], signal.SIGTERM)
-        _, said = process.communicate(timeout=60)
+    words = command(ranks, case_file, out)
+    program = words.index("-m")
+    with start([*words[:program], "-c", STOPPED, *words[program + 2 :]]) as process:
+        _, said = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "stopped; resume with the same command" in said
     parts = [read_shard(path, "nodal") for path in (out / ".journal").glob("part-*.h5")]
@@ -327,7 +342,9 @@ def test_a_node_that_is_drawn_twice_is_written_once(
 def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     """Loads of up to 1 MN have no equilibrium that can be found: none is dropped in silence."""
     path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
-    manifest = run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    with pytest.raises(NothingSolvedError, match="none of the 6 load cases has an equilibrium"):
+        run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+    manifest = read_manifest(tmp_path / "nodal")
     assert (manifest.samples, manifest.failed) == (0, 6)
     assert check_dataset(tmp_path / "nodal") == []
     shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
@@ -336,3 +353,19 @@ def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     assert np.all(shard["failed/load_factor"] < 1)
     assert np.abs(shard["failed/force"]).max() > 1e5
     assert len(shard["samples/number"]) == 0
+
+
+@pytest.mark.mpi
+def test_nothing_solved_is_a_failure(tmp_path: Path) -> None:
+    """Exit code 1 and one line, on many ranks as on one; the dataset is there."""
+    path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
+    for ranks in (0, 2):
+        out = tmp_path / f"nodal-{ranks}"
+        result = execute(ranks, path, out)
+        assert result.returncode == 1
+        assert result.stderr.endswith(
+            f"datagen: failed: {out}: none of the 6 load cases has an equilibrium; "
+            "`datagen info` counts the reasons\n"
+        )
+        assert result.stderr.count("failed:") == 1
+        assert check_dataset(out) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,26 +16,6 @@ PLACE = LoadableNodes(
     cell_type="quad",
 )
 RANDOM_NODE = {"family": "random_node", "region": {"y": 1}, "range": [-2.5, 2.5]}
-
-OWN_FAMILY = '''
-import numpy as np
-
-from datagen.loads import LoadCase, LoadFamily
-
-
-class EveryNode(LoadFamily):
-    """The same downward force on every node of the region."""
-
-    newtons: float
-
-    def draw(self, number, seed, loadable):
-        forces = np.zeros((len(loadable), loadable.dimension))
-        forces[:, 1] = -self.newtons
-        return LoadCase(loadable.nodes, forces)
-
-    def loads_per_sample(self, loadable):
-        return len(loadable)
-'''
 
 
 def test_a_load_depends_on_seed_and_number_alone() -> None:
@@ -75,21 +54,13 @@ def test_force_components_are_uniform() -> None:
     assert abs(np.corrcoef(forces.T)[0, 1]) < 5 / np.sqrt(2000)
 
 
-def test_family_of_a_user(tmp_path: Path) -> None:
-    path = tmp_path / "every_node.py"
-    path.write_text(OWN_FAMILY)
-    family = load_family({"family": f"{path}:EveryNode", "region": {"y": 1}, "newtons": 0.5})
-    load = family.draw(0, 0, PLACE)
-    assert load.forces.sum(axis=0).tolist() == [0.0, -2.0]
-    assert family.loads_per_sample(PLACE) == 4
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({"family": "wind"}, "load family 'wind'"),
-        ({"family": "missing.py:Wind"}, "load family 'missing.py:Wind'"),
-        ({"family": "datagen.mesh.regions:Region"}, "a subclass of LoadFamily"),
+        ({"family": "missing.py:Wind"}, "own families are read with a case file only"),
+        ({"family": "datagen.mesh.regions:Region"}, "expected one of random_node"),
+        ({"family_sha256": "0" * 64}, "load family 'random_node' is no file"),
         ({"family": 3}, "expected 'family'"),
         ({"range": [2.5, -2.5]}, "low < high"),
         ({"magnitude": 3}, "unknown key 'magnitude'"),

@@ -23,7 +23,9 @@ from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
 from shared_schema.manifest import read_manifest
 from shared_schema.shard_reader import read_shard
+from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
+from tests.datagen.small_disk import SmallDisk
 
 Steps = dict[int, dict[str, np.ndarray]]
 
@@ -231,6 +233,27 @@ def test_full_disk_is_exit_1_and_one_line(beam: Path, tmp_path: Path) -> None:
     assert result.returncode == 1
     assert result.stderr == f"datagen: failed: [Errno 27] File too large: '{out}'\n"
     assert everything_in(tmp_path) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["xdmf", "pvd"])
+def test_a_disk_that_is_full_somewhere(beam: Path, tmp_path: Path, suffix: str) -> None:
+    """From no room to enough, in steps: one line that names the target, and nothing is left."""
+    codes = []
+    for size in (1, 4, 16, 64, 256, 300, 320, 340, 1000):
+        disk = SmallDisk(tmp_path / f"disk-{size}", f"size={size}k")
+        out = disk.folder / f"a.{suffix}"
+        result = finish(disk.words(datagen("export", beam, "--out", out)))
+        codes.append(result.returncode)
+        if result.returncode:
+            assert (result.returncode, list(disk.seen.iterdir())) == (1, [])
+            assert result.stderr.startswith("datagen: failed: [Errno 28] No space left on device:")
+            assert f"'{disk.folder / 'a'}" in result.stderr
+            assert result.stderr.count("\n") == 1
+        disk.close()
+    assert codes[0] == 1
+    assert codes == sorted(codes, reverse=True)
+    assert codes[-1] == 0
 
 
 def test_structured_dataset(beam: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,11 +115,31 @@ def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrde
 
 
 def test_split_is_random_and_reproducible() -> None:
-    case = read_case("beam2d")
-    one, other = split(case, 6000), split(case, 6000)
+    settings = read_case("beam2d").dataset
+    one, other = split(settings, [], 6000), split(settings, [], 6000)
     assert np.array_equal(one, other)
     assert one.sum() == 300
     assert 0.3 < np.flatnonzero(one).mean() / 6000 < 0.7
+
+
+def test_a_grown_split_keeps_every_sample_on_its_side() -> None:
+    """5 % of 2000, 2100 and 5000 samples are 100, 105 and 250."""
+    settings = read_case("beam2d").dataset
+    first = split(settings, [], 2000)
+    second = split(settings, [2000], 2100)
+    third = split(settings, [2000, 2100], 5000)
+    assert [int(part.sum()) for part in (first, second, third)] == [100, 105, 250]
+    assert np.array_equal(second[:2000], first)
+    assert np.array_equal(third[:2100], second)
+    later = np.flatnonzero(third[2100:])
+    assert 0.3 < later.mean() / 2900 < 0.7
+
+
+@pytest.mark.parametrize(("stages", "samples"), [([1], 3), ([0, 2], 4), ([3], 3), ([2], 100)])
+def test_split_of_few(stages: list[int], samples: int) -> None:
+    """One sample of each split at least."""
+    is_test = split(read_case("beam2d").dataset, stages, samples)
+    assert 1 <= int(is_test.sum()) < samples
 
 
 def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:

@@ -39,14 +39,29 @@ def test_valid_content() -> None:
         ),
         (
             {"name": "a", "inner": {"steps": 1.5}},
-            "a.yaml: key 'inner.steps' = 1.5: input should be a valid integer, "
-            "got a number with a fractional part",
+            "a.yaml: key 'inner.steps' = 1.5: input should be a valid integer",
         ),
         (
             {"name": "a", "inner": {"rate": float("nan")}},
             "a.yaml: key 'inner.rate' = nan: input should be a finite number",
         ),
         ({"name": "a", "shape": [1]}, "a.yaml: key 'shape.1' is missing"),
+        (
+            {"name": "a", "inner": {"steps": True}},
+            "a.yaml: key 'inner.steps' = True: input should be a valid integer",
+        ),
+        (
+            {"name": "a", "inner": {"steps": "6"}},
+            "a.yaml: key 'inner.steps' = '6': input should be a valid integer",
+        ),
+        (
+            {"name": "a", "inner": {"rate": "0.5"}},
+            "a.yaml: key 'inner.rate' = '0.5': input should be a valid number",
+        ),
+        (
+            {"name": "a", "shape": [1, False]},
+            "a.yaml: key 'shape.1' = False: input should be a valid integer",
+        ),
     ],
 )
 def test_first_problem_in_one_line(content: Any, message: str) -> None:
@@ -60,6 +75,11 @@ def test_other_than_a_mapping(content: Any) -> None:
     with pytest.raises(InputError, match=r"a\.yaml: key '\(top level\)'") as error:
         validate(Outer, content, "a.yaml")
     assert "\n" not in str(error.value)
+
+
+def test_whole_numbers_are_floats_and_lists_are_tuples() -> None:
+    model = validate(Outer, {"name": "a", "inner": {"rate": 2}, "shape": [3, 4]}, "a.yaml")
+    assert (model.inner.rate, model.shape) == (2.0, (3, 4))
 
 
 def test_models_are_frozen() -> None:
@@ -83,6 +103,13 @@ def test_read_yaml(tmp_path: Path) -> None:
         (b"\xff\xfe\xff", "cannot be read"),
         (b"", "expected a mapping"),
         (b"- a", "expected a mapping"),
+        (b"a: 1\nb: 2\na: 3", "key 'a' occurs twice"),
+        (b"b: {a: 1, a: 1}", "key 'a' occurs twice"),
+        (b"a: &a [*a]", "a value contains itself"),
+        (b"a: " + b"[" * 5000, "not valid YAML"),
+        (b"a: " + b"9" * 5000, "not valid YAML"),
+        (b"a: b\n" + b"#" * 2**20, "expected at most 1048576 bytes"),
+        (b"a: &a [1, 2]\n" + b"b: [" + b"*a, " * 40000 + b"]", "more than 100000 values"),
     ],
 )
 def test_yaml_that_is_none(tmp_path: Path, text: bytes, part: str) -> None:
@@ -92,6 +119,43 @@ def test_yaml_that_is_none(tmp_path: Path, text: bytes, part: str) -> None:
         read_yaml(path)
     assert str(error.value).startswith(f"{path}: ")
     assert "\n" not in str(error.value)
+
+
+def bomb(merge: bool) -> str:
+    """Thirty keys, each of which repeats the one before nine times: 9³⁰ values."""
+    if merge:
+        lines = ["k0: &k0 {a: 1}"]
+        lines += [f"k{n}: &k{n} {{<<: [{', '.join([f'*k{n - 1}'] * 9)}]}}" for n in range(1, 30)]
+    else:
+        lines = ["k0: &k0 [1]"]
+        lines += [f"k{n}: &k{n} [{', '.join([f'*k{n - 1}'] * 9)}]" for n in range(1, 30)]
+    return "\n".join(lines)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("merge", [True, False])
+def test_bombs(tmp_path: Path, merge: bool) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(bomb(merge))
+    with pytest.raises(InputError, match="more than 100000 values, with those that aliases repeat"):
+        read_yaml(path)
+
+
+def test_aliases_and_merge_keys_of_a_sensible_size(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\n")
+    plain = {"x": 1, "y": 2}
+    assert read_yaml(path) == {"a": plain, "b": {"x": 1, "y": 3}, "c": [plain, plain]}
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("1e-3", 1e-3), ("-2.5E+4", -2.5e4), (".5e1", 5.0), ("1e3", 1e3)]
+)
+def test_numbers_as_people_write_them(tmp_path: Path, text: str, number: float) -> None:
+    """PyYAML follows YAML 1.1, where these are texts."""
+    path = tmp_path / "a.yaml"
+    path.write_text(f"a: {text}\nb: '{text}'")
+    assert read_yaml(path) == {"a": number, "b": text}
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,7 +67,7 @@ def test_untrained_it_is_linear_elasticity(
     description = describe(config, dataset)
     network = description.run.build(dataset.geometry, dataset.info)
     config.start_from_data(network, dataset, dataset.train)
-    force = np.random.default_rng(1).normal(size=(5, 32, 2))
+    force = np.random.default_rng(1).normal(size=(5, 32, 2)) * (np.arange(32) > 3)[:, None]
     found = Surrogate(network, dataset.geometry, description).predict(force)
     free = np.repeat(~dataset.geometry.clamped, 2)
     expected = np.zeros((5, 64))
@@ -134,8 +133,7 @@ def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarr
     info = manifest.structured.model_copy(update={"stiffness": digest})
     write_manifest(folder, manifest.model_copy(update={"structured": info}))
     train(linear_config(), read_dataset(folder), RunFolder(tmp_path / "run"), CPU)
-    evaluate(tmp_path / "run", folder)
-    content = json.loads((tmp_path / "run" / "evaluation.json").read_text())
+    content = evaluate(tmp_path / "run", folder).content
     assert content["trainable_parameters"] == 56**2
     assert content["epochs"] == 4
 

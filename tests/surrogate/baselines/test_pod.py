@@ -18,7 +18,7 @@ from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import Surrogate, load
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
-from surrogate.presentation.run_figures import write_figures
+from surrogate.presentation.run_figures import write_evaluation
 from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import load_tensors
@@ -162,7 +162,7 @@ def test_better_than_the_mean_field(
     runs: dict[str, Path], data: Path, dataset: Dataset, regression: str
 ) -> None:
     """A fit to 43 samples has a smaller error than the prediction of zero displacement."""
-    write_figures(evaluate(runs[regression], data), RunFolder(runs[regression]))
+    write_evaluation(evaluate(runs[regression], data), RunFolder(runs[regression]))
     content = json.loads((runs[regression] / "evaluation.json").read_text())
     rest = np.abs(dataset.nodal_test.displacement).mean()
     assert content["test"]["mean_error"] < 0.3 * rest

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -80,9 +79,7 @@ def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = ident
 
 def trained_on(data: Path, run: Path, config: Model) -> dict[str, Any]:
     train(config, read_dataset(data), RunFolder(run), torch.device("cpu"))
-    evaluate(run, data)
-    content: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
-    return content
+    return evaluate(run, data).content
 
 
 def test_nodal_samples_of_both_kinds(data: Path, tmp_path: Path) -> None:

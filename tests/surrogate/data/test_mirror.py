@@ -10,9 +10,10 @@ import torch
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.mirror import mirror_images, with_mirror_images
+from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
 
 

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 import torch
 
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
 from surrogate.data.sample_store import DeviceStore, HostStore, fits, store_samples
+from surrogate.data.samples import Samples
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train

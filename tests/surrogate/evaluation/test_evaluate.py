@@ -76,8 +76,8 @@ def test_other_data_of_the_same_case(
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(trained, run)
-    evaluate(run, make_dataset(tmp_path, seed=1))
-    assert json.loads((run / "evaluation.json").read_text())["trained_on_this_data"] is False
+    found = evaluate(run, make_dataset(tmp_path, seed=1))
+    assert found.content["trained_on_this_data"] is False
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +13,7 @@ from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.data.dataset import read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset
 from surrogate.evaluation.evaluate import Evaluation, evaluate
-from surrogate.presentation.run_figures import write_figures
+from surrogate.presentation.run_figures import write_evaluation
 from surrogate.runs.folder import RunFolder
 
 
@@ -37,9 +36,8 @@ def evaluation(run: Path, data: Path) -> Evaluation:
 
 
 @pytest.fixture(scope="module")
-def content(run: Path, evaluation: Evaluation) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
-    return found
+def content(evaluation: Evaluation) -> dict[str, Any]:
+    return evaluation.content
 
 
 def test_uncertainty_of_the_test_split(evaluation: Evaluation, content: dict[str, Any]) -> None:
@@ -71,7 +69,7 @@ def test_measures_under_other_loads(evaluation: Evaluation, content: dict[str, A
 
 
 def test_figures(run: Path, evaluation: Evaluation) -> None:
-    write_figures(evaluation, RunFolder(run))
+    write_evaluation(evaluation, RunFolder(run))
     names = {path.stem for path in (run / "figures").iterdir()}
     assert {"calibration", "error_against_uncertainty", "uncertainty_field", "loss"} <= names
     assert "sweep" not in names  # the loads are not all at one node
@@ -79,8 +77,7 @@ def test_figures(run: Path, evaluation: Evaluation) -> None:
 
 def test_maximum_likelihood_makes_no_passes(data: Path, make_run: Callable[..., Path]) -> None:
     folder = make_run(likelihood="maximum_likelihood", epochs=2)
-    evaluate(folder, data)
-    content = json.loads((folder / "evaluation.json").read_text())
+    content = evaluate(folder, data).content
     assert "passes" not in content["uncertainty"]
     assert "extrapolation" not in content
     assert content["uncertainty"]["mean_std"] > 0

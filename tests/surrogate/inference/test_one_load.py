@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from torch import nn
 
+from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
 from surrogate.inference.prediction import Surrogate, load
@@ -38,8 +39,11 @@ SMALL = {
 }
 
 
-def untrained(dataset: Dataset, **content: Any) -> Surrogate:
-    """A surrogate with random weights, scales from the data."""
+def untrained(dataset: Dataset, grid: Grid | None = None, **content: Any) -> Surrogate:
+    """A surrogate with random weights, scales from the data, on another grid if one is given."""
+    description_of = dataset
+    if grid is not None:
+        dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
     case = dataset.manifest.name
     small = {**SMALL[content.get("model", "unet")], **content.pop("network", {})}
     config: Model = run_config({"name": "a", "case": case, "network": small, **content})
@@ -48,7 +52,7 @@ def untrained(dataset: Dataset, **content: Any) -> Surrogate:
     for name, parameter in network.named_parameters():
         if name.endswith("head.weight"):  # zero in a reduced network
             nn.init.normal_(parameter, std=0.1)
-    return Surrogate(network, dataset.geometry, describe(config, dataset))
+    return Surrogate(network, dataset.geometry, describe(config, description_of))
 
 
 def loads(dataset: Dataset) -> np.ndarray:
@@ -103,8 +107,7 @@ def test_embedded_grid(dataset: Dataset) -> None:
     """One node is the mean of two grid points."""
     grid = averaging(dataset.geometry.grid)
     assert not grid.points_are_nodes
-    between = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
-    assert_same_alone(untrained(between, network=MECHANICS), between)
+    assert_same_alone(untrained(dataset, grid, network=MECHANICS), dataset)
 
 
 def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:

@@ -17,8 +17,9 @@ from surrogate.data.dataset import Dataset
 from surrogate.inference.prediction import Distribution
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.tensor_file import save_atomically
 from surrogate.training.train import train
+
+pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def test_prediction_is_that_of_the_network_on_the_grid(
 
 
 def test_clamped_nodes_do_not_move(model: surrogate.Surrogate) -> None:
-    predicted = model.predict(np.random.default_rng(0).normal(size=(3, 32, 2)))
+    predicted = model.predict(FORCES)
     assert not predicted[:, model.geometry.clamped].any()
     assert bool((predicted[:, ~model.geometry.clamped] != 0).all())
 
@@ -65,7 +66,7 @@ def test_prediction_in_3d(
     run = RunFolder(tmp_path / "run")
     train(make_config(dimension=3, epochs=1), dataset_3d, run, torch.device("cpu"))
     model = surrogate.load(run.folder)
-    predicted = model.predict(np.ones((2, 128, 3)))
+    predicted = model.predict(np.ones((2, 128, 3)) * ~model.geometry.clamped[:, None])
     assert predicted.shape == (2, 128, 3)
     assert not predicted[:, model.geometry.clamped].any()
 
@@ -101,6 +102,7 @@ def bayes(make_run: Callable[..., Path]) -> surrogate.Surrogate:
 
 
 FORCES = np.random.default_rng(0).normal(size=(3, 32, 2))
+FORCES[:, :4] = 0  # clamped nodes
 
 
 def assert_equal(one: Distribution, other: Distribution) -> None:
@@ -173,7 +175,7 @@ def test_passes_are_those_of_their_seed(bayes: surrogate.Surrogate) -> None:
 
 def test_prediction_is_the_mean_of_300_passes(bayes: surrogate.Surrogate) -> None:
     """The default is the paper's, Section 3; 20 samples take 2 batches of 4096."""
-    forces = np.random.default_rng(1).normal(size=(20, 32, 2))
+    forces = np.random.default_rng(1).normal(size=(20, 32, 2)) * ~bayes.geometry.clamped[:, None]
     expected = bayes.predict_distribution(forces, passes=300, seed=0).mean
     np.testing.assert_array_equal(bayes.predict(forces), expected)
 
@@ -189,21 +191,6 @@ def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
     assert found.mean.shape == found.std.shape == (0, 32, 2)
 
 
-def test_outside_training(model: surrogate.Surrogate, dataset: Dataset) -> None:
-    """Node 31 at the upper right corner is loadable, node 28 below it is not."""
-    limit = np.array(dataset.info.force.max_abs)
-    forces = np.zeros((32, 2))
-    forces[31] = limit
-    assert model.outside_training(forces) is None
-    forces[31] = -1.01 * limit
-    warning = model.outside_training(forces)
-    assert warning is not None
-    assert "beyond" in warning
-    assert f"{limit[0]:.3g}" in warning
-    forces[31], forces[28] = 0.0, 0.5 * limit
-    assert model.outside_training(forces) == "a loaded node was never loaded in the training data"
-
-
 def test_no_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no run there"):
         surrogate.load(tmp_path / "nowhere")
@@ -211,6 +198,9 @@ def test_no_run(tmp_path: Path) -> None:
 
 def test_run_that_is_not_finished(copy: RunFolder) -> None:
     copy.model.unlink()
+    with pytest.raises(InputError, match=r"model\.safetensors: no such file, manifest\.json lists"):
+        surrogate.load(copy.folder)
+    copy.seal.withdraw([copy.model])
     with pytest.raises(InputError, match="not finished"):
         surrogate.load(copy.folder)
 
@@ -228,13 +218,14 @@ def test_truncated_model(copy: RunFolder, kept: int) -> None:
 def test_model_that_lacks_a_tensor(copy: RunFolder, name: str) -> None:
     tensors = load_file(copy.model)
     del tensors[name]
-    save_atomically(tensors, copy.model)
+    copy.write_tensors(tensors)
     with pytest.raises(InputError, match=r"model\.safetensors: does not fit config\.yaml"):
         surrogate.load(copy.folder)
 
 
 def test_model_of_another_network(copy: RunFolder) -> None:
     copy.config.write_text(copy.config.read_text().replace("channels: 8", "channels: 9"))
+    copy.seal.add([copy.config])
     with pytest.raises(InputError, match="does not fit") as error:
         surrogate.load(copy.folder)
     assert "\n" not in str(error.value)
@@ -253,3 +244,48 @@ def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:
             assert content[8:9] == b"{", path
             with pytest.raises(ValueError):  # noqa: PT011, which byte it stumbles at is chance
                 list(pickletools.genops(content))
+
+
+@pytest.mark.parametrize("shape", [(32, 2), (3, 32, 2)], ids=str)
+def test_force_at_a_clamped_node_is_refused(
+    model: surrogate.Surrogate, shape: tuple[int, ...]
+) -> None:
+    """As the command does; nodes 0 to 3 are clamped."""
+    forces = np.zeros(shape)
+    forces[..., 2, 1] = 1e-3
+    with pytest.raises(InputError, match="forces at node 2: the node is clamped, expected a free"):
+        model.predict(forces)
+
+
+@pytest.mark.parametrize("name", ["network.head.bias", "force_scale", "geometry.coordinates"])
+def test_weights_that_are_not_finite_are_refused(copy: RunFolder, name: str) -> None:
+    tensors = copy.read_tensors()
+    tensors[name].view(-1)[0] = torch.nan
+    copy.write_tensors(tensors)
+    with pytest.raises(InputError, match=f"safetensors: '{name}' holds a NaN"):
+        surrogate.load(copy.folder)
+
+
+def test_certify_and_correct(model: surrogate.Surrogate) -> None:
+    """A corrected prediction is certified; one Newton step lowers the error of another."""
+    forces = np.zeros((32, 2))
+    forces[31] = 0.1, -0.2
+    correction = model.correct(forces)
+    assert correction.residual_norm <= 1e-8
+    assert model.certify(forces, correction.displacement).max_error < 1e-9
+    found = model.certify(np.stack([forces, forces]))
+    assert found.error.shape == (2, 32, 2)
+    one = model.predict(forces) - found.error[0]
+    assert np.abs(one - correction.displacement).max() < found.max_error[0]
+
+
+def test_certificates_refuse_wrong_input(model: surrogate.Surrogate, copy: RunFolder) -> None:
+    with pytest.raises(InputError, match=r"predicted has shape \(31, 2\), expected \(32, 2\)"):
+        model.certify(np.zeros((32, 2)), np.zeros((31, 2)))
+    with pytest.raises(InputError, match=r"forces have shape \(3, 32, 2\), expected \(32, 2\)"):
+        model.correct(FORCES)
+    text = copy.config.read_text()
+    copy.config.write_text(text.replace("    material:", "    substance:"))
+    copy.seal.add([copy.config])
+    with pytest.raises(InputError, match="material of the run's case: key 'young_modulus'"):
+        surrogate.load(copy.folder).certify(FORCES)

@@ -12,7 +12,8 @@ from safetensors.torch import load_file
 from torch import nn
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
 from surrogate.runs.configuration import run_config
@@ -87,7 +88,7 @@ def test_killed_before_the_model_was_written(
     config = make_config(epochs=10, early_stopping={"patience": 2})
     run = trained(config, dataset, tmp_path / "run")
     before, lines = run.model.read_bytes(), untimed(run)
-    run.model.unlink()
+    run.seal.withdraw([run.model])
     train(config, dataset, run, CPU)
     assert run.model.read_bytes() == before
     assert untimed(run) == lines

@@ -68,6 +68,7 @@ def test_markup_in_the_data_is_escaped(
     digest = write_manifest(nodal, changed).digest
     run = tmp_path / "run"
     shutil.copytree(evaluated, run)
+    (run / "manifest.json").unlink()
     content = yaml.safe_load((run / "config.yaml").read_text())
     content["run"]["case"] = script
     content["data"]["case"]["mesh"] = {"kind": "file", "path": image}
@@ -75,9 +76,10 @@ def test_markup_in_the_data_is_escaped(
     (run / "config.yaml").write_text(yaml.safe_dump(content))
     evaluation = json.loads((run / "evaluation.json").read_text())
     (run / "evaluation.json").write_text(json.dumps({**evaluation, "machine": script}))
+    (run / "hardware.txt").write_text(script)
     write_report(run, nodal, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert page.count("&lt;script&gt;alert(&#39;&amp;&#39;)&lt;/script&gt;") == 7
+    assert page.count("&lt;script&gt;alert(&#39;&amp;&#39;)&lt;/script&gt;") == 8
     assert "&gt;&lt;img src=x onerror=alert(1)&gt;.msh" in page
     assert "<script" not in page
     assert "<img src=x" not in page
@@ -88,6 +90,38 @@ def test_published_numbers_of_the_beam() -> None:
     published = PAPER.networks["beam2d"]["deterministic"]
     assert (published.mean_error_mm, published.std_error_mm) == (0.3, 0.2)
     assert round(published.parameters / 1e6, 1) == 7.5
+
+
+def test_hardware_of_the_training_and_of_the_evaluation(evaluated: Path, tmp_path: Path) -> None:
+    """An unsealed run that was trained on one machine and evaluated on another."""
+    run = tmp_path / "run"
+    shutil.copytree(evaluated, run)
+    (run / "manifest.json").unlink()
+    (run / "hardware.txt").write_text("trainer, 7 threads\n")
+    evaluation = json.loads((run / "evaluation.json").read_text())
+    (run / "evaluation.json").write_text(json.dumps({**evaluation, "machine": "evaluator"}))
+    write_report(run, None, tmp_path / "a.html")
+    page = " ".join((tmp_path / "a.html").read_text(encoding="utf-8").split())
+    assert re.search(r"<td>training time</td>\s*<td>\S+ min, trainer, 7 threads</td>", page)
+    assert re.search(r"Training: 40 epochs, \d+ s on trainer, 7 threads, seed 0", page)
+    assert "Evaluation: on evaluator, torch" in page
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["[]", "{}", "null", '{"test": 3}', '{"test": {"mean_error": "x"}, "example": {}}', "7" * 5000],
+)
+def test_other_json_in_the_evaluation_is_refused(
+    evaluated: Path, tmp_path: Path, content: str
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(evaluated, run)
+    (run / "evaluation.json").write_text(content)
+    with pytest.raises(InputError, match=r"evaluation\.json: damaged, its checksum"):
+        write_report(run, None, tmp_path / "a.html")
+    (run / "manifest.json").unlink()
+    with pytest.raises(InputError, match=r"evaluation\.json: (damaged|not measures of a run)"):
+        write_report(run, None, tmp_path / "a.html")
 
 
 def test_without_the_nodal_dataset(evaluated: Path, tmp_path: Path) -> None:

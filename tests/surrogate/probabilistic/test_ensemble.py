@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +150,6 @@ def test_members_may_be_stochastic(tmp_path: Path, dataset: Dataset) -> None:
 def test_evaluated(tmp_path: Path, dataset: Dataset, data: Path) -> None:
     one = config_with(members=1).build(dataset.geometry, dataset.info)
     trained(tmp_path / "run", dataset, config_with())
-    evaluate(tmp_path / "run", data)
-    content = json.loads((tmp_path / "run" / "evaluation.json").read_text())
+    content = evaluate(tmp_path / "run", data).content
     assert content["uncertainty"]["samples"] == len(dataset.test)
     assert content["trainable_parameters"] == 2 * parameter_count(one)

@@ -11,6 +11,7 @@ from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.runs.configuration import SHIPPED, read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
+PLAIN = "name: a\ncase: b\n"
 MLE = "name: a\ncase: b\nlikelihood: maximum_likelihood"
 BAYES = "name: a\ncase: b\nlikelihood: variational_bayes\nvariational"
 
@@ -71,6 +72,21 @@ def test_unknown_name_lists_those_shipped() -> None:
         (f"{BAYES}: {{levels: [-1]}}", "'variational.levels' = [-1]"),
         (f"{BAYES}: {{prior: 0.1}}", "unknown key 'variational.prior'"),
         (f"{MLE}\ntraining: {{beta: 1.1}}", "key 'training.beta' = 1.1"),
+        (f"{PLAIN}training: {{optimiser: {{learning_rate: 1e308}}}}", "learning_rate' = 1e+308"),
+        (f"{PLAIN}training: {{optimiser: {{betas: [1, 1]}}}}", "'training.optimiser.betas.0' = 1"),
+        (f"{PLAIN}training: {{optimiser: {{betas: [0.9, 1]}}}}", "optimiser.betas.1' = 1"),
+        (f"{PLAIN}training: {{optimiser: {{weight_decay: 1e30}}}}", "weight_decay' = 1e+30"),
+        (f"{PLAIN}training: {{epochs: {10**30}}}", "key 'training.epochs' = 1"),
+        (f"{PLAIN}training: {{batch_size: {10**12}}}", "key 'training.batch_size' = 1"),
+        (f"{PLAIN}network: {{channels: 1000000}}", "key 'network.channels' = 1000000"),
+        (f"{PLAIN}network: {{padding: 1000000}}", "key 'network.padding' = 1000000"),
+        (f"{PLAIN}network: {{levels: 60}}", "key 'network.levels' = 60"),
+        (f"{PLAIN}network: {{levels: 10, channels: 128, multiplier: 3}}", "2519424 channels at"),
+        (f"{PLAIN}ensemble: 1000000000", "key 'ensemble' = 1000000000"),
+        (f"{PLAIN}seed: {2**63}", f"key 'seed' = {2**63}"),
+        (f"{BAYES}: {{prior_std: 1e-300}}", "key 'variational.prior_std' = 1e-300"),
+        (f"{BAYES}: {{initial_std: 1e30}}", "key 'variational.initial_std' = 1e+30"),
+        (f"{PLAIN}model: pod\npod: {{degree: 1000}}", "key 'pod.degree' = 1000"),
     ],
 )
 def test_wrong_key_is_named(tmp_path: Path, text: str, part: str) -> None:

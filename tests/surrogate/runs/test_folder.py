@@ -22,7 +22,8 @@ def test_start_and_take_up_again(
     run.start(description)
     assert run.description() == description
     run.start(description)
-    assert [path.name for path in run.folder.iterdir()] == ["config.yaml"]
+    assert sorted(path.name for path in run.folder.iterdir()) == ["config.yaml", "manifest.json"]
+    run.write_tensors({"x": torch.ones(2)})
     with pytest.raises(InputError, match=r"another run\.seed = 3, the folder has 0"):
         run.start(describe(make_config().model_copy(update={"seed": 3}), dataset))
 

@@ -15,6 +15,7 @@ import yaml
 
 import surrogate
 from shared_schema.common.errors import InputError
+from shared_schema.manifest import MANIFEST
 from surrogate.command_line import main
 from surrogate.presentation.trained_list import Row
 from surrogate.runs import shelf
@@ -54,7 +55,7 @@ def test_sizes() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_files_are_those_of_a_network_and_part_of_the_package(name: str) -> None:
     files = {path.name for path in (shelf.SHELF / name).iterdir()}
-    assert set(KEPT) <= files <= {*KEPT, *KEPT_IF_THERE}
+    assert {*KEPT, MANIFEST} <= files <= {*KEPT, *KEPT_IF_THERE, MANIFEST}
     settings = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["tool"]["setuptools"]
     packed = {p for glob in settings["package-data"]["surrogate"] for p in PACKAGE.glob(glob)}
     assert set((shelf.SHELF / name).iterdir()) <= packed
@@ -141,7 +142,7 @@ def test_shelve_keeps_what_prediction_needs(
 ) -> None:
     assert main(["shelve", str(evaluated), "small"]) == 0
     assert "trained/small: 0.0 MB" in capsys.readouterr().out
-    assert {path.name for path in (empty / "small").iterdir()} == set(KEPT)
+    assert {path.name for path in (empty / "small").iterdir()} == {*KEPT, MANIFEST}
     assert (evaluated / "metrics.jsonl").is_file()
     force = np.zeros((32, 2))
     force[31] = 1.0
@@ -153,7 +154,7 @@ def test_shelving_again_replaces(evaluated: Path, empty: Path) -> None:
     shelve(evaluated, "small")
     (empty / "small" / "old").touch()
     shelve(evaluated, "small")
-    assert {path.name for path in (empty / "small").iterdir()} == set(KEPT)
+    assert {path.name for path in (empty / "small").iterdir()} == {*KEPT, MANIFEST}
     assert [path.name for path in empty.iterdir()] == ["small"]
 
 
@@ -165,6 +166,7 @@ def test_not_evaluated_on_its_own_data(
     run = Path(shutil.copytree(evaluated, tmp_path / "run"))
     content = RunFolder(run).read_evaluation() | {"trained_on_this_data": False}
     (run / "evaluation.json").write_text(json.dumps(content))
+    RunFolder(run).seal.add([run / "evaluation.json"])
     with pytest.raises(InputError, match="evaluated on another dataset"):
         shelve(run, "small")
     assert not empty.exists()

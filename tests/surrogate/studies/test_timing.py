@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,31 +14,50 @@ from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.scale import read_scale
 
 
-def test_median_time() -> None:
-    """Work of 20 ms: three times for the warm-up, then as often as 50 ms allow, 3 times."""
+class Clock:
+    """A clock that only the work itself moves."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(timing, "time", clock)
+    return clock
+
+
+def test_median_time(clock: Clock) -> None:
+    """Work of 1, 2, … s: 3 times for the warm-up; then 4, 5 and 6 s, as many as begin in 10 s."""
     calls: list[None] = []
 
     def work() -> None:
         calls.append(None)
-        time.sleep(0.02)
+        clock.sleep(len(calls))
 
-    assert 0.02 <= timing.median_seconds(work, timing.Timing(seconds=0.05)) < 0.1
-    assert 4 <= len(calls) <= 6
+    assert timing.median_seconds(work, timing.Timing(seconds=10)) == 5
+    assert len(calls) == 6
 
 
-def test_times_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Works of 20 and 1 ms, until the first has taken 50 ms."""
+def test_times_in_turn(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Works of 20 and 1 s, until the first has taken 50 s: three times."""
     monkeypatch.setattr(timing, "WARM_UP", 0)
     calls: list[str] = []
 
     def work(name: str, seconds: float) -> None:
         calls.append(name)
-        time.sleep(seconds)
+        clock.sleep(seconds)
 
-    works = [partial(work, "a", 0.02), partial(work, "b", 0.001)]
-    slow, quick = timing.alternating_seconds(works, timing.Timing(seconds=0.05))
-    assert quick < 0.02 <= slow
-    assert calls == len(calls) // 2 * ["a", "b"]
+    works = [partial(work, "a", 20.0), partial(work, "b", 1.0)]
+    assert timing.alternating_seconds(works, timing.Timing(seconds=50)) == [20, 1]
+    assert calls == 3 * ["a", "b"]
 
 
 @pytest.mark.parametrize(("drawn_anew", "times"), [(False, 1), (True, 4)])

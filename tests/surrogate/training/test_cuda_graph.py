@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.command_line import Progress
-from surrogate.data.dataset import Dataset, Samples
+from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNet, UNetConfig

@@ -1,11 +1,8 @@
 from __future__ import annotations
 
-import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +18,7 @@ from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.device import choose_device
 from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
+from surrogate.optim.schedule import ScheduleConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.seeds import stream
 from surrogate.training.train import train
@@ -130,29 +128,35 @@ def test_scales_by_node_are_resumed(
 def test_killed_process_goes_on_as_if_nothing_had_been(
     tmp_path: Path, data: Path, make_config: MakeConfig, recipe: dict[str, Any]
 ) -> None:
-    config = make_config(epochs=60, checkpoint_seconds=0.0, **recipe)
+    config = make_config(epochs=6, checkpoint_seconds=0.0, **recipe)
     killed, whole = RunFolder(tmp_path / "killed"), RunFolder(tmp_path / "whole")
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(config.plain()))
+    train_and_wait = [
+        *("import sys, time", "from surrogate.command_line import main"),
+        *("from surrogate.training import trainer", "epoch = trainer.Trainer.train_epoch"),
+        "wait = lambda: (print('ready', flush=True), time.sleep(600))",
+        "trainer.Trainer.train_epoch = lambda *a: wait() if a[1] == 3 else epoch(*a)",
+        "main(sys.argv[1:])",
+    ]
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "surrogate.command_line", "train", str(path)),
+            *(sys.executable, "-c", "\n".join(train_and_wait), "train", str(path)),
             *("--data", str(data), "--out", str(killed.folder), "--device", "cpu"),
         ],
         env={**os.environ, "OMP_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
     try:
-        deadline = time.monotonic() + 60
-        while len(killed.metric_lines()) < 3:
-            assert process.poll() is None
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"  # in the fourth epoch
     finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        process.kill()
+        process.communicate()
     assert killed.checkpoint.is_file()
-    assert not killed.model.is_file(), "the process was killed too late to test anything"
+    assert not killed.model.is_file()
+    assert len(killed.metric_lines()) == 3
     samples = read_dataset(data)
     train(config, samples, killed, CPU)
     train(config, samples, whole, CPU)
@@ -175,21 +179,22 @@ def test_lost_measures_of_epochs_after_the_checkpoint_are_made_again(
     run, whole = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     config = make_config(epochs=4)
     train(config, dataset, run, CPU, stop_after=2)
-    with run.metrics.open("a") as file:
-        file.write(json.dumps({"epoch": 3, "train_loss": 0.0, "seconds": 0.0}) + "\n")
+    run.append_metric_line({"epoch": 3, "train_loss": 0.0, "seconds": 0.0})
     train(config, dataset, run, CPU)
     train(config, dataset, whole, CPU)
     assert_same_run(run, whole)
 
 
-def test_absurd_learning_rate_fails(
-    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+def test_diverged_training_fails(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A learning rate of 1e30, which a configuration may not have."""
     run = RunFolder(tmp_path / "run")
+    monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e30)
     with pytest.raises(
         WorkError, match=r"diverged in epoch 1, with a loss of (nan|inf); no checkpoint is kept"
     ):
-        train(make_config("adam", learning_rate=1e30), dataset, run, CPU)
+        train(make_config("adam", learning_rate=1.0), dataset, run, CPU)
     assert not run.model.exists()
     assert not run.checkpoint.exists()
 
@@ -214,11 +219,12 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
 
 
 def test_weights_that_are_not_finite_are_never_a_model(
-    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The only step makes the weights infinite; the loss before the step is finite."""
     run = RunFolder(tmp_path / "run")
-    config = make_config("adam", learning_rate=1e39, epochs=1, batch_size=64)
+    monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e39)
+    config = make_config("adam", learning_rate=1.0, epochs=1, batch_size=64)
     with pytest.raises(WorkError):
         train(config, dataset, run, CPU)
     assert not run.model.exists()

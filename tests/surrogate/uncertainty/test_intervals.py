@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,8 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.prediction import load
+from surrogate.presentation.run_figures import write_evaluation
+from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.uncertainty.intervals import fit_intervals, load_intervals
 
@@ -29,9 +30,9 @@ def run(request: pytest.FixtureRequest, make_run: Callable[..., Path]) -> Path:
 
 @pytest.fixture(scope="module")
 def content(run: Path, data: Path) -> dict[str, Any]:
-    evaluate(run, data, passes=10, conformal=0.9)
-    found: dict[str, Any] = json.loads((run / "evaluation.json").read_text())
-    return found
+    evaluation = evaluate(run, data, passes=10, conformal=0.9)
+    write_evaluation(evaluation, RunFolder(run))
+    return evaluation.content
 
 
 def test_scores_of_the_calibration_split(run: Path, data: Path, content: dict[str, Any]) -> None:

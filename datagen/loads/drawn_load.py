@@ -1,0 +1,138 @@
+"""Load cases drawn by a family, held against what a load case may be.
+
+Every load case is drawn here and nowhere else, so that solver, dataset and figures get the same.
+"""
+
+from __future__ import annotations
+
+import operator
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
+from datagen.loads.own_family import described
+from datagen.quantities import LARGEST_MAGNITUDE
+from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import sum_per_node
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class DrawnLoads:
+    """The load cases of a dataset by their sample number.
+
+    Attributes
+    ----------
+    family : LoadFamily
+    seed : int
+        Seed of the dataset.
+    loadable : LoadableNodes
+        Nodes of the region.
+    """
+
+    family: LoadFamily
+    seed: int
+    loadable: LoadableNodes
+
+    def check(self) -> None:
+        """Check that the family fits the mesh, and the load case of the first sample.
+
+        Raises
+        ------
+        InputError
+            One line that names the family and what is wrong.
+        """
+        self._called("check", lambda: self.family.check(self.loadable))
+        self[0]
+
+    @cached_property
+    def most(self) -> int:
+        """Largest number of loaded nodes of a sample; InputError if the family says none."""
+        loadable = self.loadable
+        most: Any = self._called("loads_per_sample", lambda: self.family.loads_per_sample(loadable))
+        try:
+            count = operator.index(most)
+        except TypeError:
+            count = 0
+        if isinstance(most, bool) or not 1 <= count <= len(loadable.coordinates):
+            raise self._wrong(
+                f"loads_per_sample returned {most!r:.80}, expected a number from 1 to the "
+                f"{len(loadable.coordinates)} nodes of the mesh"
+            )
+        return count
+
+    def __getitem__(self, number: int) -> LoadCase:
+        """Draw the load of one sample; forces on one node are added.
+
+        Parameters
+        ----------
+        number : int
+            Sample number.
+
+        Raises
+        ------
+        InputError
+            If the family raises an error, or what it draws is no load case: nodes of the region
+            (int), at most `most` different ones, with a finite force vector each.
+        """
+        what, loadable = f"sample {number}", self.loadable
+        load: Any = self._called(
+            f"{what}: draw", lambda: self.family.draw(number, self.seed, loadable)
+        )
+        if not isinstance(load, LoadCase):
+            raise self._wrong(f"{what}: draw returned {load!r:.80}, expected a LoadCase")
+        try:
+            nodes, forces = np.asarray(load.nodes), np.asarray(load.forces)
+        except ValueError as error:
+            raise self._wrong(f"{what}: no array ({error})") from None
+        if nodes.ndim != 1 or (nodes.dtype.kind not in "iu" and nodes.size):
+            found = f"type {nodes.dtype} and shape {nodes.shape}"
+            raise self._wrong(f"{what}: nodes have {found}, expected int and (n_loads,)")
+        nodes = nodes.astype(np.int64)
+        outside = nodes[~np.isin(nodes, loadable.nodes)]
+        if outside.size:
+            raise self._wrong(
+                f"{what}: node {outside[0]} is loaded, "
+                f"expected some of the {len(loadable)} nodes of the region"
+            )
+        shape = (len(nodes), loadable.dimension)
+        if forces.shape != shape or forces.dtype.kind not in "fiu":
+            found = f"type {forces.dtype} and shape {forces.shape}"
+            raise self._wrong(f"{what}: forces have {found}, expected float and {shape}")
+        forces = forces.astype(np.float64)
+        wrong = forces[~(np.abs(forces) <= LARGEST_MAGNITUDE)]  # a NaN as well
+        if wrong.size:
+            raise self._wrong(
+                f"{what}: a force component is {wrong[0]:g} N, "
+                f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
+            )
+        nodes, forces = sum_per_node(nodes, forces)
+        if len(nodes) > self.most:
+            raise self._wrong(
+                f"{what}: {len(nodes)} nodes are loaded, expected at most {self.most} "
+                "(loads_per_sample)"
+            )
+        return LoadCase(nodes, forces)
+
+    def _called(self, what: str, call: Callable[[], Result]) -> Result:
+        """Result of the family's method; InputError if it raises an error."""
+        try:
+            return call()
+        except MemoryError:
+            raise
+        except (Exception, SystemExit) as error:
+            if isinstance(error, ValueError) and what == "check":  # what its contract asks for
+                raise self._wrong(str(error)) from None
+            file = getattr(sys.modules.get(type(self.family).__module__), "__file__", None)
+            said = described(error, Path(file) if file else None)
+            raise self._wrong(f"{what}: {said}") from None
+
+    def _wrong(self, problem: str) -> InputError:
+        return InputError(f"load family '{self.family.family}': {problem}")

@@ -1,0 +1,16 @@
+"""Types of the numbers in a case file, bounded by what can be meant."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+LARGEST_SEED = 2**63 - 1
+LARGEST_MAGNITUDE = 1e12
+
+Length = Annotated[float, Field(ge=-1e9, le=1e9)]  # m, also a coordinate
+Size = Annotated[float, Field(ge=1e-9, le=1e9)]  # m, of a body or a part of it
+Magnitude = Annotated[float, Field(ge=-LARGEST_MAGNITUDE, le=LARGEST_MAGNITUDE)]  # N, or Pa
+Count = Annotated[int, Field(gt=0, le=10**9)]
+Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]

@@ -1,0 +1,101 @@
+r"""Equilibrium from a given displacement, such as the prediction of a network.
+
+Newton's method under the full load starts from the given displacement u if its potential energy
+
+.. math:: Π(u) = E(u) - f · u
+
+is below that of the undeformed body, which is 0. Its result is accepted if it converges to a state
+of still lower energy. In all other cases the load is stepped up from rest (`load_stepping`), so
+that a wrong displacement costs time and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.settings import SolverSettings
+from shared_schema.common.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def solve_from(
+    displacement: Array,
+    problem: EquilibriumProblem,
+    nodes: NDArray[np.int64],
+    forces: Array,
+    settings: SolverSettings,
+) -> tuple[SolveReport, bool]:
+    """Bring the body to equilibrium under nodal forces, starting from a displacement (collective).
+
+    Parameters
+    ----------
+    displacement : array, (n_nodes, d)
+        In m; what it says of clamped nodes is ignored. It may hold anything, NaN included.
+    problem, nodes, forces, settings
+        As for `load_stepping.solve_load_case`.
+
+    Returns
+    -------
+    report : SolveReport
+        The iterations count all attempts.
+    used : bool
+        True if the start led to the equilibrium; false if the load was stepped up from rest.
+    """
+    problem.set_load(nodes, forces)
+    problem.set_displacement(displacement)
+    problem.hold_supports()
+    energy, iterations = problem.potential(), 0
+    if energy < 0.0:
+        result = problem.solve(1.0)
+        iterations = result.iterations
+        if result.converged and problem.potential() <= energy:
+            report = SolveReport(
+                solved=True,
+                reason=result.reason,
+                explanation=result.explanation,
+                load_factor=1.0,
+                load_steps=1,
+                cutbacks=0,
+                newton_iterations=iterations,
+                residual_norm=result.residual_norm,
+            )
+            return report, True
+    report = solve_load_case(problem, nodes, forces, settings)
+    return replace(report, newton_iterations=report.newton_iterations + iterations), False
+
+
+def read_start(path: Path, coordinates: Array) -> Array:
+    """Read the displacement of a solution file (``.npz``) of the same mesh.
+
+    Raises
+    ------
+    InputError
+        If the file is no such file, or is of another mesh.
+    """
+    try:
+        with np.load(path) as file:
+            displacement = np.asarray(file["displacement"], dtype=np.float64)
+            theirs = np.asarray(file["coordinates"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile):
+        raise InputError(
+            f"--start '{path}': expected a file .npz with 'displacement' and 'coordinates'"
+        ) from None
+    size = np.ptp(coordinates, axis=0).max()
+    if (
+        displacement.shape != coordinates.shape
+        or theirs.shape != coordinates.shape
+        or not np.abs(theirs - coordinates).max() < 1e-6 * size
+    ):
+        raise InputError(
+            f"--start '{path}': displacement of shape {displacement.shape} on another mesh, "
+            f"expected {coordinates.shape} at the nodes of the case"
+        )
+    return displacement

@@ -1,0 +1,80 @@
+"""Warnings about forces unlike those of the training data."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.load_range import LoadRange
+
+MARGIN = 1 + 1e-6  # of rounding
+Array = NDArray[np.float64]
+
+
+class OutsideTrainingWarning(UserWarning):
+    """Forces are unlike those of the training data; the prediction may be arbitrarily wrong."""
+
+
+class TrainingRange:
+    """The forces of the training data.
+
+    Parameters
+    ----------
+    limit : tuple of d floats
+        Largest absolute force component at a node, in N.
+    loadable : array of bool, (n_nodes,)
+        Nodes that were loaded.
+    loads : LoadRange or None
+        Numbers of loaded nodes and resultants; None if the run does not have them.
+    """
+
+    def __init__(
+        self, limit: tuple[float, ...], loadable: NDArray[np.bool_], loads: LoadRange | None
+    ) -> None:
+        self._limit = np.array(limit)
+        self._elsewhere = ~loadable
+        self._loads = loads
+        self._warned: set[str] = set()
+
+    def exceeded(self, forces: Array) -> dict[str, str]:
+        """Say how forces leave the training data, by kind: range, places, number, resultant.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N. No force at all is nothing unusual.
+        """
+        return dict(self._exceeded(forces.reshape(-1, *forces.shape[-2:])))
+
+    def warn(self, forces: Array) -> None:
+        """Issue an `OutsideTrainingWarning` for every kind that has not been warned of yet."""
+        for kind, text in self.exceeded(forces).items():
+            if kind not in self._warned:
+                self._warned.add(kind)
+                warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
+
+    def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
+        if np.any(np.abs(forces).max(axis=(0, 1), initial=0.0) > self._limit * MARGIN):
+            text = f"force components reach beyond those of the training data ({_pm(self._limit)})"
+            yield "range", text
+        loaded = forces.any(axis=2)
+        if np.any(loaded & self._elsewhere):
+            yield "places", "a loaded node was never loaded in the training data"
+        if self._loads is None:
+            return
+        fewest, most = self._loads.fewest, self._loads.most
+        count = loaded.sum(axis=1)
+        unusual = count[(count > most) | ((count > 0) & (count < fewest))]
+        if len(unusual):
+            numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+            yield "number", f"number of loaded nodes {unusual[0]}, {numbers} in the training data"
+        limit = np.array(self._loads.resultant)
+        if np.any(np.abs(forces.sum(axis=1)) > limit * MARGIN):
+            yield "resultant", f"the resultant is beyond that of the training data ({_pm(limit)})"
+
+
+def _pm(limit: Array) -> str:
+    return f"±{', '.join(f'{value:.3g}' for value in limit)} N"

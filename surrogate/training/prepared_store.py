@@ -1,0 +1,42 @@
+"""Samples of a training as its network learns from them (`FieldNetwork.prepared`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import torch
+from torch import Tensor
+
+from surrogate.data.sample_store import Location, SampleStore, store_samples
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
+from surrogate.networks.field_network import FieldNetwork
+
+
+class PreparedInBatches:
+    """Samples on disk, prepared batch by batch.
+
+    Parameters
+    ----------
+    store : SampleStore
+    network : FieldNetwork
+    """
+
+    def __init__(self, store: SampleStore, network: FieldNetwork) -> None:
+        self.home, self._store, self._network = store.home, store, network
+
+    def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
+        """Yield batches."""
+        return (self._network.prepared(batch) for batch in self._store.batches(indices))
+
+
+def prepared_store(
+    samples: Samples | SamplesOnDisk,
+    network: FieldNetwork,
+    location: Location,
+    device: torch.device,
+) -> SampleStore:
+    """Put samples into the memory of a location, prepared once unless they are on disk."""
+    if isinstance(samples, SamplesOnDisk):
+        return PreparedInBatches(store_samples(samples, location, device), network)
+    return store_samples(network.prepared(samples), location, device)

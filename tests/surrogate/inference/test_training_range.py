@@ -1,0 +1,94 @@
+"""Warnings about forces unlike those of the training data: one loaded node, ±2.5 N."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import surrogate
+from surrogate.data.dataset import Dataset
+from surrogate.data.load_range import LoadRange, load_range
+from surrogate.inference.training_range import TrainingRange
+from surrogate.runs.folder import RunFolder
+
+
+@pytest.fixture
+def model(trained: Path) -> surrogate.Surrogate:
+    return surrogate.load(trained)
+
+
+def test_loads_of_a_training(dataset: Dataset, trained: Path) -> None:
+    """Every sample has one loaded node, so the resultant is its force."""
+    found = load_range(dataset)
+    assert (found.fewest, found.most) == (1, 1)
+    assert found.resultant == pytest.approx(dataset.info.force.max_abs, rel=1e-6)
+    assert RunFolder(trained).description().data.loads == found
+
+
+def test_every_kind(model: surrogate.Surrogate, dataset: Dataset) -> None:
+    """Node 31 at the upper right corner is loadable, node 28 below it is not."""
+    limit = np.array(dataset.info.force.max_abs)
+    exceeded = model.training_range.exceeded
+    forces = np.zeros((32, 2))
+    assert exceeded(forces) == {}
+    forces[31] = limit
+    assert exceeded(forces) == {}
+    forces[31] = -1.01 * limit
+    found = exceeded(forces)
+    assert list(found) == ["range", "resultant"]
+    assert f"±{limit[0]:.3g}" in found["range"]
+    forces[31], forces[28] = 0.0, 0.5 * limit
+    assert exceeded(forces) == {"places": "a loaded node was never loaded in the training data"}
+    forces[:] = 0.0
+    forces[[23, 27, 31]] = 0.2 * limit
+    assert exceeded(forces) == {"number": "number of loaded nodes 3, 1 in the training data"}
+    forces[[23, 27, 31]] = 0.4 * limit
+    assert list(exceeded(forces)) == ["number", "resultant"]
+    assert list(exceeded(np.stack([0 * forces, forces]))) == ["number", "resultant"]
+
+
+def test_one_node_on_a_network_of_tractions() -> None:
+    loads = LoadRange(fewest=4, most=9, resultant=(1.0, 1.0))
+    found = TrainingRange((1.0, 1.0), np.ones(12, dtype=bool), loads)
+    assert found.exceeded(np.eye(12)[:, :1] * [0.5, 0.5]) == {
+        "number": "number of loaded nodes 1, 4 to 9 in the training data"
+    }
+
+
+def test_predict_warns_once_a_kind(model: surrogate.Surrogate) -> None:
+    forces = np.zeros((32, 2))
+    forces[31] = 0.0, 100.0
+    with pytest.warns(surrogate.OutsideTrainingWarning) as caught:
+        model.predict(np.stack([forces, forces]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.predict(forces)
+    assert [str(warning.message).split(" ")[0] for warning in caught] == ["force", "the"]
+    assert caught[0].filename == __file__
+    forces[28], forces[31] = 1.0, 0.0
+    with pytest.warns(surrogate.OutsideTrainingWarning, match="never loaded"):
+        model.predict(forces)
+
+
+def test_warnings_can_be_silenced(model: surrogate.Surrogate) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+        model.predict(np.where(model.geometry.clamped[:, None], 0.0, np.full((32, 2), 100.0)))
+
+
+def test_run_without_loads_is_resumed_and_warns_of_the_rest(trained: Path, tmp_path: Path) -> None:
+    """Runs made before `loads` lack the key."""
+    run = RunFolder(trained)
+    content = yaml.safe_load(run.config.read_text())
+    del content["data"]["loads"]
+    old = RunFolder(tmp_path)
+    old.config.write_text(yaml.safe_dump(content))
+    (tmp_path / run.model.name).write_bytes(run.model.read_bytes())
+    old.require_free(run.description())
+    forces = np.full((32, 2), 100.0)
+    assert list(surrogate.load(tmp_path).training_range.exceeded(forces)) == ["range", "places"]

@@ -1,0 +1,42 @@
+"""Small bodies of every cell type: boxes of 2 × 1 [× 1] m that are clamped at x = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shared_schema.grid import Grid
+from shared_schema.material import NeoHookean
+from surrogate.data.geometry import Geometry
+from tests.surrogate.conftest import box_cells
+
+MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])  # of a quadrilateral
+TETRAHEDRA = np.array(  # of a hexahedron, around its diagonal from corner 0 to corner 6
+    [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]]
+)
+
+
+def box(cell_type: str) -> Geometry:
+    """A body of 7 × 4 nodes in the plane or 5 × 3 × 3 in space."""
+    shape = (7, 4) if cell_type in ("quad", "triangle") else (5, 3, 3)
+    size = (2.0, 1.0, 1.0)[: len(shape)]
+    coordinates = np.argwhere(np.ones(shape)) / (np.array(shape) - 1) * size
+    cells = box_cells(shape)
+    if cell_type in ("triangle", "tetra"):
+        parts = TRIANGLES if cell_type == "triangle" else TETRAHEDRA
+        cells = cells[:, parts].reshape(-1, parts.shape[1])
+    return Geometry(
+        coordinates=coordinates,
+        cells=cells,
+        cell_type=cell_type,
+        clamped=coordinates[:, 0] == 0,
+        loadable=coordinates[:, 0] > 0,
+        grid=Grid.from_coordinates(coordinates),
+    )
+
+
+def end_load(geometry: Geometry, *force: float) -> np.ndarray:
+    """Return a force in N at the last node, the corner farthest from the origin."""
+    forces = np.zeros_like(geometry.coordinates)
+    forces[-1] = force
+    return forces

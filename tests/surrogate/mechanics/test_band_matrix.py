@@ -1,0 +1,59 @@
+"""Bands against dense matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from shared_schema.common.errors import InputError
+from surrogate.mechanics import band_matrix
+from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from tests.surrogate.mechanics.bodies import box
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "tetra"])
+def test_assembled_and_solved(cell_type: str) -> None:
+    """Random positive cell matrices, added into a dense matrix cell by cell."""
+    geometry = box(cell_type)
+    d, rng = geometry.dimension, np.random.default_rng(0)
+    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+    roots = rng.normal(size=(2, *2 * (len(geometry.cells),), 1))[:, :, 0]
+    width = geometry.cells.shape[1] * d
+    roots = rng.normal(size=(2, len(geometry.cells), width, width))
+    entries = roots @ roots.swapaxes(2, 3)
+    dofs = (d * geometry.cells[:, :, None] + np.arange(d)).reshape(len(geometry.cells), -1)
+    bands = layout.assembled(torch.from_numpy(entries))
+    right = rng.normal(size=len(layout.dofs))
+    assert np.array_equal(np.sort(layout.dofs), np.flatnonzero(np.repeat(~geometry.clamped, d)))
+    for band, matrices in zip(bands, entries, strict=True):
+        dense = np.zeros(2 * (geometry.coordinates.size,))
+        for cell, matrix in zip(dofs, matrices, strict=True):
+            dense[np.ix_(cell, cell)] += matrix
+        dense = dense[np.ix_(layout.dofs, layout.dofs)]
+        expected = np.linalg.solve(dense, right)
+        factor = BandCholesky.of(band)
+        assert factor is not None
+        np.testing.assert_allclose(factor.solve(right), expected, rtol=1e-7, atol=1e-9)
+
+
+def test_indefinite_matrix() -> None:
+    """The band of [[1, 2], [2, 1]], whose eigenvalues are 3 and -1."""
+    assert BandCholesky.of(np.array([[1.0, 2.0], [1.0, 0.0]])) is None
+    factor = BandCholesky.of(np.array([[2.0, 1.0], [2.0, 0.0]]))  # eigenvalues 3 and 1
+    assert factor is not None
+    np.testing.assert_allclose(factor.solve(np.array([3.0, 0.0])), [2.0, -1.0])
+
+
+def test_width_of_a_beam() -> None:
+    """Numbered across the beam, node (i, j) has its farthest neighbour at (i + 1, j + 1)."""
+    geometry = box("quad")
+    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+    assert layout.width <= (4 + 1) * 2 + 1
+
+
+def test_body_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(band_matrix, "MOST", 100)
+    geometry = box("quad")
+    with pytest.raises(InputError, match="48 degrees of freedom in a band of"):
+        BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
