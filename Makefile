@@ -8,6 +8,7 @@ JOBS ?= 2
 SAMPLES ?=
 SCALE ?= smoke
 WHERE ?=
+SUITE ?= trixie
 TORCH ?= torch==2.13.0
 
 DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
@@ -35,7 +36,7 @@ MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report shelve reproduce test lint clean debian-packages \
-	images compose-demo test-images test-datagen test-surrogate
+	images compose-demo test-images test-debian test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -94,6 +95,10 @@ compose-demo: images ## run the demo in containers; copy its runs to this folder
 
 test-images: ## build and run the images on a bare Debian without Docker
 	@TORCH='$(TORCH)' python3 docker/test_images.py
+
+test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trixie|sid
+	@SUITE='$(SUITE)' SAMPLES='$(SAMPLES)' TESTS='$(TESTS)' T="$(T)" TORCH='$(TORCH)' \
+		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
 	rm -rf .venv-datagen .venv-surrogate data runs build

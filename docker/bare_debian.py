@@ -85,6 +85,8 @@ def temporary_folder(prefix: str) -> Iterator[Path]:
                 execute(podman, "rm", "--all", "--force", "--depend", "--time=0")
             for mount in reversed(mounts_below(folder)):
                 execute("umount", "--lazy", mount)
+            if still := mounts_below(folder):
+                raise FailedError(f"not removed, since there are mounts in it: {still}")
             shutil.rmtree(folder)
 
 
