@@ -3,8 +3,8 @@
     make test-debian SUITE=trixie [SAMPLES=120] [TESTS=test-datagen] [T="-m 'not slow'"]
 
 SUITE is bookworm (Debian 12), trixie (13) or sid. The system has nothing but apt, git, make and
-certificates, and what pip reads on this machine: settings, a certificate, folders of packages. It is
-removed at the end.
+certificates, and what pip reads on this machine: settings, a certificate, folders of packages. It
+is removed at the end.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ def make_system(base: Path) -> None:
             inside.parent.mkdir(parents=True, exist_ok=True)
             inside.write_text(texts[-1])
     for name in sorted(set(re.findall(r"(?:^|[\s=]|file://)(/[^\s:]+)", "\n".join(texts)))):
-        share(Path(name), base)
+        path = Path(name)
+        share(path.parent if path.name == "simple" else path, base)  # files lie beside an index
     execute("git", "clone", "--quiet", "--no-local", ROOT, base / PROJECT)
 
 

@@ -21,6 +21,7 @@ summed, and before the rows of the clamped nodes are replaced.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,6 +105,8 @@ class EquilibriumProblem:
         True if `snes` solves the linear systems by LU.
     load_factor : float
         Part s of the nodal load that acts.
+    meanwhile : callable
+        Called on every rank at each step of Newton's method, for work that must not wait long.
     """
 
     def __init__(
@@ -136,6 +139,7 @@ class EquilibriumProblem:
         self._load_dofs = np.empty(0, dtype=np.intp)
         self._load_values = np.empty(0)
         self.load_factor = 0.0
+        self.meanwhile: Callable[[], None] = lambda: None
 
         self._residual = create_vector(space)
         self._x = self._residual.duplicate()  # SNES must not be given the vector of `u` itself
@@ -313,6 +317,7 @@ class EquilibriumProblem:
 
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
+        self.meanwhile()
         self.tangent()
 
 
