@@ -51,6 +51,7 @@ def pip_variables() -> dict[str, str]:
 def make_system(base: Path) -> None:
     """Make the system, with what pip reads, and clone the last commit into it."""
     make_base(base, SUITE, include="ca-certificates,git,make")
+    execute("mount", "--bind", base, base)  # programs that mount need a root that is a mount
     if Path("/etc/resolv.conf").exists():
         (base / "etc/resolv.conf").write_text(Path("/etc/resolv.conf").read_text())
     for point in MOUNTED:
