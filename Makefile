@@ -8,6 +8,7 @@ JOBS ?= 2
 SAMPLES ?=
 SCALE ?= smoke
 WHERE ?=
+SUITE ?= trixie
 TORCH ?= torch==2.13.0
 
 DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
@@ -26,11 +27,16 @@ STUDIES = $(SURROGATE) $@ --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
-MPIRUN := mpirun --quiet -n $(NP) $(if $(filter-out 1 2,$(NP)),--oversubscribe)
+# More ranks than cores, and no words of mpirun's own: Open MPI 4, then 5, whose options differ.
+export OMPI_MCA_rmaps_base_oversubscribe := 1
+export OMPI_MCA_orte_execute_quiet := 1
+export OMPI_MCA_reachable := weighted
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint clean debian-packages \
-	images compose-demo test-images test-datagen test-surrogate
+	images compose-demo test-images test-debian test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -92,6 +98,10 @@ compose-demo: images ## run the demo in containers; copy its runs to this folder
 test-images: ## build and run the images on a bare Debian without Docker
 	@TORCH='$(TORCH)' python3 docker/test_images.py
 
+test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trixie|sid
+	@SUITE='$(SUITE)' SAMPLES='$(SAMPLES)' TESTS='$(TESTS)' T="$(T)" TORCH='$(TORCH)' \
+		python3 docker/test_debian.py
+
 clean: ## remove environments, datasets and runs
 	rm -rf .venv-datagen .venv-surrogate data runs build
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
@@ -106,7 +116,7 @@ debian-packages:
 	done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if ! command -v apt-get >/dev/null; then \
-		echo "make: this needs Debian 12, for its package python3-dolfinx" >&2; exit 2; fi; \
+		echo "make: this needs Debian 12 or 13, for the package python3-dolfinx" >&2; exit 2; fi; \
 	if [ "$$(id -u)" != 0 ]; then \
 		echo "make: packages are missing; install them by: sudo apt-get install$$missing" >&2; \
 		exit 2; fi; \

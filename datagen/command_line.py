@@ -6,6 +6,7 @@ import argparse
 import logging
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -46,10 +47,10 @@ def _on_every_rank(command: Callable[[], None]) -> int:
     from mpi4py import MPI
 
     from datagen.farm.farm import NothingSolvedError
-    from datagen.ranks import SharedCounters
+    from datagen.ranks import FirstOfNode
 
     comm = MPI.COMM_WORLD
-    counters = SharedCounters(comm, "failed")
+    first = FirstOfNode(comm)
     alone = False
 
     def watched() -> None:
@@ -63,8 +64,8 @@ def _on_every_rank(command: Callable[[], None]) -> int:
                 raise
             raise StoppedError from None  # without a word
         except BaseException:
-            if counters.add("failed", 1):
-                comm.Barrier()  # until the first rank that failed ends this one
+            while not first.claim():
+                time.sleep(1)  # until the first rank of this node that failed ends this one
             alone = True
             raise
 
@@ -75,7 +76,7 @@ def _on_every_rank(command: Callable[[], None]) -> int:
         code = FAILED
     if alone and comm.size > 1:
         comm.Abort(FAILED)
-    counters.close()
+    first.close()
     return code
 
 

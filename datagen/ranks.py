@@ -1,17 +1,19 @@
-"""Sharing work among MPI ranks: groups of ranks, shared counters, results of rank 0 for all."""
+"""Sharing work among MPI ranks: groups of ranks, results of rank 0 for all, the first of a node."""
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
 from mpi4py import MPI
 
 from shared_schema.common.errors import InputError
 
 Result = TypeVar("Result")
+SHARED_MEMORY = "/dev/shm"  # no disk, so that it is not full when a disk is
 
 
 def on_rank_zero(comm: MPI.Comm, work: Callable[[], Result]) -> Result:
@@ -84,40 +86,30 @@ class RankGroup:
         return answer  # type: ignore[return-value]
 
 
-class SharedCounters:
-    """Integer counters in the memory of rank 0 that every rank reads and adds to (MPI RMA).
+class FirstOfNode:
+    """Which rank of a node is the first to raise its hand (made collectively).
 
-    Additions are atomic. Creation and `close` are collective; `add` and `read` are not.
+    All ranks of a node hold a file that has no name any more, and append a byte to it. No messages
+    are sent, so that it works while other ranks are busy, wait for this one, or have ended.
 
     Parameters
     ----------
     comm : mpi4py communicator
-    *names : str
-        Names of the counters, which start at zero.
     """
 
-    def __init__(self, comm: MPI.Comm, *names: str) -> None:
-        self._index = {name: i for i, name in enumerate(names)}
-        itemsize = MPI.INT64_T.Get_size()
-        size = itemsize * len(names) if comm.rank == 0 else 0
-        self._window = MPI.Win.Allocate(size, itemsize, comm=comm)
-        if comm.rank == 0:
-            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
-        comm.barrier()
+    def __init__(self, comm: MPI.Comm) -> None:
+        node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        with tempfile.NamedTemporaryFile(dir=SHARED_MEMORY) as file:
+            path = node.bcast(file.name, root=0)
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND)
+            node.barrier()
+        node.Free()
 
-    def add(self, name: str, amount: int) -> int:
-        """Add to a counter and return its value before the addition."""
-        before = np.zeros(1, dtype=np.int64)
-        increment = np.array([amount], dtype=np.int64)
-        self._window.Lock(0, MPI.LOCK_SHARED)
-        self._window.Fetch_and_op(increment, before, 0, self._index[name], MPI.SUM)
-        self._window.Unlock(0)
-        return int(before[0])
-
-    def read(self, name: str) -> int:
-        """Return the value of a counter."""
-        return self.add(name, 0)
+    def claim(self) -> bool:
+        """Raise this rank's hand; True if it is the first of the node."""
+        os.write(self._file, b"!")
+        return os.lseek(self._file, 0, os.SEEK_CUR) == 1
 
     def close(self) -> None:
-        """Release the memory of the counters (collective)."""
-        self._window.Free()
+        """Release the file."""
+        os.close(self._file)

@@ -1,20 +1,20 @@
 # The data factory. Built from the root of the repository: docker build -f docker/datagen.Dockerfile .
-FROM debian:bookworm-slim
+FROM debian:trixie-slim
 
 COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
 
-# The packages of the Makefile. Debian 12 keeps the upstream versions; * stands for its own fixes.
+# The packages of the Makefile. Debian 13 keeps the upstream versions; * stands for its own fixes.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
-        gcc=4:12.2.0-* \
-        openmpi-bin=4.1.4-* \
-        python3-dolfinx=1:0.5.2-* \
-        python3-gmsh=4.8.4+ds2-* \
-        python3-h5py=3.7.0-* \
-        python3-matplotlib=3.6.3-* \
-        python3-meshio=7.0.0-* \
-        python3-venv=3.11.2-* \
-        python3-yaml=6.0-* \
+        gcc=4:14.2.0-* \
+        openmpi-bin=5.0.7-* \
+        python3-dolfinx=1:0.9.0-* \
+        python3-gmsh=4.13.1+ds1-* \
+        python3-h5py=3.13.0-* \
+        python3-matplotlib=3.10.1+dfsg1-* \
+        python3-meshio=7.0.0-really-5.3.5-* \
+        python3-venv=3.13.5-* \
+        python3-yaml=6.0.2-* \
     && apt-get clean \
     && rm -rf /var/lib/apt/lists/*
 
@@ -34,8 +34,10 @@ COPY shared_schema /opt/source/shared_schema
 COPY datagen /opt/source/datagen
 RUN pip install --no-cache-dir --no-deps /opt/source/shared_schema /opt/source/datagen
 
-# Only ranks run in parallel. They copy through shared memory; containers forbid single copies.
-ENV HOME=/home/worker OMP_NUM_THREADS=1 OMPI_MCA_btl_vader_single_copy_mechanism=none
+# Only ranks run in parallel, also more than there are cores. They copy through shared memory;
+# containers forbid single copies.
+ENV HOME=/home/worker OMP_NUM_THREADS=1 OMPI_MCA_smsc=^cma OMPI_MCA_reachable=weighted \
+    PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe
 USER 1000
 WORKDIR /work
 CMD ["datagen", "--help"]

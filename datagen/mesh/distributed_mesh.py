@@ -8,10 +8,10 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from datagen.dolfinx_versions import create_mesh
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import on_rank_zero
@@ -70,12 +70,8 @@ def make_mesh(geometry: Geometry, comm: MPI.Comm) -> Mesh:
 
 def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     """Distribute a mesh over the ranks of `comm`, all of which hold its arrays (collective)."""
-    dimension = raw.coordinates.shape[1]
-    cell = ufl.Cell(UFL_NAMES[raw.cell_type], geometric_dimension=dimension)
-    element = ufl.VectorElement("Lagrange", cell, 1)
-    to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(str(cell)), raw.cells.shape[1])
+    cell = UFL_NAMES[raw.cell_type]
+    to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes
-    domain = dolfinx.mesh.create_mesh(
-        comm, raw.cells[here][:, to_dolfinx], raw.coordinates[here], ufl.Mesh(element)
-    )
+    domain = create_mesh(comm, raw.cells[here][:, to_dolfinx], cell, raw.coordinates[here])
     return Mesh(domain, raw.coordinates, raw.cells, raw.cell_type, raw.groups)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.dolfinx_versions import cell_blocks, geometry_nodes
 from datagen.mesh.distributed_mesh import Mesh
 
 
@@ -67,9 +68,8 @@ def node_numbering(mesh: Mesh, space: Any) -> NodeNumbering:
     space : dolfinx function space
         P1 or Q1 vectors on `mesh`.
     """
-    geometry = mesh.domain.geometry
-    number = np.asarray(geometry.input_global_indices, dtype=np.int64)
+    number = np.asarray(mesh.domain.geometry.input_global_indices, dtype=np.int64)
     index_map = space.dofmap.index_map
     node_of_block = np.empty(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
-    node_of_block[space.dofmap.list.array] = number[geometry.dofmap.array]
+    node_of_block[cell_blocks(space)] = number[geometry_nodes(mesh.domain)]
     return NodeNumbering(node_of_block, index_map.size_local, index_map.size_global)

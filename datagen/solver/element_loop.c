@@ -5,9 +5,16 @@
 
 #include <stdint.h>
 
+#ifdef KERNEL_HAS_CUSTOM_DATA /* a last argument of kernels, see dolfinx_versions.py */
+#define AND_CUSTOM_DATA(data) , data
+#else
+#define AND_CUSTOM_DATA(data)
+#endif
+
 typedef void element_kernel(double *restrict tensor, const double *restrict coefficients,
                             const double *restrict constants, const double *restrict coordinates,
-                            const int *restrict entity, const uint8_t *restrict permutation);
+                            const int *restrict entity, const uint8_t *restrict permutation
+                            AND_CUSTOM_DATA(void *data));
 
 /* kernel       element tensor of one cell, as FFCx generates it
  * n_cells      number of cells
@@ -36,7 +43,7 @@ void add_element_tensors(element_kernel *kernel, int n_cells, int n_entries, int
                 coordinates[3 * i + k] = points[3 * vertices[cell * n_vertices + i] + k];
         for (int i = 0; i < n_entries; ++i)
             tensor[i] = 0.0;
-        kernel(tensor, coefficients, constants, coordinates, 0, 0);
+        kernel(tensor, coefficients, constants, coordinates, 0, 0 AND_CUSTOM_DATA(0));
         const int32_t *place = places + (int64_t)cell * n_entries;
         for (int i = 0; i < n_entries; ++i)
             values[place[i]] += tensor[i];

@@ -19,8 +19,10 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.dolfinx_versions import KERNEL_MACROS, cell_blocks, geometry_nodes
+
 SOURCE = Path(__file__).parent / "element_loop.c"
-COMPILER_FLAGS = ("-O3", "-shared", "-fPIC")
+COMPILER_FLAGS = ("-O3", "-shared", "-fPIC", *KERNEL_MACROS)
 
 
 class ElementLoop:
@@ -59,11 +61,11 @@ class ElementLoop:
         places: NDArray[np.int32],
         size: int,
     ) -> None:
-        geometry = u.function_space.mesh.geometry
+        domain = u.function_space.mesh
         dofs = cell_dofs(u.function_space)
-        vertices = geometry.dofmap.array.reshape(len(dofs), -1).astype(np.int32)
+        vertices = np.ascontiguousarray(geometry_nodes(domain))
         work = np.empty(places.shape[1] + dofs.shape[1] + 3 * vertices.shape[1])
-        points = np.ascontiguousarray(geometry.x, dtype=np.float64)
+        points = np.ascontiguousarray(domain.geometry.x, dtype=np.float64)
         self.values = np.zeros(size)
         displacement = u.x.array
         # C sees only addresses, so the arrays must be kept alive here.
@@ -88,7 +90,7 @@ class ElementLoop:
 def cell_dofs(space: Any) -> NDArray[np.int32]:
     """List the degrees of freedom of every cell, node by node: (n_cells, corners · d)."""
     d = space.dofmap.index_map_bs
-    blocks = space.dofmap.list.array.reshape(-1, space.dofmap.dof_layout.num_dofs)
+    blocks = cell_blocks(space)
     dofs = (blocks[:, :, None] * d + np.arange(d)).reshape(len(blocks), -1)
     return np.ascontiguousarray(dofs, dtype=np.int32)
 

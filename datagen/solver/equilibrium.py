@@ -21,15 +21,16 @@ summed, and before the rows of the clamped nodes are replaced.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import dolfinx
 import numpy as np
-from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from datagen.dolfinx_versions import create_vector, functionspace
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.mesh.node_numbering import node_numbering
 from datagen.solver.distributed_assembly import DistributedAssembly
@@ -104,6 +105,8 @@ class EquilibriumProblem:
         True if `snes` solves the linear systems by LU.
     load_factor : float
         Part s of the nodal load that acts.
+    meanwhile : callable
+        Called on every rank at each step of Newton's method, for work that must not wait long.
     """
 
     def __init__(
@@ -115,9 +118,9 @@ class EquilibriumProblem:
     ) -> None:
         self.mesh = mesh
         self.comm = mesh.domain.comm
-        space = dolfinx.fem.VectorFunctionSpace(mesh.domain, ("Lagrange", 1))
-        self.numbering = node_numbering(mesh, space)
         self.dimension = mesh.coordinates.shape[1]
+        space = functionspace(mesh.domain, ("Lagrange", 1, (self.dimension,)))
+        self.numbering = node_numbering(mesh, space)
         self.u = dolfinx.fem.Function(space, name="displacement")
         self.forms = weak_form(self.u, material)
 
@@ -136,8 +139,9 @@ class EquilibriumProblem:
         self._load_dofs = np.empty(0, dtype=np.intp)
         self._load_values = np.empty(0)
         self.load_factor = 0.0
+        self.meanwhile: Callable[[], None] = lambda: None
 
-        self._residual = fem_petsc.create_vector(internal)
+        self._residual = create_vector(space)
         self._x = self._residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = False
         self._settings = settings
@@ -194,7 +198,7 @@ class EquilibriumProblem:
             snes = self._direct_snes
         self.load_factor = load_factor
         self._inverted = False
-        self.u.vector.copy(self._x)
+        self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         snes.solve(None, self._x)
         self._take(self._x)
         reason, residual_norm = snes.getConvergedReason(), snes.getFunctionNorm()
@@ -313,6 +317,7 @@ class EquilibriumProblem:
 
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
+        self.meanwhile()
         self.tangent()
 
 

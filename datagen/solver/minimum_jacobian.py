@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import basix
-import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
 
+from datagen.dolfinx_versions import evaluate, point_expression
 from datagen.solver.element_loop import ElementLoop
 from datagen.solver.material import deformation_gradient
 from datagen.solver.weak_form import COMPILER_OPTIONS, QUADRATURE_DEGREE
@@ -32,8 +32,8 @@ class MinimumJ:
         cell = getattr(basix.CellType, domain.topology.cell_type.name)
         points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
         j = ufl.det(deformation_gradient(u))
-        self._comm = domain.comm
-        self._expression = dolfinx.fem.Expression(j, points, jit_params=COMPILER_OPTIONS)
+        self._domain = domain
+        self._expression = point_expression(j, points, COMPILER_OPTIONS)
         count = domain.topology.index_map(domain.topology.dim).size_local
         self._cells = np.arange(count, dtype=np.int32)
         self._loop: ElementLoop | None = None
@@ -46,5 +46,7 @@ class MinimumJ:
         """Smallest J at the current displacement, the same on every rank (collective)."""
         if self._loop is not None:
             return float(self._loop.run().min())
-        local = float(self._expression.eval(self._cells).min()) if self._cells.size else np.inf
-        return float(self._comm.allreduce(local, op=MPI.MIN))
+        local = np.inf
+        if self._cells.size:
+            local = float(evaluate(self._expression, self._domain, self._cells).min())
+        return float(self._domain.comm.allreduce(local, op=MPI.MIN))

@@ -24,6 +24,7 @@ import dolfinx
 import ufl
 from petsc4py import PETSc
 
+from datagen.dolfinx_versions import form
 from datagen.solver.material import deformation_gradient, strain_energy
 from shared_schema.material import NeoHookean
 
@@ -67,7 +68,4 @@ def weak_form(u: Any, material: NeoHookean) -> WeakForm:
     energy = strain_energy(f, lam, mu, material.volumetric) * dx
     internal = ufl.derivative(energy, u)
     tangent = ufl.derivative(internal, u)
-    forms = (
-        dolfinx.fem.form(form, jit_params=COMPILER_OPTIONS) for form in (energy, internal, tangent)
-    )
-    return WeakForm(*forms)
+    return WeakForm(*(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent)))

@@ -32,12 +32,9 @@ from tests.benchmarks.publication import (
     markdown_table,
     run_benchmark,
 )
+from tests.open_mpi import SETTINGS
 
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
+ENVIRONMENT = os.environ | SETTINGS
 
 
 @dataclass(frozen=True)
@@ -51,9 +48,7 @@ class Way:
 def seconds(case: Path, samples: int, way: Way) -> float:
     """Wall time in s of one whole `datagen run` into a new folder."""
     with tempfile.TemporaryDirectory() as folder:
-        mpirun = ["mpirun", "--quiet", "-n", str(way.ranks)]
-        if way.ranks > (os.cpu_count() or 1):
-            mpirun.append("--oversubscribe")
+        mpirun = ["mpirun", "-n", str(way.ranks)]
         datagen = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
         options = ["--out", f"{folder}/nodal", "--samples", str(samples)]
         options += ["--ranks-per-solve", str(way.ranks_per_solve)]
@@ -126,7 +121,8 @@ def table(results: Results) -> str:
         f"alternately; values are medians of\n{results['rounds']} rounds. Samples per second is "
         f"the slope between two numbers of samples, writing included:\n{sizes}.\nStart-up is the "
         "remaining time: imports, forms, mesh, mpirun. Speed-up is over one rank; ranks per solve "
-        "are\nthose of `--ranks-per-solve`.\n\n"
+        "are\nthose of `--ranks-per-solve`. [Two nodes](benchmark-two-nodes.md) are as fast as two "
+        "ranks on one.\n\n"
         f"{rows}\n{footer(results)}"
     )
 

@@ -7,23 +7,23 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc as fem_petsc
 from dolfinx.nls.petsc import NewtonSolver
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from datagen.cases.body import Body
 from datagen.cases.case import Case
+from datagen.dolfinx_versions import NewtonSolverNonlinearProblem, functionspace
 from datagen.loads import LoadCase
 from datagen.solver.material import deformation_gradient, strain_energy
 
 
-class TutorialProblem(fem_petsc.NonlinearProblem):
+class TutorialProblem(NewtonSolverNonlinearProblem):
     """dolfinx's own nonlinear problem, with nodal forces subtracted from its residual."""
 
     def __init__(self, case: Case, body: Body) -> None:
         domain = body.mesh.domain
-        space = dolfinx.fem.VectorFunctionSpace(domain, ("Lagrange", 1))
+        space = functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,)))
         self.state = dolfinx.fem.Function(space)
         lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_lambda))
         mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_mu))

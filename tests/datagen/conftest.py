@@ -6,9 +6,11 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 
+from tests.open_mpi import OF_A_RUN, SETTINGS
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 for name in list(os.environ):  # of an MPI that the process above has begun, as pytest-xdist's does
-    if name.startswith(("OMPI_", "OPAL_", "PMIX_", "ORTE_")) and "ALLOW_RUN_AS_ROOT" not in name:
+    if name.startswith(OF_A_RUN) and name not in SETTINGS:
         del os.environ[name]
 
 import numpy as np

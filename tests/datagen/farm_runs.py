@@ -19,13 +19,11 @@ from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
 from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
+from tests.open_mpi import SETTINGS
 
+LAUNCHERS = (b"mpirun", b"prterun")  # Open MPI 5's mpirun turns into the second
 TIMES = {"samples/wall_time"}  # the only array that may differ
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
+ENVIRONMENT = os.environ | SETTINGS
 
 
 def write_case(folder: Path, samples: int = 120, shard_size: int = 25, **load: Any) -> Path:
@@ -39,7 +37,7 @@ def write_case(folder: Path, samples: int = 120, shard_size: int = 25, **load: A
 
 def datagen(*words: str | Path, ranks: int = 0) -> list[str]:
     program = [sys.executable, "-m", "datagen.command_line", *map(str, words)]
-    mpirun = ["mpirun", "--quiet", "--oversubscribe", "-n", str(ranks)]
+    mpirun = ["mpirun", "-n", str(ranks)]
     return [*mpirun, *program] if ranks else program
 
 
@@ -84,7 +82,7 @@ def pids_of(out: Path) -> list[int]:
             words = path.read_bytes().split(b"\0")
         except OSError:
             continue
-        if str(out).encode() in words and b"mpirun" not in words[0]:
+        if str(out).encode() in words and words[0].rpartition(b"/")[2] not in LAUNCHERS:
             found.append(int(path.parent.name))
     return sorted(found)
 

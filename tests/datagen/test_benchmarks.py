@@ -10,7 +10,12 @@ import pytest
 
 from tests.benchmarks.publication import page_path, result_path
 
-BENCHMARKS = {"equilibrium": "equilibrium", "scaling": "scaling", "hdf5": "hdf5_throughput"}
+BENCHMARKS = {
+    "equilibrium": "equilibrium",
+    "scaling": "scaling",
+    "two-nodes": "two_nodes",
+    "hdf5": "hdf5_throughput",
+}
 
 
 def results_of(name: str) -> dict[str, Any]:

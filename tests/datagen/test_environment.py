@@ -8,7 +8,6 @@ import numpy as np
 
 def test_debians_libraries_are_in_place() -> None:
     """The h5py of pip brings its own HDF5, which conflicts with PETSc's in one process."""
-    assert np.__version__.startswith("1.24")
     for module in (np, h5py):
         assert module.__file__ is not None
         assert module.__file__.startswith("/usr/lib/python3")

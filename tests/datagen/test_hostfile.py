@@ -1,15 +1,12 @@
-"""Ranks on two nodes of a hostfile: two daemons of Open MPI on this machine, linked by loopback.
-
-A shell script replaces ssh and starts the daemon of a node on this machine. The daemons do not know
-that they share its memory, so the ranks exchange messages by TCP, as between two machines. Each
-daemon has its own folder for the shared memory of its ranks.
-"""
+"""Ranks on two nodes of a hostfile, which exchange messages by TCP (see `tests.two_nodes`)."""
 
 from __future__ import annotations
 
-import re
+import os
+import signal
 import subprocess
-from collections.abc import Callable
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,75 +14,80 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from tests.datagen.farm_runs import assert_same, command, finish, write_case
+from shared_schema.checker import check_dataset
+from tests.datagen.farm_runs import assert_same, command, recorded, write_case
+from tests.two_nodes import NoNamespacesError, TwoNodes, two_nodes
 
 pytestmark = pytest.mark.mpi
-
-AGENT = """#!/bin/bash
-here=$(dirname "$0") node=$1
-echo "$node" >> "$here/reached"
-export TMPDIR="$here/$node" OMPI_MCA_btl_vader_backing_directory="$here/$node"
-mkdir "$TMPDIR"
-shift
-exec bash -c "$*"
-"""
-LOOPBACK = ("--mca", "oob_tcp_if_include", "lo", "--mca", "btl_tcp_if_include", "lo")
-ONE_SIDED = ("--mca", "osc", "pt2pt", "-x", "MPI4PY_RC_THREAD_LEVEL=funneled")
-PAGE = Path(__file__).parents[2] / "docs" / "cluster.md"
-
-Start = Callable[..., subprocess.CompletedProcess[str]]
+SECOND = "10.77.0.2"
 
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Dataset made by one process, in the folder of its case file."""
     folder = tmp_path_factory.mktemp("serial")
-    run(read_case(str(write_case(folder, 40, 10))), folder / "nodal", MPI.COMM_SELF)
+    run(read_case(str(write_case(folder, 400, 20))), folder / "nodal", MPI.COMM_SELF)
     return folder / "nodal"
 
 
 @pytest.fixture
-def on_two_nodes(serial: Path, tmp_path: Path) -> Start:
-    """Make a function that runs `datagen run` by one rank on each of two nodes."""
-    agent, hosts = tmp_path / "agent", tmp_path / "hosts"
-    agent.write_text(AGENT)
-    agent.chmod(0o755)
-    hosts.write_text("node1 slots=1\nnode2 slots=1\n")
-
-    def start(*options: str) -> subprocess.CompletedProcess[str]:
-        mpirun = ["mpirun", "--hostfile", str(hosts), "--display-map", *LOOPBACK, *ONE_SIDED]
-        program = command(0, serial.parent / "case.yaml", tmp_path / "nodal")
-        done = finish([*mpirun, "--mca", "plm_rsh_agent", str(agent), *program, *options])
-        assert sorted((tmp_path / "reached").read_text().split()) == ["node1", "node2"]
-        return done
-
-    return start
+def nodes(tmp_path: Path) -> Iterator[TwoNodes]:
+    try:
+        with two_nodes(tmp_path) as made:
+            yield made
+    except NoNamespacesError as error:
+        pytest.skip(f"no two nodes here: {error}")
 
 
-def test_options_are_those_of_the_page() -> None:
-    assert " ".join(ONE_SIDED) in PAGE.read_text()
-
-
-def ranks_by_node(said: str) -> dict[str, list[int]]:
-    """Ranks of each node, from the map that mpirun prints."""
-    parts = re.split(r"Data for node: (\w+)", said)[1:]
-    found = zip(parts[::2], parts[1::2], strict=True)
-    return {node: [int(r) for r in re.findall(r"Process rank: (\d+)", m)] for node, m in found}
+def start(nodes: TwoNodes, serial: Path, *options: str) -> subprocess.Popen[str]:
+    """Begin `datagen run` by one rank on each node, with no option of mpirun but the hostfile."""
+    program = command(0, serial.parent / "case.yaml", nodes.folder / "nodal")
+    return subprocess.Popen(
+        nodes.words([*program, *options]),
+        env=nodes.environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 @pytest.mark.slow
-def test_two_nodes_make_what_one_process_makes(
-    on_two_nodes: Start, serial: Path, tmp_path: Path
-) -> None:
-    done = on_two_nodes()
-    assert done.returncode == 0, done.stderr
-    assert ranks_by_node(done.stdout) == {"node1": [0], "node2": [1]}
-    assert "40 samples solved, 0 failed" in done.stdout
-    assert_same(serial, tmp_path / "nodal")
+def test_two_nodes_make_what_one_process_makes(nodes: TwoNodes, serial: Path) -> None:
+    with start(nodes, serial) as process:
+        out, said = process.communicate(timeout=120)
+    assert process.returncode == 0, said
+    assert (nodes.folder / "reached").read_text().split() == [SECOND]
+    assert "400 samples solved, 0 failed" in out
+    assert_same(serial, nodes.folder / "nodal")
 
 
-def test_wrong_input_on_two_nodes(on_two_nodes: Start, tmp_path: Path) -> None:
-    done = on_two_nodes("--samples", "0")
-    assert done.returncode == 2
-    assert done.stderr.count("key 'dataset.samples' = 0") == 1
-    assert not (tmp_path / "nodal").exists()
+def test_wrong_input_on_two_nodes(nodes: TwoNodes, serial: Path) -> None:
+    with start(nodes, serial, "--samples", "0") as process:
+        _, said = process.communicate(timeout=120)
+    assert process.returncode == 2
+    assert said.count("key 'dataset.samples' = 0") == 1
+    assert (nodes.folder / "reached").read_text().split() == [SECOND]
+    assert not (nodes.folder / "nodal").exists()
+
+
+@pytest.mark.slow
+def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:
+    """Every process of the second node is killed: the run ends, and the next one completes it."""
+    nodal = nodes.folder / "nodal"
+    with start(nodes, serial) as process:
+        limit = time.monotonic() + 120
+        while recorded(nodal) < 3:
+            assert process.poll() is None
+            assert time.monotonic() < limit
+            time.sleep(0.002)
+        for pid in nodes.pids(2):
+            os.kill(pid, signal.SIGKILL)
+        process.communicate(timeout=120)
+    assert process.returncode != 0
+    kept = recorded(nodal)
+    assert 3 <= kept < 20
+    with start(nodes, serial) as process:
+        _, said = process.communicate(timeout=120)
+    assert process.returncode == 0, said
+    assert check_dataset(nodal) == []
+    assert_same(serial, nodal)

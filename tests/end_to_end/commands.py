@@ -6,15 +6,13 @@ import os
 import subprocess
 from pathlib import Path
 
+from tests.open_mpi import SETTINGS
+
 ROOT = Path(__file__).parents[2]
 DATAGEN = ROOT / ".venv-datagen" / "bin" / "datagen"
 SURROGATE = ROOT / ".venv-surrogate" / "bin" / "surrogate"
-MPIRUN = ("mpirun", "--quiet", "--oversubscribe", "-n", "2")
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-}
+MPIRUN = ("mpirun", "-n", "2")
+ENVIRONMENT = os.environ | SETTINGS
 
 
 def execute(*command: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:

@@ -44,6 +44,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
     "datagen": [
         "quantities",
         "ranks",
+        "dolfinx_versions",
         "mesh",
         "loads",
         "solver",

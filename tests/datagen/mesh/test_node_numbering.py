@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from datagen.dolfinx_versions import functionspace
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.mesh.node_numbering import node_numbering
@@ -19,7 +19,7 @@ def test_numbering_maps_degrees_of_freedom_to_nodes(
     elements: tuple[int, ...], upper: tuple[float, ...]
 ) -> None:
     mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
-    space = dolfinx.fem.VectorFunctionSpace(mesh.domain, ("Lagrange", 1))
+    space = functionspace(mesh.domain, ("Lagrange", 1, (mesh.coordinates.shape[1],)))
     numbering = node_numbering(mesh, space)
     at = space.tabulate_dof_coordinates()[:, : len(upper)]
     assert at == pytest.approx(mesh.coordinates[numbering.node_of_block])

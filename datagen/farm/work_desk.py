@@ -1,0 +1,152 @@
+"""The desk at which groups of ranks fetch their work: rank 0 keeps it, the others send messages.
+
+A group asks for a piece of work when it has finished one, and rank 0, which solves too, answers
+between the Newton iterations of its own solves. Samples are counted where they are solved; the
+counts travel with the questions, and alone only after a while. Nothing else is sent between groups,
+so that any network will do.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+QUESTION, ANSWER, STOP = 1, 2, 3  # tags
+LOOK = 1e-3  # seconds between two looks of rank 0 at its questions, at least
+TELL = 0.5  # seconds after which counts are sent alone
+
+
+class WorkDesk:
+    """Hands out numbers of pieces of work, and counts what is done (made collectively).
+
+    Parameters
+    ----------
+    comm : mpi4py communicator
+        All ranks.
+    leaders : list of int
+        Ranks that fetch work, rank 0 first.
+
+    Attributes
+    ----------
+    samples, failed : int
+        On rank 0: number of samples done as far as it knows, and of those without an equilibrium.
+    is_stopping : bool
+        True if a rank has asked all to stop, as far as this rank knows. Rank 0 and the leaders come
+        to know.
+    """
+
+    def __init__(self, comm: MPI.Comm, leaders: list[int]) -> None:
+        self._comm = comm.Dup()
+        self._leaders = leaders
+        self._is_keeper = comm.rank == 0
+        self.samples = self.failed = 0
+        self.is_stopping = self._has_asked = False
+        self._taken = 0
+        self._finished: Counter[int] = Counter()  # pieces, by shard
+        self._ended = 0
+        self._told = self._looked = time.monotonic()
+        self._sent: list[MPI.Request] = []
+
+    # --- on every rank -------------------------------------------------------------------------
+
+    def take(self) -> int:
+        """Number of the next piece of work, from 0 (for leaders)."""
+        return self._ask("take", 0)
+
+    def finish(self, shard: int) -> int:
+        """Count a finished piece of a shard; return how many were finished before (for leaders)."""
+        return self._ask("finish", shard)
+
+    def count(self, solved: bool) -> None:
+        """Count a sample that is done (for leaders)."""
+        self.samples += 1
+        self.failed += not solved
+        if not self._is_keeper and time.monotonic() - self._told > TELL:
+            self._send("count", 0)
+
+    def stop(self) -> None:
+        """Ask all to stop."""
+        if self._is_keeper:
+            self._stop_all()
+        elif not self._has_asked:
+            self._has_asked = self.is_stopping = True
+            self._send("stop", 0)
+
+    def look(self) -> None:
+        """See what has come: questions to rank 0, which it answers, or a word to stop."""
+        if self._is_keeper:
+            now = time.monotonic()
+            if now - self._looked >= LOOK:
+                self._looked = now
+                while self._comm.iprobe(tag=QUESTION):
+                    self._answer()
+        elif not self._is_told_to_stop and self._comm.iprobe(source=0, tag=STOP):
+            self._hear_stop()
+
+    def close(self, show: Callable[[], None]) -> None:
+        """Wait until no rank needs the desk; rank 0 calls `show` meanwhile (collective)."""
+        if self._is_keeper:
+            while self._ended < self._comm.size - 1:
+                self.look()
+                show()
+                time.sleep(LOOK)
+        else:
+            self._send("end", 0)
+        stopped = self._comm.bcast(self.is_stopping, root=0)
+        if stopped and self._comm.rank in self._leaders[1:] and not self._is_told_to_stop:
+            self._hear_stop()
+        self.is_stopping = stopped
+        MPI.Request.Waitall(self._sent)
+        self._comm.Free()
+
+    # --- messages --------------------------------------------------------------------------------
+
+    _is_told_to_stop = False
+
+    def _hear_stop(self) -> None:
+        self._comm.recv(source=0, tag=STOP)
+        self._is_told_to_stop = self.is_stopping = True
+
+    def _send(self, word: str, number: int) -> None:
+        """Send a word to rank 0, and the counts since the last one."""
+        message = word, number, self.samples, self.failed
+        self._sent = [request for request in self._sent if not request.Test()]
+        self._sent.append(self._comm.isend(message, dest=0, tag=QUESTION))
+        self.samples = self.failed = 0
+        self._told = time.monotonic()
+
+    def _ask(self, word: str, number: int) -> int:
+        if self._is_keeper:
+            return self._reply(word, number)
+        self._send(word, number)
+        return int(self._comm.recv(source=0, tag=ANSWER))
+
+    def _answer(self) -> None:
+        """Receive one message on rank 0, and answer it if it is a question."""
+        status = MPI.Status()
+        word, number, samples, failed = self._comm.recv(tag=QUESTION, status=status)
+        self.samples += samples
+        self.failed += failed
+        if word in ("take", "finish"):
+            self._comm.send(self._reply(word, number), dest=status.Get_source(), tag=ANSWER)
+        elif word == "stop":
+            self._stop_all()
+        elif word == "end":
+            self._ended += 1
+
+    def _reply(self, word: str, number: int) -> int:
+        if word == "take":
+            self._taken += 1
+            return self._taken - 1
+        self._finished[number] += 1
+        return self._finished[number] - 1
+
+    def _stop_all(self) -> None:
+        if not self.is_stopping:
+            self.is_stopping = True
+            self._sent += [
+                self._comm.isend(None, dest=leader, tag=STOP) for leader in self._leaders[1:]
+            ]
