@@ -224,12 +224,14 @@ class RunFolder:
             self.seal.add(files)
 
     def read_figures(self) -> dict[str, bytes]:
-        """Read the figures of the evaluation, by file name; InputError if one is damaged."""
-        if not self.figures.is_dir():
-            return {}
-        files = sorted(path for path in self.figures.glob("*.png") if self.seal.lists(path))
-        if files:
-            self.seal.require_intact(*files)
+        """Read the figures of the evaluation by file name; InputError if one is damaged or gone."""
+        if self.seal.exists:
+            listed = (self.folder / name for name in self.seal.files())
+            files = sorted(path for path in listed if path.parent == self.figures)
+            for path in files:
+                self.seal.require_intact(path)
+        else:
+            files = sorted(self.figures.glob("*.png"))
         return {path.name: path.read_bytes() for path in files}
 
     def read_evaluation(self) -> dict[str, Any]:

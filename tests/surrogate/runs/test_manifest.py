@@ -101,10 +101,11 @@ def test_another_manifest_is_refused(run: RunFolder, content: str) -> None:
         surrogate.load(run.folder)
 
 
-def test_a_missing_file_is_named(run: RunFolder) -> None:
-    run.hardware.unlink()
-    with pytest.raises(InputError, match=r"hardware\.txt: no such file"):
-        run.trained_on()
+@pytest.mark.parametrize("file", ["hardware.txt", "figures/deformed.png"])
+def test_a_missing_file_is_named(run: RunFolder, file: str) -> None:
+    (run.folder / file).unlink()
+    with pytest.raises(InputError, match=f"{file}: no such file"):
+        read_everything(run)
 
 
 def test_runs_of_earlier_versions_are_read_and_said_to_be_unsealed(
