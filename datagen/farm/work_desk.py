@@ -3,19 +3,24 @@
 A group asks for a piece of work when it has finished one, and rank 0, which solves too, answers
 between the Newton iterations of its own solves. Samples are counted where they are solved; the
 counts travel with the questions, and alone only after a while. Nothing else is sent between groups,
-so that any network will do.
+so that any network will do. A rank ends itself when the program that started it, mpirun or its
+daemon, has ended: Open MPI 5 leaves ranks behind when it loses a node.
 """
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable
 
 from mpi4py import MPI
 
-QUESTION, ANSWER, STOP = 1, 2, 3  # tags
+from shared_schema.common.errors import FAILED
+
+QUESTION, ANSWER, STOP, CLOSED = 1, 2, 3, 4  # tags
 LOOK = 1e-3  # seconds between two looks of rank 0 at its questions, at least
+WAIT = 1e-4  # seconds between two looks of another rank for its answer
 TELL = 0.5  # seconds after which counts are sent alone
 
 
@@ -42,8 +47,9 @@ class WorkDesk:
         self._comm = comm.Dup()
         self._leaders = leaders
         self._is_keeper = comm.rank == 0
+        self._parent = os.getppid()
         self.samples = self.failed = 0
-        self.is_stopping = self._has_asked = False
+        self.is_stopping = self._has_asked = self._is_told_to_stop = False
         self._taken = 0
         self._finished: Counter[int] = Counter()  # pieces, by shard
         self._ended = 0
@@ -77,14 +83,17 @@ class WorkDesk:
 
     def look(self) -> None:
         """See what has come: questions to rank 0, which it answers, or a word to stop."""
+        now = time.monotonic()
+        if now - self._looked < LOOK:
+            return
+        self._looked = now
+        self._require_parent()
         if self._is_keeper:
-            now = time.monotonic()
-            if now - self._looked >= LOOK:
-                self._looked = now
-                while self._comm.iprobe(tag=QUESTION):
-                    self._answer()
+            while self._comm.iprobe(tag=QUESTION):
+                self._answer()
         elif not self._is_told_to_stop and self._comm.iprobe(source=0, tag=STOP):
-            self._hear_stop()
+            self._hear(STOP)
+            self._is_told_to_stop = self.is_stopping = True
 
     def close(self, show: Callable[[], None]) -> None:
         """Wait until no rank needs the desk; rank 0 calls `show` meanwhile (collective)."""
@@ -93,22 +102,29 @@ class WorkDesk:
                 self.look()
                 show()
                 time.sleep(LOOK)
+            for rank in range(1, self._comm.size):
+                self._comm.send(self.is_stopping, dest=rank, tag=CLOSED)
         else:
             self._send("end", 0)
-        stopped = self._comm.bcast(self.is_stopping, root=0)
-        if stopped and self._comm.rank in self._leaders[1:] and not self._is_told_to_stop:
-            self._hear_stop()
-        self.is_stopping = stopped
+            self.is_stopping = bool(self._hear(CLOSED))
+            if self.is_stopping and self._comm.rank in self._leaders and not self._is_told_to_stop:
+                self._hear(STOP)
         MPI.Request.Waitall(self._sent)
         self._comm.Free()
 
     # --- messages --------------------------------------------------------------------------------
 
-    _is_told_to_stop = False
+    def _hear(self, tag: int) -> int:
+        """Wait for a message of rank 0 and return it."""
+        while not self._comm.iprobe(source=0, tag=tag):
+            self._require_parent()
+            time.sleep(WAIT)
+        return int(self._comm.recv(source=0, tag=tag))
 
-    def _hear_stop(self) -> None:
-        self._comm.recv(source=0, tag=STOP)
-        self._is_told_to_stop = self.is_stopping = True
+    def _require_parent(self) -> None:
+        """End this rank at once if it is left behind: no messages can be sent any more."""
+        if self._comm.size > 1 and os.getppid() != self._parent:
+            os._exit(FAILED)
 
     def _send(self, word: str, number: int) -> None:
         """Send a word to rank 0, and the counts since the last one."""
@@ -122,7 +138,7 @@ class WorkDesk:
         if self._is_keeper:
             return self._reply(word, number)
         self._send(word, number)
-        return int(self._comm.recv(source=0, tag=ANSWER))
+        return self._hear(ANSWER)
 
     def _answer(self) -> None:
         """Receive one message on rank 0, and answer it if it is a question."""
@@ -148,5 +164,5 @@ class WorkDesk:
         if not self.is_stopping:
             self.is_stopping = True
             self._sent += [
-                self._comm.isend(None, dest=leader, tag=STOP) for leader in self._leaders[1:]
+                self._comm.isend(True, dest=leader, tag=STOP) for leader in self._leaders[1:]
             ]

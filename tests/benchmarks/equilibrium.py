@@ -204,7 +204,15 @@ def main() -> None:
         "--samples-2d", type=int, default=500, help="number of load cases of each 2D case"
     )
     parser.add_argument("--samples-3d", type=int, default=12, help="number of load cases of beam3d")
-    run_benchmark("equilibrium", "equilibrium", parser, measure, table)
+    parser.add_argument(
+        "--platform",
+        default="",
+        metavar="NAME",
+        help="write files of this name's own, such as debian-13 (those without are of Debian 12)",
+    )
+    known, _ = parser.parse_known_args()
+    name = "-".join(filter(None, ("equilibrium", known.platform)))
+    run_benchmark(name, "equilibrium", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:

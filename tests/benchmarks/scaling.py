@@ -121,8 +121,8 @@ def table(results: Results) -> str:
         f"alternately; values are medians of\n{results['rounds']} rounds. Samples per second is "
         f"the slope between two numbers of samples, writing included:\n{sizes}.\nStart-up is the "
         "remaining time: imports, forms, mesh, mpirun. Speed-up is over one rank; ranks per solve "
-        "are\nthose of `--ranks-per-solve`. [Two nodes](benchmark-two-nodes.md) are as fast as two "
-        "ranks on one.\n\n"
+        "are\nthose of `--ranks-per-solve`. [Two nodes](benchmark-two-nodes.md) are compared with "
+        "one.\n\n"
         f"{rows}\n{footer(results)}"
     )
 

@@ -72,7 +72,10 @@ def test_wrong_input_on_two_nodes(nodes: TwoNodes, serial: Path) -> None:
 
 @pytest.mark.slow
 def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:
-    """Every process of the second node is killed: the run ends, and the next one completes it."""
+    """Every process of the second node is killed: the run ends, and the next one completes it.
+
+    Open MPI 5 says so, but returns 0 and leaves the first node's ranks to end themselves.
+    """
     nodal = nodes.folder / "nodal"
     with start(nodes, serial) as process:
         limit = time.monotonic() + 120
@@ -83,7 +86,10 @@ def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:
         for pid in nodes.pids(2):
             os.kill(pid, signal.SIGKILL)
         process.communicate(timeout=120)
-    assert process.returncode != 0
+    assert not (nodal / "manifest.json").exists()
+    while nodes.pids(1):
+        assert time.monotonic() < limit
+        time.sleep(0.01)
     kept = recorded(nodal)
     assert 3 <= kept < 20
     with start(nodes, serial) as process:

@@ -363,9 +363,9 @@ def test_nothing_solved_is_a_failure(tmp_path: Path) -> None:
         out = tmp_path / f"nodal-{ranks}"
         result = execute(ranks, path, out)
         assert result.returncode == 1
-        assert result.stderr.endswith(
+        assert (
             f"datagen: failed: {out}: none of the 6 load cases has an equilibrium; "
             "`datagen info` counts the reasons\n"
-        )
+        ) in result.stderr
         assert result.stderr.count("failed:") == 1
         assert check_dataset(out) == []

@@ -279,10 +279,15 @@ Field[1] = ExternalProcess; Field[1].CommandLine = "cat"; Background Field = 1;
 
 
 @pytest.mark.parametrize(
-    ("script", "said"), [(ABORT, "SIGABRT"), ("Exit;\n", "exit code 0"), ("", "cells are none")]
+    ("script", "said"),
+    [
+        (ABORT, "(SIGABRT|Wrong mesh element size)"),
+        ("Exit;\n", "exit code 0"),
+        ("", "cells are none"),
+    ],
 )
 def test_a_file_that_ends_gmsh(script: str, said: str, tmp_path: Path) -> None:
-    """gmsh aborts over an element size of 0; the process that reads the file ends, not ours."""
+    """gmsh 4.8 aborts over an element size of 0; the process that reads the file ends, not ours."""
     (tmp_path / "own.geo").write_text(script + "\n")
     with pytest.raises(InputError, match=f"'own.geo': .*{said}"):
         MeshFile(kind="file", path="own.geo").found_from(tmp_path, trust=True).raw_mesh()
