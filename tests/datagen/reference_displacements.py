@@ -59,12 +59,15 @@ def body_of(case: Case) -> Body:
 
 def keep_meshes() -> None:
     """Write the meshes that gmsh makes."""
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, Any] = {}
     for name in CASES:
         mesh = read_case(name).mesh
         if isinstance(mesh, MeshFile):
             raw = mesh.raw_mesh()
-            found = {"coordinates": raw.coordinates, "cells": raw.cells.astype(np.int16)}
+            found: dict[str, Any] = {
+                "coordinates": raw.coordinates,
+                "cells": raw.cells.astype(np.int16),
+            }
             arrays |= {f"{name} {key}": array for key, array in (found | dict(raw.groups)).items()}
     np.savez_compressed(MESHES, **arrays)
 
