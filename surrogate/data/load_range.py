@@ -10,7 +10,7 @@ from torch import Tensor
 from shared_schema.common.configuration import Frozen
 from surrogate.data.dataset import Dataset
 
-AT_ONCE = 1000  # samples
+AT_ONCE = 2**20  # grid points of all samples that are held at once
 
 
 class LoadRange(Frozen):
@@ -42,7 +42,8 @@ def load_range(dataset: Dataset) -> LoadRange:
 
 def _nodal_forces(dataset: Dataset) -> Iterator[Tensor]:
     """Yield the forces of the training split, (n, d, n_nodes) each."""
-    for rows in torch.split(torch.arange(len(dataset.training)), AT_ONCE):
+    samples = max(1, AT_ONCE // dataset.geometry.grid.mask.size)
+    for rows in torch.split(torch.arange(len(dataset.training)), samples):
         if dataset.geometry.grid.points_are_nodes:
             yield dataset.training[rows].force.flatten(2)
         else:
