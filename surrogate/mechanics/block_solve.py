@@ -20,29 +20,15 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from surrogate.mechanics.compliance import Compliance
-from surrogate.networks.weighted_sums import padded_rows
+from surrogate.networks.weighted_sums import WeightedSums, padded_rows
 
 REFINEMENTS = 3
 
 
-class SparseProduct(nn.Module):
-    """Product with a sparse matrix: (N, columns) → (N, rows), in the matrix's precision."""
-
-    columns: Tensor
-    weights: Tensor
-
-    def __init__(self, matrix: csr_array, dtype: torch.dtype) -> None:
-        super().__init__()
-        columns, weights = padded_rows(matrix)
-        shifted = torch.from_numpy(columns.T.astype(np.int32))
-        self.register_buffer("columns", shifted, persistent=False)
-        self.register_buffer("weights", torch.from_numpy(weights.T).to(dtype), persistent=False)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Multiply."""
-        terms = x.index_select(1, self.columns.flatten()).reshape(x.shape[0], *self.columns.shape)
-        product: Tensor = (terms * self.weights).sum(dim=1)
-        return product
+def product(matrix: csr_array, dtype: torch.dtype) -> WeightedSums:
+    """Product with a sparse matrix, (N, columns) → (N, rows); columns in 32 bits."""
+    columns, weights = padded_rows(matrix)
+    return WeightedSums(columns.astype(np.int32), weights, dtype)
 
 
 class BlockSolve(nn.Module):
@@ -67,7 +53,7 @@ class BlockSolve(nn.Module):
         self.register_buffer("order", torch.from_numpy(compliance.order), persistent=False)
         place = torch.from_numpy(np.argsort(compliance.order))
         self.register_buffer("place", place, persistent=False)
-        self.stiffness = SparseProduct(k, torch.float64)
+        self.stiffness = product(k, torch.float64)
         self.before, self.after = nn.ModuleList(), nn.ModuleList()
         schur = np.zeros((0, 0))
         for number, start in enumerate(self.starts):
@@ -76,8 +62,8 @@ class BlockSolve(nn.Module):
             if number:
                 to_last = k[rows, start - size : start]
                 block -= to_last @ schur @ to_last.T
-                self.before.append(SparseProduct(to_last, torch.float32))
-                self.after.append(SparseProduct(to_last.T.tocsr(), torch.float32))
+                self.before.append(product(to_last, torch.float32))
+                self.after.append(product(to_last.T.tocsr(), torch.float32))
             schur = np.linalg.inv(block)
             inverse = torch.from_numpy(schur).float()
             self.register_buffer(f"inverse_{number}", inverse, persistent=False)

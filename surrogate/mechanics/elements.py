@@ -20,9 +20,16 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.nodal_gradient import CORNERS
-
 Array = NDArray[np.float64]
+CORNERS = {  # of the reference cells, in VTK order
+    "triangle": ((0, 0), (1, 0), (0, 1)),
+    "quad": ((0, 0), (1, 0), (1, 1), (0, 1)),
+    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "hexahedron": (
+        *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
+        *((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
+    ),
+}
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))  # of 2 points between 0 and 1
 
 
@@ -88,7 +95,23 @@ def cell_gradients(
         Quadrature weight times |det ∂x/∂ξ|, in m³ (in the plane m², per m of thickness).
     """
     points, weights = quadrature(cell_type)
+    gradients, determinants = gradients_at(coordinates, cells, cell_type, points)
+    return gradients, weights * np.abs(determinants)
+
+
+def gradients_at(
+    coordinates: Array, cells: NDArray[np.int64], cell_type: str, points: Array
+) -> tuple[Array, Array]:
+    """Gradients of the shape functions at points of the reference cell, (n_points, d).
+
+    Returns
+    -------
+    gradients : array, (n_cells, n_points, n_corners, d)
+        ∂N_b/∂x_j in 1/m.
+    determinants : array, (n_cells, n_points)
+        det ∂x/∂ξ.
+    """
     reference = shape_gradients(cell_type, points)
     jacobians = np.einsum("cbi,qbj->cqij", coordinates[cells], reference)
     gradients = np.einsum("qbj,cqji->cqbi", reference, np.linalg.inv(jacobians))
-    return gradients, weights * np.abs(np.linalg.det(jacobians))
+    return gradients, np.linalg.det(jacobians)

@@ -9,45 +9,13 @@ fields.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
+from surrogate.mechanics.elements import CORNERS, gradients_at
+
 Array = NDArray[np.float64]
-CORNERS = {  # of the reference cells, in VTK order
-    "triangle": ((0, 0), (1, 0), (0, 1)),
-    "quad": ((0, 0), (1, 0), (1, 1), (0, 1)),
-    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "hexahedron": (
-        *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
-        *((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
-    ),
-}
-
-
-def reference_gradients(cell_type: str) -> Array:
-    """Derivatives of the shape functions at the corners of the reference cell.
-
-    Returns
-    -------
-    array, (n_corners, n_corners, d)
-        Derivative of the shape function of corner b (second axis) at corner a (first axis).
-    """
-    corners = np.array(CORNERS[cell_type], dtype=np.float64)
-    count, dimension = corners.shape
-    if count == dimension + 1:  # simplices: constant
-        return np.broadcast_to(
-            np.concatenate([-np.ones((1, dimension)), np.eye(dimension)]), (count, count, dimension)
-        ).copy()
-    gradients = np.empty((count, count, dimension))
-    for (a, at), (b, of) in product(enumerate(corners), enumerate(corners)):
-        factors = np.where(of == 1, at, 1 - at)  # N_b is the product of these
-        slopes = np.where(of == 1, 1.0, -1.0)
-        for j in range(dimension):
-            gradients[a, b, j] = slopes[j] * np.delete(factors, j).prod()
-    return gradients
 
 
 def nodal_gradient(coordinates: Array, cells: NDArray[np.int64], cell_type: str) -> list[csr_array]:
@@ -62,9 +30,8 @@ def nodal_gradient(coordinates: Array, cells: NDArray[np.int64], cell_type: str)
     cell_type : str
         Meshio's name of the cells.
     """
-    reference = reference_gradients(cell_type)
-    jacobians = np.einsum("cbi,abj->caij", coordinates[cells], reference)
-    gradients = np.einsum("abj,caji->cabi", reference, np.linalg.inv(jacobians))
+    corners = np.array(CORNERS[cell_type], dtype=np.float64)
+    gradients, _ = gradients_at(coordinates, cells, cell_type, corners)
     nodes = len(coordinates)
     share = 1 / np.maximum(np.bincount(cells.ravel(), minlength=nodes), 1)
     shape = gradients.shape[:-1]

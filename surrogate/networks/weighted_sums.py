@@ -18,16 +18,23 @@ class WeightedSums(nn.Module):
         Numbers of the inputs of each output.
     weights : array, (n_out, k)
         Weights of these inputs.
+    dtype : torch.dtype
+        Precision of the weights.
     """
 
     sources: Tensor
     weights: Tensor
 
-    def __init__(self, sources: NDArray[np.int64], weights: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        sources: NDArray[np.int64] | NDArray[np.int32],
+        weights: NDArray[np.float64],
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
         super().__init__()
-        columns, values = torch.from_numpy(sources.T.flatten()), weights.T.astype(np.float32)
-        self.register_buffer("sources", columns, persistent=False)
-        self.register_buffer("weights", torch.from_numpy(values), persistent=False)
+        values = torch.from_numpy(weights.T).to(dtype)
+        self.register_buffer("sources", torch.from_numpy(sources.T.flatten()), persistent=False)
+        self.register_buffer("weights", values, persistent=False)
 
     def forward(self, values: Tensor) -> Tensor:
         """Apply the map: (…, n_in) → (…, n_out)."""
