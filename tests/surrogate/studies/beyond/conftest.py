@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
-import torch
 
 from surrogate.studies.beyond.catalogue import BEYOND
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.scale import Scale, merged, read_scale
 from surrogate.studies.framework.study import StudyResult
-from surrogate.studies.reproduction import find_studies
-
-SAMPLES = 60
+from tests.surrogate.studies.made_up import SAMPLES, made_up_resources, results
 
 
 def made_up_scale() -> Scale:
@@ -39,25 +34,11 @@ def resources(
 ) -> Resources:
     """Datasets by `make_dataset`; networks are trained when a test needs them. Read-only."""
     scale, folder = made_up_scale(), tmp_path_factory.mktemp("beyond")
-    for name in scale.datasets:
-        dimension = 3 if name.startswith("beam3d") else 2
-        forces = None
-        if name.endswith("_sweep"):
-            forces = np.zeros((SAMPLES, 2))
-            forces[:, 1] = np.linspace(-8, 8, SAMPLES)
-        make_dataset(
-            folder / "data" / scale.folder_of(name), dimension, name=name, corner_forces=forces
-        )
-    return Resources(scale, folder / "data", folder / "runs", torch.device("cpu"))
+    sweeps = [name for name in scale.datasets if name.endswith("_sweep")]
+    return made_up_resources(scale, folder, make_dataset, sweeps)
 
 
 @pytest.fixture(scope="session")
 def result_of(resources: Resources) -> Callable[[str], StudyResult]:
     """Results of the studies by name, each measured once."""
-
-    @cache
-    def measured(name: str) -> StudyResult:
-        (study,) = find_studies([name])
-        return study.measure(resources)
-
-    return measured
+    return results(resources)
