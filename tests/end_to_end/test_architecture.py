@@ -72,6 +72,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "evaluation",
         "presentation",
         "studies",
+        "commands",
         "command_line",
     ],
 }
