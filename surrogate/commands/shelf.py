@@ -1,4 +1,4 @@
-"""surrogate list and shelve: the trained networks that come with the package."""
+"""surrogate list and shelve: what comes with the package, and how a network is added."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from shared_schema.common.command_line import Commands
 
 def add_to(commands: Commands) -> None:
     """Add the two parsers."""
-    listed = commands.add_parser("list", help="list the trained networks of the package")
+    listed = commands.add_parser(
+        "list", help="list the trained networks and configurations that come with the package"
+    )
     listed.set_defaults(command=run_list)
 
     shelve = commands.add_parser(
@@ -22,10 +24,11 @@ def add_to(commands: Commands) -> None:
 
 
 def run_list(options: argparse.Namespace) -> None:
-    """Print a line for each network."""
+    """Print a line for each network, and one for each configuration."""
+    from surrogate.presentation.config_list import config_list
     from surrogate.presentation.trained_list import trained_list
 
-    print(trained_list())
+    print(f"{trained_list()}\n\n{config_list()}")
 
 
 def run_shelve(options: argparse.Namespace) -> None:

@@ -247,6 +247,15 @@ class RunFolder:
             raise InputError(f"{self.evaluation}: damaged, expected a mapping")
         return content
 
+    def mean_error(self) -> float | None:
+        """Return ē in m on the test split of the run's own dataset; None if it is not known."""
+        try:
+            evaluation = self.read_evaluation()
+            own = evaluation["trained_on_this_data"]
+            return float(evaluation["test"]["mean_error"]) if own else None
+        except (InputError, KeyError, TypeError, ValueError):
+            return None
+
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:
     """Describe the first difference of two nested mappings: ``key = new, the folder has old``."""
