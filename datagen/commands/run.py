@@ -34,7 +34,9 @@ def run(options: argparse.Namespace) -> None:
     from datagen.cases.case import read_case
     from datagen.farm.farm import run
 
-    case = read_case(options.case, options.volumetric, options.samples, options.trust)
+    case = read_case(
+        options.case, options.volumetric, options.samples, options.trust, options.changes
+    )
     manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")

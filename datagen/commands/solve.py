@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
 
     require_suffix(options.out)
     require_writable(options.out)
-    case = read_case(options.case, options.volumetric, trust=options.trust)
+    case = read_case(options.case, options.volumetric, trust=options.trust, changes=options.changes)
     body = make_body(case, MPI.COMM_SELF)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
     nodes = np.flatnonzero(forces.any(axis=1))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands, Parser
+from shared_schema.common.command_line import Commands, Parser, add_set
 from surrogate.commands.options import add_device
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def _add_options(parser: Parser) -> None:
         metavar="NAME",
         help="smoke, laptop, paper (reproduction only), or a YAML file",
     )
+    add_set(parser, "the scale", "passes=100")
     parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
     parser.add_argument("--runs", type=Path, default=Path("runs"), metavar="DIR", help="networks")
     parser.add_argument(
@@ -80,7 +81,8 @@ def _do_all(options: argparse.Namespace, report: Report) -> None:
     from surrogate.studies.framework.scale import read_scale
 
     if options.list_data:
-        for line in missing_data(read_scale(options.scale, report.scales), options.data):
+        scale = read_scale(options.scale, report.scales, options.changes)
+        for line in missing_data(scale, options.data):
             print(line)
     else:
         _do(options, report, report.studies)
@@ -95,7 +97,8 @@ def _do(
     from surrogate.studies.framework.studies_report import PAGE
     from surrogate.studies.reproduction import reproduce
 
-    scale, device = read_scale(options.scale, report.scales), choose_device(options.device)
+    scale = read_scale(options.scale, report.scales, options.changes)
+    device = choose_device(options.device)
     out = options.out or Path("docs", report.name, scale.name)
     require_writable(out)
     require_writable(options.runs, "--runs")

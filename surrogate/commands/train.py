@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_set
 from surrogate.commands.options import add_device, warn_unsealed
 
 
@@ -19,6 +19,7 @@ def add_to(commands: Commands) -> None:
         "--data", type=Path, required=True, metavar="DIR", help="structured dataset"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
+    add_set(parser, "the configuration", "training.epochs=20")
     add_device(parser)
     parser.add_argument(
         "--stop-after",
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.training.data_parallel import joined
     from surrogate.training.train import stays_on_disk, train
 
-    config = read_config(options.config)
+    config = read_config(options.config, options.changes)
     run = RunFolder(options.out)
     require_writable(run.folder)
     with joined(options.device) as (ranks, device):
