@@ -14,8 +14,16 @@ from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from surrogate.inference.prediction import Surrogate
+    from surrogate.mechanics.certificate import Certificate
     from surrogate.studies.framework.studies_report import Report
     from surrogate.studies.framework.study import Study
+    from surrogate.uncertainty.fast_certificate import Bounds
+
+    Array = NDArray[np.float64]
 
 
 RUN = "run folder, or a trained network of the package (surrogate list)"
@@ -89,6 +97,11 @@ def _parser() -> argparse.ArgumentParser:
         help="fit conformal intervals to the run's calibration samples, and measure them",
     )
     evaluate.add_argument(
+        "--certify",
+        action="store_true",
+        help="calibrate the fast certificate on the run's held-out samples, and measure it",
+    )
+    evaluate.add_argument(
         "--out", type=Path, metavar="DIR", help="write into a new copy of the run, not into it"
     )
     evaluate.set_defaults(command=_evaluate)
@@ -107,13 +120,21 @@ def _parser() -> argparse.ArgumentParser:
         help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
     )
     predict.add_argument(
-        "--certify", action="store_true", help="estimate the error; add it as 'estimated_error'"
+        "--certify",
+        nargs="?",
+        const="full",
+        choices=("full", "fast"),
+        help="estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds",
+    )
+    predict.add_argument(
+        "--level", type=_share, metavar="P", help="probability of the fast bounds (default 0.95)"
     )
     predict.add_argument(
         "--tolerance",
         type=_positive,
         metavar="M",
-        help="with --certify: largest estimated error of a node in m, else exit code 3",
+        help="with --certify: largest error of a node in m (estimate, or fast bound), else exit "
+        "code 3",
     )
     predict.add_argument(
         "--correct",
@@ -207,6 +228,16 @@ def _remark_unsealed(folder: Path) -> None:
         print(f"surrogate: warning: {remark}", file=sys.stderr)
 
 
+def _share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number between 0 and 1")
+    return value
+
+
 def _positive(text: str) -> float:
     try:
         value = float(text)
@@ -269,6 +300,7 @@ def _evaluate(options: argparse.Namespace) -> None:
         device,
         loads=options.loads,
         conformal=options.conformal,
+        certify=options.certify,
         **_passes(options),
     )
     run = find_run(options.run)
@@ -286,6 +318,10 @@ def _evaluate(options: argparse.Namespace) -> None:
             f"{run}: mean predicted standard deviation {calibration.mean_std:.3e} m, "
             f"intervals cover {shares}"
         )
+    if (certified := evaluation.content.get("fast_certificate")) and certified["mean"]:
+        shares = ", ".join(f"{b['coverage']:.1%} of {b['level']:.0%}" for b in certified["mean"])
+        wide = certified["mean"][-1]["median_width"]
+        print(f"{run}: fast bounds cover {shares}, in the median {wide:.2g} times the error")
 
 
 def _predict(options: argparse.Namespace) -> None:
@@ -302,6 +338,10 @@ def _predict(options: argparse.Namespace) -> None:
     require_writable(options.out)
     if options.tolerance is not None and not options.certify:
         raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
+    if options.level is not None and options.certify != "fast":
+        raise InputError(f"--level {options.level}: expected beside --certify fast")
+    if options.correct and options.certify == "fast":
+        raise InputError("--certify fast: bounds predictions, expected 'full' beside --correct")
     _remark_unsealed(options.run)
     intervals = None
     if options.conformal:
@@ -309,6 +349,9 @@ def _predict(options: argparse.Namespace) -> None:
         run.seal.require_intact(run.intervals)
         intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
+    certify: Callable[[Array, Array], Certificate | Bounds] = surrogate.certify
+    if options.certify == "fast":
+        certify = _fast_certificate(options, surrogate)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
     forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
@@ -325,7 +368,7 @@ def _predict(options: argparse.Namespace) -> None:
         fields = {"displacement": correction.displacement, "predicted": predicted.mean}
         notes.append(correction.summary())
     if options.certify:
-        certificate = surrogate.certify(forces, fields["displacement"])
+        certificate = certify(forces, fields["displacement"])
         fields["estimated_error"] = certificate.error
         notes.append(certificate.summary())
         if options.tolerance is not None:
@@ -341,6 +384,25 @@ def _predict(options: argparse.Namespace) -> None:
     print(f"{options.out}: {', '.join(notes)}")
     if refusal is not None:
         raise NotCertifiedError(refusal)
+
+
+def _fast_certificate(
+    options: argparse.Namespace, surrogate: Surrogate
+) -> Callable[[Array, Array], Bounds]:
+    """Read the fast certificate of a run, and check that it has the level."""
+    from shared_schema.common.errors import InputError
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+    from surrogate.uncertainty.fast_certificate import load_fast_certificate
+
+    run, level = RunFolder(find_run(options.run)), options.level or 0.95
+    run.seal.require_intact(run.fast_certificate)
+    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    try:
+        fast.factor(level)
+    except ValueError as error:
+        raise InputError(f"--level {level:g}: {error}") from None
+    return lambda forces, predicted: fast.certify(forces, predicted, level)
 
 
 def _export(options: argparse.Namespace) -> None:

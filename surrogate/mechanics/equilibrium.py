@@ -162,11 +162,6 @@ class Equilibrium:
             found[row, self.layout.dofs] = -factor.solve(flat[row, self.layout.dofs])
         return found.reshape(r.shape)
 
-    def energy_norm(self, r: Array) -> Array:
-        """√(r · K(0)⁻¹ r) in √J, (N,): the size of out-of-balance forces, by one kept factor."""
-        work: Array = (r * self.linear_response(r)).sum((1, 2))
-        return np.sqrt(np.maximum(work, 0.0))
-
     def _bands(self, u: Array) -> Array:
         return self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
 

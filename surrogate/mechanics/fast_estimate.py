@@ -231,8 +231,8 @@ def rotations(f: Values) -> Values:
 def unimodular(f: Values) -> Values:
     """F / (det F)^(1/d): (d, d, …) → same, NaN where det F is not positive."""
     j = (f[0] * cofactors(f)[0]).sum(0)
-    root = np.sqrt(j) if len(f) == 2 else np.cbrt(np.where(j > 0, j, np.nan))
-    result: Values = f / root
+    j = np.where(j > 0, j, np.nan)
+    result: Values = f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
     return result
 
 
