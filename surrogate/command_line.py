@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report, list, shelve, studies."""
+"""The command ``surrogate``: trains, evaluates, predicts, exports, and does the studies."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import sys
 from collections.abc import Callable, Sequence
 
 from shared_schema.common.command_line import Parser, make_parser, run_command
-from surrogate.commands import evaluate, export, predict, report, shelf, studies, train
+from surrogate.commands import evaluate, export, predict, report, schema, shelf, studies, train
 
-COMMANDS = (train, evaluate, predict, export, report, shelf, studies)
+COMMANDS = (train, evaluate, predict, export, report, shelf, schema, studies)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -6,14 +6,19 @@ import argparse
 import sys
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.errors import InputError
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("check", help="check every byte of a dataset against the schema")
-    parser.add_argument("dataset", type=Path, metavar="DIR")
+    parser = add_command(
+        commands,
+        "check",
+        "check every byte of a dataset against the schema",
+        "datagen check data/beam2d/nodal",
+    )
+    parser.add_argument("dataset", type=Path, metavar="DIR", help="nodal or structured dataset")
     parser.set_defaults(command=run)
 
 

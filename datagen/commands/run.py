@@ -6,13 +6,16 @@ import argparse
 from pathlib import Path
 
 from datagen.commands.options import add_case
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser(
-        "run", help="solve every load case of a case (under mpirun, or not)"
+    parser = add_command(
+        commands,
+        "run",
+        "solve every load case of a case (under mpirun, or not)",
+        "mpirun -n 2 datagen run beam2d --out data/beam2d/nodal --samples 1000",
     )
     add_case(parser)
     parser.add_argument(

@@ -41,6 +41,27 @@ def make_parser(program: str, description: str, version: str) -> tuple[Parser, C
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
 
 
+def add_command(commands: Commands, name: str, what: str, *examples: str) -> Parser:
+    """Add the parser of a command to those of its program.
+
+    Parameters
+    ----------
+    commands : Commands
+    name : str
+    what : str
+        What the command does, in one line.
+    examples : str
+        Command lines that show its use.
+    """
+    return commands.add_parser(
+        name,
+        help=what,
+        description=f"{what[:1].upper()}{what[1:]}.",
+        epilog="\n  ".join(["example:" if len(examples) == 1 else "examples:", *examples]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
 def add_set(parser: Parser, file: str, example: str) -> None:
     """Add --set, which changes keys of the YAML file that the command reads."""
     parser.add_argument(

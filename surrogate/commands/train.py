@@ -7,13 +7,18 @@ import math
 from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands, add_set
+from shared_schema.common.command_line import Commands, add_command, add_set
 from surrogate.commands.options import add_device, warn_unsealed
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("train", help="train a network, or resume from its checkpoint")
+    parser = add_command(
+        commands,
+        "train",
+        "train a network, or resume from its checkpoint",
+        "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d",
+    )
     parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
     parser.add_argument(
         "--data", type=Path, required=True, metavar="DIR", help="structured dataset"

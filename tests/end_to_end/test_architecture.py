@@ -27,6 +27,7 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
+        "keys",
         "cells",
         "material",
         "layout",
