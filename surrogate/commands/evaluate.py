@@ -40,6 +40,11 @@ def add_to(commands: Commands) -> None:
         help="fit conformal intervals to the run's calibration samples, and measure them",
     )
     parser.add_argument(
+        "--certify",
+        action="store_true",
+        help="calibrate the fast certificate on the run's held-out samples, and measure it",
+    )
+    parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write into a new copy of the run, not into it"
     )
     parser.set_defaults(command=run)
@@ -62,6 +67,7 @@ def run(options: argparse.Namespace) -> None:
         device,
         loads=options.loads,
         conformal=options.conformal,
+        certify=options.certify,
         **given_passes(options),
     )
     run = find_run(options.run)
@@ -79,3 +85,7 @@ def run(options: argparse.Namespace) -> None:
             f"{run}: mean predicted standard deviation {calibration.mean_std:.3e} m, "
             f"intervals cover {shares}"
         )
+    if (certified := evaluation.content.get("fast_certificate")) and certified["mean"]:
+        shares = ", ".join(f"{b['coverage']:.1%} of {b['level']:.0%}" for b in certified["mean"])
+        wide = certified["mean"][-1]["median_width"]
+        print(f"{run}: fast bounds cover {shares}, in the median {wide:.2g} times the error")

@@ -50,6 +50,23 @@ def positive(text: str) -> float:
     return value
 
 
+def share(text: str) -> float:
+    """Read a number between 0 and 1.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number between 0 and 1")
+    return value
+
+
 def warn_unsealed(folder: Path) -> None:
     """Warn if a run folder has no manifest."""
     from surrogate.runs.folder import RunFolder

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
@@ -14,8 +16,19 @@ from surrogate.commands.options import (
     add_passes,
     given_passes,
     positive,
+    share,
     warn_unsealed,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from surrogate.inference.prediction import Surrogate
+    from surrogate.mechanics.certificate import Certificate
+    from surrogate.uncertainty.fast_certificate import Bounds
+
+    Array = NDArray[np.float64]
 
 
 def add_to(commands: Commands) -> None:
@@ -49,13 +62,21 @@ def add_to(commands: Commands) -> None:
         help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
     )
     parser.add_argument(
-        "--certify", action="store_true", help="estimate the error; add it as 'estimated_error'"
+        "--certify",
+        nargs="?",
+        const="full",
+        choices=("full", "fast"),
+        help="estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds",
+    )
+    parser.add_argument(
+        "--level", type=share, metavar="P", help="probability of the fast bounds (default 0.95)"
     )
     parser.add_argument(
         "--tolerance",
         type=positive,
         metavar="M",
-        help="with --certify: largest estimated error of a node in m, else exit code 3",
+        help="with --certify: largest error of a node in m (estimate, or fast bound), else exit "
+        "code 3",
     )
     parser.add_argument(
         "--correct",
@@ -80,6 +101,10 @@ def run(options: argparse.Namespace) -> None:
     require_writable(options.out)
     if options.tolerance is not None and not options.certify:
         raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
+    if options.level is not None and options.certify != "fast":
+        raise InputError(f"--level {options.level}: expected beside --certify fast")
+    if options.correct and options.certify == "fast":
+        raise InputError("--certify fast: bounds predictions, expected 'full' beside --correct")
     warn_unsealed(options.run)
     intervals = None
     if options.conformal:
@@ -87,6 +112,9 @@ def run(options: argparse.Namespace) -> None:
         run.seal.require_intact(run.intervals)
         intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
+    certify: Callable[[Array, Array], Certificate | Bounds] = surrogate.certify
+    if options.certify == "fast":
+        certify = _fast_certificate(options, surrogate)
     surrogate.require_stochastic(**given_passes(options))
     geometry = surrogate.geometry
     forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
@@ -103,7 +131,7 @@ def run(options: argparse.Namespace) -> None:
         fields = {"displacement": correction.displacement, "predicted": predicted.mean}
         notes.append(correction.summary())
     if options.certify:
-        certificate = surrogate.certify(forces, fields["displacement"])
+        certificate = certify(forces, fields["displacement"])
         fields["estimated_error"] = certificate.error
         notes.append(certificate.summary())
         if options.tolerance is not None:
@@ -119,3 +147,22 @@ def run(options: argparse.Namespace) -> None:
     print(f"{options.out}: {', '.join(notes)}")
     if refusal is not None:
         raise NotCertifiedError(refusal)
+
+
+def _fast_certificate(
+    options: argparse.Namespace, surrogate: Surrogate
+) -> Callable[[Array, Array], Bounds]:
+    """Read the fast certificate of a run, and check that it has the level."""
+    from shared_schema.common.errors import InputError
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+    from surrogate.uncertainty.fast_certificate import load_fast_certificate
+
+    run, level = RunFolder(find_run(options.run)), options.level or 0.95
+    run.seal.require_intact(run.fast_certificate)
+    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    try:
+        fast.factor(level)
+    except ValueError as error:
+        raise InputError(f"--level {level:g}: {error}") from None
+    return lambda forces, predicted: fast.certify(forces, predicted, level)

@@ -19,6 +19,7 @@ from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
 from surrogate.networks.field_network import FieldNetwork
@@ -158,6 +159,9 @@ class Surrogate:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The finite-element equilibrium of the body; InputError if the run names no material."""
+        for module in self.network.modules():
+            if isinstance(module, Compliance):
+                return module.equilibrium
         return Equilibrium(self.geometry, self.description.data.material)
 
     def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
