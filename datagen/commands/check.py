@@ -25,6 +25,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print every violation, or that there is none."""
     from shared_schema.checker import check_dataset
+    from shared_schema.unfinished import find_unfinished, growing
 
     problems = check_dataset(options.dataset)
     if len(problems) == 1:
@@ -32,4 +33,6 @@ def run(options: argparse.Namespace) -> None:
     if problems:
         print("\n".join(problems), file=sys.stderr)
         raise InputError(f"{options.dataset}: {len(problems)} violations of the schema")
-    print(f"{options.dataset}: intact")
+    growth = find_unfinished(options.dataset)
+    rest = "" if growth is None else f"; {growing(growth)}"
+    print(f"{options.dataset}: intact{rest}")

@@ -31,6 +31,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "cells",
         "material",
         "layout",
+        "unfinished",
         "manifest",
         "shard_problems",
         "shard_reader",
