@@ -129,7 +129,7 @@ def train(
         else:
             start.apply(network)
         if isinstance(config, TrainedModel):
-            trainer = _trainer(config, network, split, dataset, device, ranks)
+            trainer = make_trainer(config, network, split, dataset, device, ranks)
             ranks.from_first(lambda: run.start(description))
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
@@ -169,13 +169,13 @@ def require_samples_at(config: Model, dataset: Dataset) -> None:
         raise InputError(f"config '{config.name}': the samples are {found}, expected {expected}")
 
 
-def _trainer(
+def make_trainer(
     config: TrainedModel,
     network: FieldNetwork,
     split: TrainingSplit[Samples | SamplesOnDisk],
     dataset: Dataset,
     device: torch.device,
-    ranks: Ranks,
+    ranks: Ranks = ALONE,
 ) -> Trainer:
     """Move a network to the device and make its trainer."""
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
