@@ -1,4 +1,4 @@
-"""surrogate train: train a network, or resume from its checkpoint."""
+"""surrogate train: train a network, resume it, or go on with more epochs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ def add_to(commands: Commands) -> None:
     parser = add_command(
         commands,
         "train",
-        "train a network, or resume from its checkpoint",
+        "train a network; resume it, or go on with more epochs",
         "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d",
+        "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d "
+        "--set training.epochs=100",
     )
     parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
     parser.add_argument(
