@@ -8,9 +8,19 @@ import sys
 from collections.abc import Callable, Sequence
 
 from shared_schema.common.command_line import Parser, make_parser, run_command
-from surrogate.commands import evaluate, export, predict, report, schema, shelf, studies, train
+from surrogate.commands import (
+    compare,
+    evaluate,
+    export,
+    predict,
+    report,
+    schema,
+    shelf,
+    studies,
+    train,
+)
 
-COMMANDS = (train, evaluate, predict, export, report, shelf, schema, studies)
+COMMANDS = (train, evaluate, compare, predict, export, report, shelf, schema, studies)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
