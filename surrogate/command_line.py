@@ -12,6 +12,7 @@ from surrogate.commands import (
     compare,
     evaluate,
     export,
+    learn_curve,
     predict,
     report,
     schema,
@@ -20,7 +21,7 @@ from surrogate.commands import (
     train,
 )
 
-COMMANDS = (train, evaluate, compare, predict, export, report, shelf, schema, studies)
+COMMANDS = (train, evaluate, compare, learn_curve, predict, export, report, shelf, schema, studies)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from shared_schema.common.text_table import laid_out
 from shared_schema.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
 from surrogate.evaluation.comparison import Compared
+from surrogate.presentation.plain_log_axis import number_plainly
 
 HEAD = ("run", "ē", "σ(e)", "largest", "tip", "parameters", "epochs", "training", "network")
 
@@ -60,6 +61,7 @@ def comparison_figure(runs: Sequence[Compared]) -> Figure:
     axes.plot(mean + std, places, "|", ms=9, color=NETWORK, label=r"$\bar e + \sigma(e)$")
     axes.plot(largest, places, "x", ms=5, color=REFERENCE, label="largest of a component")
     axes.set_xscale("log")
+    number_plainly(axes.xaxis)
     axes.set_xlabel("error on the test split [mm]")
     axes.set_yticks(places, [run.run for run in runs])
     axes.set_ylim(-0.6, len(runs) - 0.4)
