@@ -12,6 +12,7 @@ from surrogate.commands import (
     compare,
     evaluate,
     export,
+    init,
     learn_curve,
     predict,
     report,
@@ -21,7 +22,19 @@ from surrogate.commands import (
     train,
 )
 
-COMMANDS = (train, evaluate, compare, learn_curve, predict, export, report, shelf, schema, studies)
+COMMANDS = (
+    init,
+    train,
+    evaluate,
+    compare,
+    learn_curve,
+    predict,
+    export,
+    report,
+    shelf,
+    schema,
+    studies,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
     law = PowerLaw.of(points) if len(points) > 1 else None
     write_text(out / "learning-curve.json", curve_as_json(config, points, law))
     save(learning_curve_figure(points, law), out / "learning-curve.png")
-    rows = [("samples", "ē", "σ(e)", "training")]
+    rows: list[tuple[str, ...]] = [("samples", "ē", "σ(e)", "training")]
     for point in points:
         errors = (f"{error:.2e} m" for error in (point.mean_error, point.std_error))
         rows.append((str(point.samples), *errors, f"{point.minutes:.3g} min"))

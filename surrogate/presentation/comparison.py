@@ -20,7 +20,7 @@ HEAD = ("run", "ē", "σ(e)", "largest", "tip", "parameters", "epochs", "trainin
 
 def comparison_table(runs: Sequence[Compared]) -> str:
     """Lay out the errors of some runs, one line a run."""
-    rows = [HEAD]
+    rows: list[tuple[str, ...]] = [HEAD]
     for run in runs:
         errors = (run.mean_error, run.std_error, run.max_error)
         rows.append(
