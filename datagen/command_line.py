@@ -76,10 +76,17 @@ def _parser() -> Parser:
     from datagen import __version__
 
     description = "Make datasets of large-deformation equilibria under families of nodal loads."
-    parser, commands = make_parser("datagen", description, __version__)
+    parser, commands = make_parser("datagen", description, __version__, {"case": _case_names})
     for command in COMMANDS:
         command.add_to(commands)
     return parser
+
+
+def _case_names() -> list[str]:
+    from datagen.cases.case import SHIPPED
+    from shared_schema.common.shipped_files import names_in
+
+    return names_in(SHIPPED)
 
 
 if __name__ == "__main__":

@@ -56,10 +56,24 @@ def _parser() -> Parser:
     from surrogate import __version__
 
     description = "Train and evaluate surrogates on datasets made by datagen."
-    parser, commands = make_parser("surrogate", description, __version__)
+    names = {"config": _config_names, "run": _run_names, "runs": _run_names}
+    parser, commands = make_parser("surrogate", description, __version__, names)
     for command in COMMANDS:
         command.add_to(commands)
     return parser
+
+
+def _config_names() -> list[str]:
+    from shared_schema.common.shipped_files import names_in
+    from surrogate.runs.configuration import SHIPPED
+
+    return names_in(SHIPPED)
+
+
+def _run_names() -> list[str]:
+    from surrogate.runs.shelf import shelved
+
+    return shelved()
 
 
 if __name__ == "__main__":
