@@ -29,13 +29,19 @@ class Case(Frozen):
     Attributes
     ----------
     name : str
+        Name of the case; configurations of networks name it too.
     mesh : Box, LShape or MeshFile
+        Geometry and its mesh.
     material : NeoHookean
+        Material of the whole body.
     supports : tuple of Region
         Regions whose nodes are clamped.
     load : LoadFamily
+        Family of loads, of which every sample draws one.
     solver : SolverSettings
+        Newton's method, linear solver and load stepping.
     dataset : DatasetSettings
+        Number of samples, seed, shards and split.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)

@@ -13,7 +13,12 @@ RUN = "run folder, or a trained network of the package (surrogate list)"
 
 def add_device(parser: Parser) -> None:
     """Add --device."""
-    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    parser.add_argument(
+        "--device",
+        choices=("auto", "cpu", "cuda"),
+        default="auto",
+        help="processor; auto (default) takes a GPU if there is one",
+    )
 
 
 def add_passes(parser: Parser, what: str) -> None:

@@ -27,9 +27,11 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
+        "keys",
         "cells",
         "material",
         "layout",
+        "unfinished",
         "manifest",
         "shard_problems",
         "shard_reader",

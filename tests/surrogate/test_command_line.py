@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def assert_refused(
-    arguments: list[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
+    arguments: Sequence[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(out.rglob("*"))
     capsys.readouterr()
