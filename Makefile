@@ -35,8 +35,8 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint clean debian-packages \
-	images compose-demo test-images test-debian test-datagen test-surrogate
+.PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint dist clean \
+	debian-packages images compose-demo test-images test-debian test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -88,6 +88,17 @@ lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
 
+# From copies, so that nothing is left among the sources; each with the licence.
+dist: .venv-surrogate/.installed ## build wheels of the three distributions in dist/
+	@rm -rf build/dist dist && mkdir -p build/dist
+	@for part in shared_schema datagen surrogate; do \
+		cp -R $$part LICENSE build/dist && mv build/dist/LICENSE build/dist/$$part \
+			&& rm -rf build/dist/$$part/*.egg-info; \
+	done
+	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/shared_schema \
+		build/dist/datagen build/dist/surrogate
+	@ls dist
+
 images: ## build the container images with Docker
 	REVISION=$$(git rev-parse HEAD) $(COMPOSE) build
 
@@ -103,7 +114,7 @@ test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trix
 		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
-	rm -rf .venv-datagen .venv-surrogate data runs build
+	rm -rf .venv-datagen .venv-surrogate data runs build dist
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
 
 # --- environments -----------------------------------------------------------------------------
