@@ -76,7 +76,7 @@ reproduce beyond: setup
 
 test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 
-test-datagen: setup
+test-datagen: setup .venv-plaid/.installed
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
 test-surrogate: setup
@@ -114,7 +114,7 @@ test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trix
 		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
-	rm -rf .venv-datagen .venv-surrogate data runs build dist
+	rm -rf .venv-datagen .venv-plaid .venv-surrogate data runs build dist
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
 
 # --- environments -----------------------------------------------------------------------------
@@ -141,6 +141,13 @@ debian-packages:
 	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
 	.venv-datagen/bin/pip install -q -r datagen/requirements.txt
 	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
+	touch $@
+
+# For the tests of `datagen export --format plaid`; without pyplaid for this Python they are skipped.
+.venv-plaid/.installed: | debian-packages
+	rm -rf .venv-plaid
+	$(DEBIAN_PYTHON) -m venv .venv-plaid
+	-.venv-plaid/bin/pip install -q 'pyplaid==1.0.*'
 	touch $@
 
 .venv-surrogate/.installed: shared_schema/pyproject.toml surrogate/pyproject.toml | debian-packages
