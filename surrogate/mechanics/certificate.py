@@ -85,7 +85,9 @@ class Certificate:
         if self.inverted:
             return f"{self.inverted} inverted elements"
         if not self.max_error <= tolerance:
-            return f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
+            return (
+                f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
+            )
         return None if self.settled else "the estimate does not settle, no equilibrium is near"
 
 
