@@ -91,6 +91,12 @@ def _parser() -> argparse.ArgumentParser:
         "--samples", type=int, metavar="K", help="number of samples instead of the case's"
     )
     run.add_argument(
+        "--loads",
+        type=Path,
+        metavar="LOADS.h5",
+        help="solve the load cases of a file, such as those of `surrogate propose`",
+    )
+    run.add_argument(
         "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"
     )
     run.add_argument(
@@ -176,7 +182,9 @@ def _run(options: argparse.Namespace) -> None:
     from datagen.cases.case import read_case
     from datagen.farm.farm import run
 
-    case = read_case(options.case, options.volumetric, options.samples, options.trust)
+    case = read_case(
+        options.case, options.volumetric, options.samples, options.trust, options.loads
+    )
     manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")

@@ -37,6 +37,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "grid",
         "grid_arrays",
         "stiffness",
+        "load_cases",
         "checker",
         "dataset_reader",
         "drawing",
