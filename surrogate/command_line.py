@@ -52,7 +52,14 @@ def _parser() -> argparse.ArgumentParser:
 
     train = commands.add_parser("train", help="train a network, or resume from its checkpoint")
     train.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
-    train.add_argument("--data", type=Path, required=True, metavar="DIR", help="structured dataset")
+    train.add_argument(
+        "--data",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="DIR",
+        help="structured dataset; repeated, several of one case are joined",
+    )
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
     train.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     train.add_argument(
@@ -143,6 +150,23 @@ def _parser() -> argparse.ArgumentParser:
     )
     predict.set_defaults(command=_predict)
 
+    propose = commands.add_parser(
+        "propose", help="choose the load cases of a random family that are predicted worst"
+    )
+    propose.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    _add_family(propose)
+    propose.add_argument("--count", type=_whole, required=True, metavar="K", help="load cases")
+    propose.add_argument(
+        "--among",
+        type=_whole,
+        metavar="M",
+        help="number of random load cases that they are chosen from (default 20 K)",
+    )
+    propose.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
+    propose.add_argument("--out", type=Path, required=True, metavar="LOADS.h5")
+    propose.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    propose.set_defaults(command=_propose)
+
     export = commands.add_parser(
         "export", help="write the network as a file that needs no code of this project"
     )
@@ -207,6 +231,16 @@ def _add_studies(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
 
 
+def _add_family(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--family",
+        default="trained",
+        metavar="FAMILY",
+        help="random loads: 'trained', those of the training (default), or such as "
+        "'loads=1-8,reach=2,places=free' (trained, surface or free)",
+    )
+
+
 def _add_passes(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--passes", type=int, metavar="T", help=what)
     parser.add_argument("--seed", type=int, metavar="S", help="seed of the passes (default 0)")
@@ -226,6 +260,12 @@ def _remark_unsealed(folder: Path) -> None:
     remark = RunFolder(find_run(folder)).unsealed
     if remark:
         print(f"surrogate: warning: {remark}", file=sys.stderr)
+
+
+def _whole(text: str) -> int:
+    if not (text.isdigit() and 0 < int(text) <= 10**7):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number from 1 to 10000000")
+    return int(text)
 
 
 def _share(text: str) -> float:
@@ -249,7 +289,7 @@ def _positive(text: str) -> float:
 
 
 def _train(options: argparse.Namespace) -> None:
-    from surrogate.data.dataset import read_dataset
+    from surrogate.data.joined_dataset import read_datasets
     from surrogate.models.model import TrainedModel
     from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
@@ -260,7 +300,7 @@ def _train(options: argparse.Namespace) -> None:
     run = RunFolder(options.out)
     require_writable(run.folder)
     with joined(options.device) as (ranks, device):
-        dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
+        dataset = read_datasets(options.data, on_disk=stays_on_disk(config))
         train(
             config,
             dataset,
@@ -384,6 +424,38 @@ def _predict(options: argparse.Namespace) -> None:
     print(f"{options.out}: {', '.join(notes)}")
     if refusal is not None:
         raise NotCertifiedError(refusal)
+
+
+def _propose(options: argparse.Namespace) -> None:
+    from statistics import median
+
+    from shared_schema.common.errors import InputError
+    from shared_schema.common.solution_file import require_suffix
+    from shared_schema.load_cases import LoadCases, write_load_cases
+    from shared_schema.manifest import digest_of
+    from surrogate.data.random_loads import random_loads
+    from surrogate.device import choose_device
+    from surrogate.inference.prediction import load, require_passes
+    from surrogate.uncertainty.proposal import propose
+
+    require_suffix(options.out, (".h5",))
+    require_writable(options.out)
+    _remark_unsealed(options.run)
+    surrogate = load(options.run, choose_device(options.device).type)
+    geometry, data = surrogate.geometry, surrogate.description.data
+    family = random_loads(options.family, geometry, data.info.force.max_abs, data.loads)
+    among = 20 * options.count if options.among is None else options.among
+    if among < options.count:
+        raise InputError(f"--among {among}: expected {options.count} at least, the number proposed")
+    require_passes(1, options.seed)
+    proposal = propose(surrogate, family, options.count, among, options.seed)
+    cases = LoadCases.of(geometry.coordinates, proposal.forces)
+    write_load_cases(options.out, cases, digest_of(data.case), geometry.cell_type)
+    print(
+        f"{options.out}: {options.count} load cases of {among}, estimated mean error "
+        f"{1e3 * median(proposal.errors):.3g} mm in the median, of all "
+        f"{1e3 * proposal.median:.3g} mm"
+    )
 
 
 def _fast_certificate(
