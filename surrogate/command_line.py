@@ -167,6 +167,24 @@ def _parser() -> argparse.ArgumentParser:
     propose.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     propose.set_defaults(command=_propose)
 
+    refine = commands.add_parser(
+        "refine", help="train a network on by the potential energy of random loads, unsolved"
+    )
+    refine.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    _add_family(refine)
+    refine.add_argument("--steps", type=_whole, required=True, metavar="N", help="training steps")
+    refine.add_argument(
+        "--learning-rate",
+        type=_positive,
+        default=1e-4,
+        metavar="R",
+        help="first one (default 1e-4)",
+    )
+    refine.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
+    refine.add_argument("--out", type=Path, required=True, metavar="RUN", help="new run folder")
+    refine.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    refine.set_defaults(command=_refine)
+
     export = commands.add_parser(
         "export", help="write the network as a file that needs no code of this project"
     )
@@ -456,6 +474,22 @@ def _propose(options: argparse.Namespace) -> None:
         f"{1e3 * median(proposal.errors):.3g} mm in the median, of all "
         f"{1e3 * proposal.median:.3g} mm"
     )
+
+
+def _refine(options: argparse.Namespace) -> None:
+    from shared_schema.common.configuration import validate
+    from surrogate.device import choose_device
+    from surrogate.runs.description import Refinement
+    from surrogate.runs.folder import RunFolder
+    from surrogate.training.refine import refine
+
+    require_writable(options.out)
+    _remark_unsealed(options.run)
+    given = {name: getattr(options, name) for name in ("family", "steps", "learning_rate", "seed")}
+    refinement = validate(Refinement, given, "options")
+    device = choose_device(options.device)
+    found = refine(options.run, RunFolder(options.out), refinement, device)
+    print(f"{options.out}: {options.steps} steps, forces out of balance by {found:.2g} of the load")
 
 
 def _fast_certificate(
