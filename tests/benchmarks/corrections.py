@@ -159,9 +159,9 @@ def table(results: Results) -> str:
             f"largest error of a component is {results['largest_error_of_a_prediction']:.2g} m "
             f"before, {results['largest_difference_of_correct']:.2g} m after the correction by "
             f"`surrogate`, and {results['largest_difference_of_start']:.2g} m after that by "
-            f"`datagen`. The prediction was the start in {results['starts_used']:.1%}; from it "
-            f"`datagen` takes {results['ratio_of_median_times']:.2f} times less time than from "
-            "rest (ratio of the medians).",
+            f"`datagen`. The prediction was the start in {results['starts_used']:.1%}; from "
+            f"rest `datagen` takes {results['ratio_of_median_times']:.2f} times as long as from it "
+            "(ratio of the medians).",
             "",
             markdown_table(
                 ["way", "Newton iterations, mean", "processor time in ms, median"], rows
