@@ -58,11 +58,12 @@ train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the data of C
 	$(SURROGATE) train $(CASE)-$(MODEL)-$(RECIPE) --data $(DATA)/structured --out $(RUN)
 
 evaluate: train ## evaluate the run on the test split and draw its figures
-	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured
+	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured $(CERTIFY)
 
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
 
+shelve: CERTIFY = --certify
 shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE
 	$(SURROGATE) shelve $(RUN) $(CASE)
 

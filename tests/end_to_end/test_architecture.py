@@ -39,6 +39,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "grid",
         "grid_arrays",
         "stiffness",
+        "load_cases",
         "checker",
         "dataset_reader",
         "drawing",
