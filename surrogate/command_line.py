@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report, list, shelve, studies."""
+"""The command ``surrogate``: train, evaluate, predict, export, report, page, shelve, studies."""
 
 from __future__ import annotations
 
@@ -138,6 +138,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument("--out", type=Path, required=True, metavar="FILE.html")
     report.set_defaults(command=_report)
+
+    page = commands.add_parser("page", help="write one HTML file on which one drags a load")
+    page.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    page.add_argument(
+        "--out", type=Path, metavar="FILE.html", help="(default: RUN's name, in this folder)"
+    )
+    page.set_defaults(command=_page)
 
     listed = commands.add_parser("list", help="list the trained networks of the package")
     listed.set_defaults(command=_list)
@@ -359,6 +366,18 @@ def _report(options: argparse.Namespace) -> None:
     _remark_unsealed(options.run)
     write_report(options.run, options.nodal, options.out)
     print(options.out.resolve())
+
+
+def _page(options: argparse.Namespace) -> None:
+    from surrogate.page.page import write_page
+
+    out = options.out or Path(f"{options.run.resolve().name}.html")
+    require_writable(out)
+    _remark_unsealed(options.run)
+    written = write_page(options.run, out)
+    passes = "" if written.passes is None else f", {written.passes} passes of the network"
+    estimates = "" if written.estimates else ", no estimated errors"
+    print(f"{out}: {written.size / 1e6:.1f} MB{passes}{estimates}")
 
 
 def _list(options: argparse.Namespace) -> None:

@@ -71,6 +71,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "training",
         "evaluation",
         "presentation",
+        "page",
         "studies",
         "command_line",
     ],

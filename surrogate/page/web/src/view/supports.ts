@@ -1,0 +1,80 @@
+/** The marks of the supports: hatched lines in the plane, a dark face with ticks in space. */
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  DoubleSide,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshBasicMaterial,
+  Points,
+  PointsMaterial,
+  Vector3,
+} from "three";
+import type { Content } from "../content";
+
+const COLOUR = 0x3a4554;
+
+/** Draw the supports of a body whose size is `diagonal`. */
+export function supportMarks(content: Content, diagonal: number): Group {
+  const group = new Group();
+  const { supports, d } = content;
+  const lines: Vector3[] = [];
+  const faces: Vector3[] = [];
+  const gap = 0.003 * diagonal;
+  const tick = 0.028 * diagonal;
+  for (let first = 0; first < supports.length; first += d) {
+    const corners = Array.from({ length: d }, (_, i) => position(content, supports[first + i]!));
+    const out = outward(corners);
+    const back = corners.map((corner) => corner.clone().addScaledVector(out, gap));
+    if (d === 2) {
+      hatch(back[0]!, back[1]!, out, tick, lines);
+    } else {
+      faces.push(...back);
+      for (const corner of back) lines.push(corner, corner.clone().addScaledVector(out, 0.7 * tick));
+    }
+  }
+  const look = { color: COLOUR, transparent: true };
+  if (lines.length > 0) group.add(new LineSegments(geometryOf(lines), new LineBasicMaterial(look)));
+  if (faces.length > 0) {
+    const material = new MeshBasicMaterial({ ...look, opacity: 0.85, side: DoubleSide });
+    group.add(new Mesh(geometryOf(faces), material));
+  }
+  if (supports.length === 0) {
+    const held = Array.from(content.clamped.keys()).filter((node) => content.clamped[node]);
+    const points = held.map((node) => position(content, node));
+    const size = 9 * window.devicePixelRatio;
+    group.add(new Points(geometryOf(points), new PointsMaterial({ ...look, size, sizeAttenuation: false })));
+  }
+  return group;
+}
+
+/** A line with oblique ticks behind it. */
+function hatch(a: Vector3, b: Vector3, out: Vector3, tick: number, lines: Vector3[]): void {
+  const along = b.clone().sub(a);
+  const count = Math.max(1, Math.round(along.length() / (0.75 * tick)));
+  lines.push(a, b);
+  const slope = along.clone().normalize().add(out).multiplyScalar(0.8 * tick);
+  for (let i = 0; i < count; i++) {
+    const start = a.clone().addScaledVector(along, (i + 0.5) / count);
+    lines.push(start, start.clone().add(slope));
+  }
+}
+
+function outward(corners: Vector3[]): Vector3 {
+  const first = corners[1]!.clone().sub(corners[0]!);
+  if (corners.length === 2) return new Vector3(first.y, -first.x, 0).normalize();
+  return first.cross(corners[2]!.clone().sub(corners[0]!)).normalize();
+}
+
+function position({ coordinates, d }: Content, node: number): Vector3 {
+  const [x, y, z] = coordinates.subarray(node * d, node * d + d);
+  return new Vector3(x, y, z ?? 0);
+}
+
+function geometryOf(points: Vector3[]): BufferGeometry {
+  const places = new Float32Array(points.flatMap((point) => point.toArray()));
+  return new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
+}
