@@ -44,6 +44,7 @@ def drawn(geometry: Geometry) -> Arrays:
         "cells": geometry.cells.astype(np.int32),
         "clamped": geometry.clamped.astype(np.uint8),
         "loadable": geometry.loadable.astype(np.uint8),
+        "vertices": surface.vertices,
         "triangles": surface.triangles,
         "lines": surface.lines,
         "features": surface.features,

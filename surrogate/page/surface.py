@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from shared_schema.cells import FACETS, boundary_facets
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 
-SHARP = np.cos(np.radians(30))  # a line of the surface with a larger angle is a feature
+SMOOTH = np.cos(np.radians(30))  # facets at a larger angle meet in an edge
 Integers = NDArray[np.int32]
 
 
@@ -21,8 +23,11 @@ class Surface:
 
     Attributes
     ----------
+    vertices : array of int, (n_vertices,)
+        Node of every vertex of the triangles; a node at a sharp edge has several, one for each of
+        the smooth faces that meet there.
     triangles : array of int, (n_triangles, 3)
-        Seen from outside.
+        Vertex numbers, seen from outside.
     lines : array of int, (n_lines, 2)
         Edges of the drawn cells or faces.
     features : array of int, (n_features, 2)
@@ -31,6 +36,7 @@ class Surface:
         Boundary edges (in space: triangles) whose nodes are all clamped.
     """
 
+    vertices: Integers
     triangles: Integers
     lines: Integers
     features: Integers
@@ -52,12 +58,17 @@ def surface_of(geometry: Geometry) -> Surface:
         )
     facets = boundary_facets(geometry.cells, geometry.cell_type)
     faces = geometry.cells if geometry.dimension == 2 else facets
-    lines = np.unique(np.sort(edges(faces), axis=1), axis=0)
+    around = np.sort(edges(faces), axis=1)
+    pairs = smooth_pairs(geometry, faces, around)
+    vertices, corners = smooth_vertices(faces, around, pairs)
+    lines = np.unique(around, axis=0)
+    sharp = facets if geometry.dimension == 2 else without(lines, around[pairs[:, 0]])
     held = facets[geometry.clamped[facets].all(axis=1)]
     return Surface(
-        triangles=triangulated(faces).astype(np.int32),
+        vertices=vertices.astype(np.int32),
+        triangles=triangulated(corners).astype(np.int32),
         lines=lines.astype(np.int32),
-        features=features(geometry, facets).astype(np.int32),
+        features=sharp.astype(np.int32),
         supports=(held if geometry.dimension == 2 else triangulated(held)).astype(np.int32),
     )
 
@@ -74,19 +85,48 @@ def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     return faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
-def features(geometry: Geometry, facets: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Boundary edges in the plane; in space edges between facets at an angle above 30°."""
+def smooth_pairs(
+    geometry: Geometry, faces: NDArray[np.int64], around: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pairs of equal edges, by their rows in `around`, whose two faces meet at 30° at most."""
+    _, number, count = np.unique(around, axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    order = np.argsort(number, kind="stable")
+    order = order[count[number[order]] == 2].reshape(-1, 2)
     if geometry.dimension == 2:
-        return facets
-    around, corners = np.sort(edges(facets), axis=1), facets.shape[1]
-    x = geometry.coordinates[facets]
+        return order
+    x = geometry.coordinates[faces]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    found, number = np.unique(around, axis=0, return_inverse=True)
-    owner = np.repeat(np.arange(len(facets)), corners)
-    order = np.argsort(number.ravel(), kind="stable")
-    starts = np.searchsorted(number.ravel()[order], np.arange(len(found)))
-    first = owner[order[starts]]
-    last = owner[order[np.append(starts[1:], len(order)) - 1]]
-    smooth = np.einsum("ij,ij->i", normal[first], normal[last]) > SHARP
-    return found[~smooth | (first == last)]
+    first, second = (normal[rows // faces.shape[1]] for rows in order.T)
+    return order[np.einsum("ij,ij->i", first, second) >= SMOOTH]
+
+
+def smooth_vertices(
+    faces: NDArray[np.int64], around: NDArray[np.int64], pairs: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Join the corners of faces that meet smoothly.
+
+    Returns
+    -------
+    vertices : array of int, (n_vertices,)
+        Node of every vertex.
+    corners : array of int, (n_faces, n_corners)
+        Vertices of every face.
+    """
+    size = faces.shape[1]
+    place = np.arange(faces.size)
+    ends = np.stack([place, place - place % size + (place + 1) % size], axis=1)  # of every edge
+    ordered = np.where((faces.ravel()[ends[:, :1]] == around[:, :1]), ends, ends[:, ::-1])
+    rows, columns = ordered[pairs[:, 0]].ravel(), ordered[pairs[:, 1]].ravel()
+    joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    count, vertex = connected_components(joined, directed=False)
+    vertices = np.empty(count, dtype=np.int64)
+    vertices[vertex] = faces.ravel()
+    return vertices, vertex.reshape(faces.shape)
+
+
+def without(lines: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows of `lines` that are no rows of `others`, both (n, 2)."""
+    size = int(lines.max()) + 1
+    return lines[~np.isin(lines @ [size, 1], others @ [size, 1])]

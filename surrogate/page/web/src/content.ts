@@ -29,6 +29,8 @@ export interface Content extends Text {
   cells: Int32Array;
   clamped: Uint8Array;
   loadable: Uint8Array;
+  /** Node of every vertex of the triangles. */
+  vertices: Int32Array;
   triangles: Int32Array;
   lines: Int32Array;
   features: Int32Array;
@@ -62,6 +64,7 @@ export async function readContent(): Promise<Content> {
     clamped: array("clamped") as Uint8Array,
     loadable,
     trained: { limit: text.limit, loadable, loads: text.loads },
+    vertices: array("vertices") as Int32Array,
     triangles: array("triangles") as Int32Array,
     lines: array("lines") as Int32Array,
     features: array("features") as Int32Array,

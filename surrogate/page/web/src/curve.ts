@@ -22,14 +22,12 @@ export class Curve {
 
   clear(): void {
     this.points = [];
-    this.draw();
   }
 
   /** Add a point: force in N, displacement and its standard deviation in m. */
   add(force: number, displacement: number, deviation: number | null): void {
     this.points.push({ force, displacement, deviation });
     if (this.points.length > MOST) this.points.shift();
-    this.draw();
   }
 
   draw(): void {

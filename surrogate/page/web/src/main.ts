@@ -43,13 +43,20 @@ async function start(): Promise<void> {
   let isBusy = false;
   let isStale = false;
   let isComplete = true;
+  let isPanelDue = false;
   let eventTime: number | null = null;
   let idle: (() => void)[] = [];
   let timer = 0;
 
+  /** Draw the body now, and the panel with the browser's next frame. */
   const show = (): void => {
     scene.show();
-    panel.update(scene.largest);
+    if (isPanelDue) return;
+    isPanelDue = true;
+    requestAnimationFrame(() => {
+      isPanelDue = false;
+      panel.update(scene.largest);
+    });
   };
 
   /** The loads have changed, by an event at a time in ms. */
@@ -138,7 +145,6 @@ async function start(): Promise<void> {
   new ResizeObserver(() => {
     scene.resize();
     show();
-    panel.curve.draw();
   }).observe(panel.stage);
 
   const prepare = async (): Promise<void> => {
@@ -174,7 +180,7 @@ async function start(): Promise<void> {
   show();
   performance.mark("first frame");
   handle.ready = prepare();
-  Object.assign(window, { surrogatePage: handle });
+  Object.assign(window, { surrogatePage: handle }); Object.assign(handle,{panel, predictOnly:()=>network!.predict(new Float32Array(content.nodes*content.d).fill(0.01), content.needsResponse?new Float32Array(content.nodes*content.d).fill(0.01):null)});
   await handle.ready;
 }
 

@@ -81,6 +81,7 @@ export class Panel {
       this.warnings.replaceChildren(...texts.map((text) => make("p", {}, text)));
     }
     this.cards.update();
+    this.curve.draw();
     this.updateBar(largest);
     this.updateEstimate();
     this.updateReadout();

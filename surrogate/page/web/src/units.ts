@@ -27,8 +27,10 @@ export function inNewtons(value: number, count = 3): string {
   return inUnit(value, "N", count);
 }
 
-/** The smallest of 1, 2, 5 times a power of ten that is at least a positive number. */
+const STEPS = [1, 1.2, 1.6, 2, 2.4, 3, 4, 5, 6, 8, 10];
+
+/** The smallest of some round numbers, whose halves are round too, that is at least a positive one. */
 export function ceiling(value: number): number {
   const power = 10 ** Math.floor(Math.log10(value));
-  return [1, 2, 5, 10].map((factor) => factor * power).find((c) => c >= value * (1 - 1e-9))!;
+  return STEPS.map((factor) => factor * power).find((c) => c >= value * (1 - 1e-9))!;
 }

@@ -1,8 +1,9 @@
 /** The arrows of the loads, each with its label. */
 
-import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Vector3 } from "three";
+import { ConeGeometry, CylinderGeometry, Group, Mesh, type ShaderMaterial, Vector3 } from "three";
 import { size, type Load } from "../loads";
 import { inNewtons } from "../units";
+import { plainMaterial, rgb } from "./materials";
 
 const SELECTED = 0xc2410c;
 const OTHER = 0x7c3a1d;
@@ -54,7 +55,7 @@ export class Arrows {
       vector.multiplyScalar(metres);
       this.place(arrow, at(load.node), vector);
       const colour = beyond(load) ? BEYOND : load === selected ? SELECTED : OTHER;
-      (arrow.shaft.material as MeshBasicMaterial).color.set(colour);
+      (arrow.shaft.material as ShaderMaterial).uniforms["colour"]!.value = rgb(colour);
       const tip = at(load.node).add(vector);
       const { x, y } = project(tip);
       arrow.label.textContent = `${number + 1}: ${inNewtons(size(load.force))}`;
@@ -75,7 +76,8 @@ export class Arrows {
   }
 
   private add(load: Load): Arrow {
-    const material = new MeshBasicMaterial({ depthTest: false, transparent: true });
+    const material = plainMaterial(OTHER, 1);
+    material.depthTest = false;
     const shaft = new Mesh(new CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0), material);
     const head = new Mesh(new ConeGeometry(1, 1, 20).translate(0, 0.5, 0), material);
     shaft.renderOrder = head.renderOrder = 2;

@@ -3,24 +3,21 @@
 import {
   BufferAttribute,
   BufferGeometry,
-  CanvasTexture,
-  DoubleSide,
   DynamicDrawUsage,
   Group,
-  LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshBasicMaterial,
-  MeshLambertMaterial,
   Points,
-  PointsMaterial,
   Sphere,
   Vector3,
 } from "three";
 import { NEUTRAL, scale, type Rgb } from "../colours";
 import type { Content } from "../content";
+import { discMaterial, plainMaterial, surfaceMaterial } from "./materials";
 
 const INK = 0x1d2733;
+const GHOST = 0x7d8796;
+const CURSOR = 0xc2410c;
 
 export class BodyMesh {
   readonly group = new Group();
@@ -28,64 +25,70 @@ export class BodyMesh {
   /** Positions of all nodes, with z = 0 in the plane. */
   readonly positions: Float32Array;
   private readonly rest: Float32Array;
-  private readonly place: BufferAttribute;
-  private readonly colours: BufferAttribute;
+  private readonly nodes: BufferAttribute;
   private readonly cursor: Points;
 
   constructor(private readonly content: Content) {
-    const { d, nodes, coordinates } = content;
-    this.rest = new Float32Array(nodes * 3);
-    for (let node = 0; node < nodes; node++) {
+    const { d, coordinates, vertices, lines, features } = content;
+    this.rest = new Float32Array(content.nodes * 3);
+    for (let node = 0; node < content.nodes; node++) {
       for (let i = 0; i < d; i++) this.rest[node * 3 + i] = coordinates[node * d + i]!;
     }
     this.positions = this.rest.slice();
-    this.place = new BufferAttribute(this.positions, 3).setUsage(DynamicDrawUsage);
-    this.colours = new BufferAttribute(new Float32Array(nodes * 3), 3).setUsage(DynamicDrawUsage);
-
-    const look = { vertexColors: true, side: DoubleSide, polygonOffset: true };
-    const offset = { polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
-    const material =
-      d === 2
-        ? new MeshBasicMaterial({ ...look, ...offset })
-        : new MeshLambertMaterial({ ...look, ...offset, flatShading: true });
-    this.surface = new Mesh(this.geometry(content.triangles), material);
-    this.surface.geometry.setAttribute("color", this.colours);
-
+    this.nodes = dynamic(this.positions);
+    const surface = geometryOf(dynamic(new Float32Array(vertices.length * 3)), content.triangles);
+    surface.setAttribute("colour", dynamic(new Float32Array(vertices.length * 3)));
+    this.surface = new Mesh(surface, surfaceMaterial(d));
+    this.surface.frustumCulled = false;
+    this.cursor = this.discs([0], 15, CURSOR, 1);
+    this.cursor.visible = false;
     const ghost = new BufferAttribute(this.rest, 3);
     this.group.add(
-      this.linesOf(content.features, ghost, 0x8a94a3, 0.75),
+      segments(ghost, features, GHOST, 0.8),
       this.surface,
-      this.linesOf(content.lines, this.place, INK, d === 2 ? 0.35 : 0.22),
-      this.linesOf(content.features, this.place, INK, 0.85),
-      this.nodesOf(loadableNodes(content), 5, 0x1d2733, 0.65),
+      segments(this.nodes, lines, INK, d === 2 ? 0.35 : 0.22),
+      segments(this.nodes, features, INK, 0.85),
+      this.discs(loadableNodes(content), d === 2 ? 6 : 4, INK, d === 2 ? 0.8 : 0.5),
+      this.cursor,
     );
-    this.cursor = this.nodesOf([0], 15, 0xd1361f, 1);
-    this.cursor.visible = false;
-    this.group.add(this.cursor);
+    this.move(null);
     this.colour(null, 1, []);
   }
 
   /** Move the nodes by displacements in m; null moves them to rest. */
   move(displacement: Float32Array | null): void {
-    const { d, nodes } = this.content;
+    const { d, nodes, vertices, triangles } = this.content;
     this.positions.set(this.rest);
     if (displacement) {
       for (let node = 0; node < nodes; node++) {
         for (let i = 0; i < d; i++) this.positions[node * 3 + i]! += displacement[node * d + i]!;
       }
     }
-    this.place.needsUpdate = true;
+    this.nodes.needsUpdate = true;
+    const { geometry } = this.surface;
+    const place = geometry.getAttribute("position");
+    copyRows(this.positions, vertices, place.array as Float32Array);
+    place.needsUpdate = true;
+    if (d === 3) {
+      const normals = (geometry.getAttribute("normal") ??
+        dynamic(new Float32Array(vertices.length * 3))) as BufferAttribute;
+      setNormals(place.array as Float32Array, triangles, normals.array as Float32Array);
+      normals.needsUpdate = true;
+      geometry.setAttribute("normal", normals);
+    }
   }
 
   /** Colour the nodes by values from 0 to `largest`; null colours them grey. */
   colour(values: Float64Array | null, largest: number, palette: readonly string[]): void {
+    const { vertices } = this.content;
     const colour = values ? scale(palette) : null;
     const rgb: Rgb = [...NEUTRAL];
-    for (let node = 0; node < this.content.nodes; node++) {
-      colour?.(values![node]! / largest, rgb);
-      for (let i = 0; i < 3; i++) this.colours.array[node * 3 + i] = linear(rgb[i]!);
+    const attribute = this.surface.geometry.getAttribute("colour");
+    for (let vertex = 0; vertex < vertices.length; vertex++) {
+      colour?.(values![vertices[vertex]!]! / largest, rgb);
+      for (let i = 0; i < 3; i++) attribute.array[vertex * 3 + i] = rgb[i]!;
     }
-    this.colours.needsUpdate = true;
+    attribute.needsUpdate = true;
   }
 
   /** Mark a node, or none. */
@@ -99,37 +102,8 @@ export class BodyMesh {
     return new Vector3().fromArray(this.positions, node * 3);
   }
 
-  private geometry(index: ArrayLike<number>, place = this.place): BufferGeometry {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", place);
-    geometry.setIndex(new BufferAttribute(Uint32Array.from(index), 1));
-    geometry.boundingSphere = new Sphere(new Vector3(), Infinity);
-    return geometry;
-  }
-
-  private linesOf(
-    index: ArrayLike<number>,
-    place: BufferAttribute,
-    color: number,
-    opacity: number,
-  ): LineSegments {
-    const material = new LineBasicMaterial({ color, opacity, transparent: true });
-    const lines = new LineSegments(this.geometry(index, place), material);
-    lines.frustumCulled = false;
-    return lines;
-  }
-
-  private nodesOf(index: ArrayLike<number>, size: number, color: number, opacity: number): Points {
-    const material = new PointsMaterial({
-      color,
-      size: size * window.devicePixelRatio,
-      sizeAttenuation: false,
-      map: disc(),
-      alphaTest: 0.4,
-      transparent: true,
-      opacity,
-    });
-    const points = new Points(this.geometry(index), material);
+  private discs(index: ArrayLike<number>, size: number, colour: number, opacity: number): Points {
+    const points = new Points(geometryOf(this.nodes, index), discMaterial(colour, opacity, size));
     points.frustumCulled = false;
     return points;
   }
@@ -137,21 +111,56 @@ export class BodyMesh {
 
 /** Nodes of the surface that the training loaded. */
 export function loadableNodes(content: Content): number[] {
-  const drawn = new Set(content.triangles);
+  const drawn = new Set(content.vertices);
   return [...drawn].filter((node) => content.loadable[node]).sort((a, b) => a - b);
 }
 
-/** A component of sRGB as the linear light that three.js blends. */
-function linear(component: number): number {
-  return component <= 0.04045 ? component / 12.92 : ((component + 0.055) / 1.055) ** 2.4;
+function dynamic(values: Float32Array): BufferAttribute {
+  return new BufferAttribute(values, 3).setUsage(DynamicDrawUsage);
 }
 
-function disc(): CanvasTexture {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 32;
-  const context = canvas.getContext("2d")!;
-  context.fillStyle = "white";
-  context.arc(16, 16, 15, 0, 2 * Math.PI);
-  context.fill();
-  return new CanvasTexture(canvas);
+function geometryOf(place: BufferAttribute, index: ArrayLike<number>): BufferGeometry {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", place);
+  geometry.setIndex(new BufferAttribute(Uint32Array.from(index), 1));
+  geometry.boundingSphere = new Sphere(new Vector3(), Infinity);
+  return geometry;
+}
+
+function segments(
+  place: BufferAttribute,
+  index: ArrayLike<number>,
+  colour: number,
+  opacity: number,
+): LineSegments {
+  const lines = new LineSegments(geometryOf(place, index), plainMaterial(colour, opacity));
+  lines.frustumCulled = false;
+  return lines;
+}
+
+function copyRows(from: Float32Array, rows: Int32Array, to: Float32Array): void {
+  for (let row = 0; row < rows.length; row++) {
+    for (let i = 0; i < 3; i++) to[row * 3 + i] = from[rows[row]! * 3 + i]!;
+  }
+}
+
+/** Sums of the normals of the triangles at every vertex, each as long as twice its area. */
+function setNormals(places: Float32Array, triangles: Int32Array, normals: Float32Array): void {
+  normals.fill(0);
+  for (let first = 0; first < triangles.length; first += 3) {
+    const a = triangles[first]! * 3;
+    const b = triangles[first + 1]! * 3;
+    const c = triangles[first + 2]! * 3;
+    const p = places[b]! - places[a]!;
+    const q = places[b + 1]! - places[a + 1]!;
+    const r = places[b + 2]! - places[a + 2]!;
+    const s = places[c]! - places[a]!;
+    const t = places[c + 1]! - places[a + 1]!;
+    const u = places[c + 2]! - places[a + 2]!;
+    for (const corner of [a, b, c]) {
+      normals[corner]! += q * u - r * t;
+      normals[corner + 1]! += r * s - p * u;
+      normals[corner + 2]! += p * t - q * s;
+    }
+  }
 }

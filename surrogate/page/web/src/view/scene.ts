@@ -1,8 +1,6 @@
 /** The scene: body, supports, arrows, camera; it draws when something has changed. */
 
 import {
-  AmbientLight,
-  DirectionalLight,
   MOUSE,
   OrthographicCamera,
   PerspectiveCamera,
@@ -41,7 +39,6 @@ export class Scene {
   private readonly extent: Vector3;
   private readonly diagonal: number;
   private readonly pickable: number[];
-  private readonly light = new DirectionalLight(0xffffff, 1.5);
 
   constructor(
     private readonly state: State,
@@ -50,7 +47,7 @@ export class Scene {
     overlay: HTMLElement,
   ) {
     const { content } = state;
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware(), alpha: true });
     this.renderer.setPixelRatio(window.devicePixelRatio);
     this.body = new BodyMesh(content);
     const { lower, upper } = bounds(this.body.positions);
@@ -59,9 +56,8 @@ export class Scene {
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.limit) / (REACH * this.diagonal);
     this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
-    this.pickable = [...new Set(content.triangles)].filter((node) => !content.clamped[node]);
+    this.pickable = [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
     this.three.add(this.body.group, supportMarks(content, this.diagonal), this.arrows.group);
-    this.three.add(new AmbientLight(0xffffff, 2), this.light);
 
     const far = 50 * this.diagonal;
     this.camera =
@@ -141,7 +137,6 @@ export class Scene {
   draw(): void {
     const { state } = this;
     const { limit, loadable } = state.content;
-    this.light.position.copy(this.camera.position);
     this.arrows.draw(
       state.loads.all,
       state.loads.selected,
@@ -169,7 +164,7 @@ export class Scene {
   pick(x: number, y: number): number | null {
     this.aim(x, y);
     const face = this.raycaster.intersectObject(this.body.surface)[0]?.face;
-    const { loadable, clamped, d } = this.state.content;
+    const { loadable, clamped, d, vertices } = this.state.content;
     if (!face || d === 2) {
       const near = this.pickable.filter((node) => this.distance(node, x, y) < NEAR);
       const trained = near.filter((node) => loadable[node]);
@@ -178,7 +173,8 @@ export class Scene {
       }
     }
     if (!face) return null;
-    return this.nearest([face.a, face.b, face.c].filter((node) => !clamped[node]), x, y);
+    const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]!);
+    return this.nearest(corners.filter((node) => !clamped[node]), x, y);
   }
 
   /** Where a pointer is in the plane through a point that faces the camera. */
@@ -214,6 +210,15 @@ export class Scene {
     }
     return found;
   }
+}
+
+/** True if a processor draws, for which smoothed edges are too slow. */
+function isSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? String(gl!.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
 function bounds(positions: Float32Array): { lower: Vector3; upper: Vector3 } {

@@ -3,17 +3,14 @@
 import {
   BufferAttribute,
   BufferGeometry,
-  DoubleSide,
   Group,
-  LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshBasicMaterial,
   Points,
-  PointsMaterial,
   Vector3,
 } from "three";
 import type { Content } from "../content";
+import { discMaterial, plainMaterial } from "./materials";
 
 const COLOUR = 0x3a4554;
 
@@ -36,17 +33,12 @@ export function supportMarks(content: Content, diagonal: number): Group {
       for (const corner of back) lines.push(corner, corner.clone().addScaledVector(out, 0.7 * tick));
     }
   }
-  const look = { color: COLOUR, transparent: true };
-  if (lines.length > 0) group.add(new LineSegments(geometryOf(lines), new LineBasicMaterial(look)));
-  if (faces.length > 0) {
-    const material = new MeshBasicMaterial({ ...look, opacity: 0.85, side: DoubleSide });
-    group.add(new Mesh(geometryOf(faces), material));
-  }
+  if (lines.length > 0) group.add(new LineSegments(geometryOf(lines), plainMaterial(COLOUR, 1)));
+  if (faces.length > 0) group.add(new Mesh(geometryOf(faces), plainMaterial(COLOUR, 0.85)));
   if (supports.length === 0) {
     const held = Array.from(content.clamped.keys()).filter((node) => content.clamped[node]);
     const points = held.map((node) => position(content, node));
-    const size = 9 * window.devicePixelRatio;
-    group.add(new Points(geometryOf(points), new PointsMaterial({ ...look, size, sizeAttenuation: false })));
+    group.add(new Points(geometryOf(points), discMaterial(COLOUR, 1, 9)));
   }
   return group;
 }
