@@ -41,7 +41,7 @@ export function scale(palette: readonly string[]): (part: number, out: Rgb) => v
     const at = Math.min(Math.max(part, 0), 1) * (stops.length - 1);
     const low = Math.min(Math.floor(at), stops.length - 2);
     for (let i = 0; i < 3; i++) {
-      out[i] = stops[low]![i]! + (at - low) * (stops[low + 1]![i]! - stops[low]![i]!);
+      out[i] = stops[low][i] + (at - low) * (stops[low + 1][i] - stops[low][i]);
     }
   };
 }
@@ -51,7 +51,7 @@ export function lengths(field: ArrayLike<number>, d: number): Float64Array {
   const found = new Float64Array(field.length / d);
   for (let node = 0; node < found.length; node++) {
     let sum = 0;
-    for (let i = 0; i < d; i++) sum += field[node * d + i]! ** 2;
+    for (let i = 0; i < d; i++) sum += field[node * d + i] ** 2;
     found[node] = Math.sqrt(sum);
   }
   return found;

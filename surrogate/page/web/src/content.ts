@@ -17,7 +17,7 @@ interface Text {
   loads: TrainingRange["loads"];
   material: Material | null;
   passes: number | null;
-  arrays: Record<string, { type: string; shape: number[]; offset: number }>;
+  arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
 }
 
 /** All that is known of the body before the network is read. */
@@ -53,12 +53,12 @@ export async function readContent(): Promise<Content> {
     return new VIEWS[entry.type as keyof typeof VIEWS](block, entry.offset, length);
   };
   const starts = array("spreadStarts") as Int32Array | null;
-  const shape = text.arrays["coordinates"]!.shape;
+  const [nodes, d] = text.arrays.coordinates!.shape;
   const loadable = array("loadable") as Uint8Array;
   return {
     ...text,
-    nodes: shape[0]!,
-    d: shape[1]!,
+    nodes,
+    d,
     coordinates: array("coordinates") as Float64Array,
     cells: array("cells") as Int32Array,
     clamped: array("clamped") as Uint8Array,

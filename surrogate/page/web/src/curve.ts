@@ -13,19 +13,18 @@ interface Point {
 
 export class Curve {
   private points: Point[] = [];
+  private node: number | null = null;
 
   constructor(private readonly canvas: HTMLCanvasElement) {}
-
-  get isEmpty(): boolean {
-    return this.points.length === 0;
-  }
 
   clear(): void {
     this.points = [];
   }
 
-  /** Add a point: force in N, displacement and its standard deviation in m. */
-  add(force: number, displacement: number, deviation: number | null): void {
+  /** Add a point of a node: force in N, displacement and its standard deviation in m. */
+  add(node: number, force: number, displacement: number, deviation: number | null): void {
+    if (node !== this.node) this.clear();
+    this.node = node;
     this.points.push({ force, displacement, deviation });
     if (this.points.length > MOST) this.points.shift();
   }
@@ -101,7 +100,11 @@ function axes(
     if (!labelled) continue;
     context.textAlign = part === 1 ? "right" : "center";
     const last = part === 1 ? ` ${forceLetter}N` : "";
-    context.fillText(digits((part * mostForce) / forceFactor) + last, across + (last ? 8 : 0), frame.bottom + 17);
+    context.fillText(
+      digits((part * mostForce) / forceFactor) + last,
+      across + (last ? 8 : 0),
+      frame.bottom + 17,
+    );
     context.textAlign = "right";
     const unit = part === 1 ? ` ${lengthLetter}m` : "";
     context.fillText(digits((part * mostLength) / lengthFactor) + unit, frame.left - 6, up + 4);

@@ -28,7 +28,11 @@ export class LoadCards {
       changed();
     };
     this.clear = make("button", { type: "button", click }, "Remove all");
-    this.element.append(this.list, this.none, make("div", { class: "row" }, this.adder(), this.clear));
+    this.element.append(
+      this.list,
+      this.none,
+      make("div", { class: "row" }, this.adder(), this.clear),
+    );
   }
 
   /** Show the loads. */
@@ -51,7 +55,7 @@ export class LoadCards {
       }
       card.name.firstChild!.textContent = `${number + 1}: `;
       card.element.classList.toggle("selected", load === selected);
-      const beyond = load.force.some((value, i) => Math.abs(value) > limit[i]! * (1 + 1e-6));
+      const beyond = load.force.some((value, i) => Math.abs(value) > limit[i] * (1 + 1e-6));
       card.element.classList.toggle("beyond", beyond || !loadable[load.node]);
       for (const { field, read } of card.inputs) {
         if (document.activeElement !== field) field.value = String(Number(read().toPrecision(4)));
@@ -62,7 +66,11 @@ export class LoadCards {
   private card(load: Load): Card {
     const { loads, content } = this.state;
     const inputs: Card["inputs"] = [];
-    const number = (label: string, read: () => number, write: (value: number) => void): HTMLElement => {
+    const number = (
+      label: string,
+      read: () => number,
+      write: (value: number) => void,
+    ): HTMLElement => {
       const field = make("input", { type: "number", step: "any" });
       field.addEventListener("input", () => {
         if (!Number.isFinite(field.valueAsNumber)) return;
@@ -77,19 +85,33 @@ export class LoadCards {
       return make("label", { class: "number" }, label, field);
     };
     const components = load.force.map((_, i) =>
-      number(`F${"xyz"[i]!} in N`, () => load.force[i]!, (value) => (load.force[i] = value)),
+      number(
+        `F${"xyz"[i]} in N`,
+        () => load.force[i],
+        (value) => (load.force[i] = value),
+      ),
     );
-    const magnitude = number("Size in N", () => size(load.force), (value) => {
-      const now = size(load.force);
-      const direction = now > 0 ? load.force.map((f) => f / now) : downwards(content.d);
-      load.force = direction.map((f) => f * Math.abs(value));
-    });
-    const angle = number("Angle in °", () => degrees(load), (value) => {
-      const [length, radians] = [size(load.force), (value * Math.PI) / 180];
-      load.force = [length * Math.cos(radians), length * Math.sin(radians)];
-    });
+    const magnitude = number(
+      "Size in N",
+      () => size(load.force),
+      (value) => {
+        const now = size(load.force);
+        const direction = now > 0 ? load.force.map((f) => f / now) : downwards(content.d);
+        load.force = direction.map((f) => f * Math.abs(value));
+      },
+    );
+    const angle = number(
+      "Angle in °",
+      () => degrees(load),
+      (value) => {
+        const [length, radians] = [size(load.force), (value * Math.PI) / 180];
+        load.force = [length * Math.cos(radians), length * Math.sin(radians)];
+      },
+    );
     const { coordinates, d } = content;
-    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) => digits(x));
+    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) =>
+      digits(x),
+    );
     const click = (): void => {
       loads.selected = load;
       this.changed();
@@ -98,8 +120,17 @@ export class LoadCards {
       loads.remove(load);
       this.changed();
     };
-    const name = make("button", { type: "button", class: "name", click }, "", `Node (${place.join(", ")})`);
-    const cross = make("button", { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" }, "✕");
+    const name = make(
+      "button",
+      { type: "button", class: "name", click },
+      "",
+      `Node (${place.join(", ")})`,
+    );
+    const cross = make(
+      "button",
+      { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" },
+      "✕",
+    );
     const element = make(
       "div",
       { class: "load" },
@@ -121,7 +152,8 @@ export class LoadCards {
       if (list.value === "") return;
       const load = loads.at(Number(list.value));
       if (size(load.force) === 0) {
-        load.force = downwards(d).map((part) => part * content.limit.at(-1)! * 0.5);
+        const half = Number((content.limit.at(-1)! / 2).toPrecision(2));
+        load.force = downwards(d).map((part) => part * half);
       }
       list.value = "";
       this.changed();
@@ -137,5 +169,5 @@ function downwards(d: number): number[] {
 }
 
 function degrees(load: Load): number {
-  return (Math.atan2(load.force[1]!, load.force[0]!) * 180) / Math.PI;
+  return (Math.atan2(load.force[1], load.force[0]) * 180) / Math.PI;
 }

@@ -19,7 +19,7 @@ interface Handle {
   ready: Promise<void>;
   state: State;
   scene: Scene;
-  /** Resolves when the body under the present loads is drawn. */
+  /** Resolves when body and panel show the present loads. */
   settled: () => Promise<void>;
   /** Times in ms from an event to its drawn frame, once `measure` is true. */
   times: number[];
@@ -108,7 +108,8 @@ async function start(): Promise<void> {
     const { selected } = state.loads;
     if (selected) {
       const u = size(state.displacementAt(selected.node));
-      panel.curve.add(size(selected.force), u, state.deviationAlong(selected.node));
+      const deviation = state.deviationAlong(selected.node);
+      panel.curve.add(selected.node, size(selected.force), u, deviation);
     }
     timer = setTimeout(estimate, (content.order?.length ?? 0) > LARGE ? REST : 0);
     return true;
@@ -172,7 +173,10 @@ async function start(): Promise<void> {
     ready: Promise.resolve(),
     state,
     scene,
-    settled: () => new Promise((resolve) => (isBusy || !isComplete ? idle.push(resolve) : resolve())),
+    settled: async () => {
+      if (isBusy || !isComplete) await new Promise<void>((resolve) => idle.push(resolve));
+      while (isPanelDue) await new Promise(requestAnimationFrame);
+    },
     times: [],
     measure: false,
   };
@@ -180,7 +184,7 @@ async function start(): Promise<void> {
   show();
   performance.mark("first frame");
   handle.ready = prepare();
-  Object.assign(window, { surrogatePage: handle }); Object.assign(handle,{panel, predictOnly:()=>network!.predict(new Float32Array(content.nodes*content.d).fill(0.01), content.needsResponse?new Float32Array(content.nodes*content.d).fill(0.01):null)});
+  Object.assign(window, { surrogatePage: handle });
   await handle.ready;
 }
 

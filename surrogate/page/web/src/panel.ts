@@ -24,7 +24,11 @@ export class Panel {
   });
   readonly labels = make("div", { id: "labels" });
   readonly curve: Curve;
-  private readonly warnings = make("div", { id: "warnings", role: "status", "aria-live": "polite" });
+  private readonly warnings = make("div", {
+    id: "warnings",
+    role: "status",
+    "aria-live": "polite",
+  });
   private readonly hint = make("p", { id: "hint" });
   private readonly bar = make("div", { id: "bar" });
   private readonly cards: LoadCards;
@@ -39,7 +43,11 @@ export class Panel {
     private readonly actions: Actions,
   ) {
     const { content } = state;
-    const canvas = make("canvas", { id: "curve", role: "img", "aria-label": "Force against displacement" });
+    const canvas = make("canvas", {
+      id: "curve",
+      role: "img",
+      "aria-label": "Force against displacement",
+    });
     this.curve = new Curve(canvas);
     this.cards = new LoadCards(state, () => {
       actions.changed("loads");
@@ -53,7 +61,12 @@ export class Panel {
       make(
         "aside",
         { id: "panel" },
-        make("header", {}, make("h1", {}, content.case), make("p", {}, `${content.network}${passes}`)),
+        make(
+          "header",
+          {},
+          make("h1", {}, content.case),
+          make("p", {}, `${content.network}${passes}`),
+        ),
         section("Loads", this.cards.element),
         section("Colours", this.choices()),
         ...(content.order ? [section("Estimated error", this.estimate)] : []),
@@ -127,7 +140,7 @@ export class Panel {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
     } else if (certificate?.error && fields) {
       const largest = longest(certificate.error, content.d);
-      const share = largest / (longest(fields["displacement"]!, content.d) || 1);
+      const share = largest / (longest(fields.displacement, content.d) || 1);
       const numbers = `${inMetres(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
       text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
     }
@@ -145,13 +158,14 @@ export class Panel {
     const u = state.displacementAt(node);
     const rows: [string, string][] = [
       ["Place", this.placeOf(node)],
-      ...u.map((value, i): [string, string] => [`u${"xyz"[i]!}`, inMetres(value, 4)]),
+      ...u.map((value, i): [string, string] => [`u${"xyz"[i]}`, inMetres(value, 4)]),
       ["|u|", inMetres(Math.hypot(...u), 4)],
     ];
     for (const name of state.choices.slice(1)) {
       const { d } = state.content;
       const vectors = state.vectors(name);
-      const length = vectors && Math.hypot(...Array.from({ length: d }, (_, i) => vectors[node * d + i]!));
+      const length =
+        vectors && Math.hypot(...Array.from({ length: d }, (_, i) => vectors[node * d + i]));
       rows.push([COLOUR_FIELDS[name].label, length === null ? "–" : inMetres(length)]);
     }
     this.readout.replaceChildren(
@@ -211,7 +225,7 @@ function longest(vectors: ArrayLike<number>, d: number): number {
   let most = 0;
   for (let place = 0; place < vectors.length; place += d) {
     let sum = 0;
-    for (let i = 0; i < d; i++) sum += vectors[place + i]! ** 2;
+    for (let i = 0; i < d; i++) sum += vectors[place + i] ** 2;
     most = Math.max(most, sum);
   }
   return Math.sqrt(most);
@@ -219,7 +233,10 @@ function longest(vectors: ArrayLike<number>, d: number): number {
 
 /** Keys and gestures. */
 function help(d: number): HTMLElement {
-  const view = d === 2 ? "drag beside the body to move the view" : "drag beside the body, or with the right button, to turn it";
+  const view =
+    d === 2
+      ? "drag beside the body to move the view"
+      : "drag beside the body, or with the right button, to turn it";
   const items: [string, string][] = [
     ["", `Press on the body and drag: the force follows. Wheel or two fingers: zoom; ${view}.`],
     [", .", "previous and next node (with the body in focus)"],

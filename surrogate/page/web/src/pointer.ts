@@ -21,7 +21,8 @@ export interface Reactions {
 /** Listen to pointer and keys. */
 export function listen(scene: Scene, state: State, reactions: Reactions): void {
   const { canvas } = scene;
-  let drag: { pointer: number; load: Load; from: Vector3; force: number[]; start: Vector3 } | null = null;
+  let drag: { pointer: number; load: Load; from: Vector3; force: number[]; start: Vector3 } | null =
+    null;
 
   canvas.addEventListener(
     "pointerdown",

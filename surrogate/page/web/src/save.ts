@@ -15,8 +15,9 @@ function solution(state: State): Record<string, Float64Array> {
     force: loads.nodal(content.nodes),
     displacement: rest,
   };
-  for (const [name, values] of Object.entries(fields ?? {})) found[name] = Float64Array.from(values);
-  if (certificate?.error) found["estimated_error"] = certificate.error;
+  for (const [name, values] of Object.entries(fields ?? {}))
+    found[name] = Float64Array.from(values);
+  if (certificate?.error) found.estimated_error = certificate.error;
   return found;
 }
 
@@ -29,7 +30,7 @@ export function asCsv(state: State): Blob {
     axes.map((axis) => (name === "coordinates" ? axis : `${name}_${axis}`)),
   );
   const rows = Array.from({ length: nodes }, (_, node) =>
-    arrays.flatMap(([, values]) => axes.map((_, i) => values[node * d + i]!)).join(","),
+    arrays.flatMap(([, values]) => axes.map((_, i) => values[node * d + i])).join(","),
   );
   return new Blob([[head.join(","), ...rows, ""].join("\n")], { type: "text/csv" });
 }
@@ -41,7 +42,7 @@ export function asNpz(state: State): Blob {
   for (const [name, values] of Object.entries(solution(state))) {
     files[`${name}.npy`] = npy(values, [nodes, d]);
   }
-  return new Blob([zipSync(files, { level: 0 }) as Uint8Array<ArrayBuffer>]);
+  return new Blob([zipSync(files, { level: 0 })]);
 }
 
 /** NumPy's format 1.0 of an array in double precision. */
@@ -74,7 +75,9 @@ export function asPng(state: State, drawn: HTMLCanvasElement, largest: number): 
   context.font = "14px system-ui, sans-serif";
   const { coordinates, d } = state.content;
   state.loads.all.forEach((load, number) => {
-    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) => digits(x));
+    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) =>
+      digits(x),
+    );
     const text = `${number + 1}: ${inNewtons(size(load.force))} at (${place.join(", ")}) m`;
     context.fillText(text, 18, 54 + 20 * number);
   });
@@ -113,4 +116,3 @@ export function download(blob: Blob, name: string): void {
     URL.revokeObjectURL(link.href);
   }, 10_000);
 }
-

@@ -32,7 +32,7 @@ export class State {
   }
 
   get displacement(): Float32Array | null {
-    return this.fields?.["displacement"] ?? null;
+    return this.fields?.displacement ?? null;
   }
 
   /** Displacement of a node in m, d components. */
@@ -65,7 +65,8 @@ export class State {
     const length = size(u) || 1;
     let variance = 0;
     for (const output of outputs) {
-      for (let i = 0; i < d; i++) variance += ((u[i]! / length) * (output?.[node * d + i] ?? 0)) ** 2;
+      for (let i = 0; i < d; i++)
+        variance += ((u[i] / length) * (output?.[node * d + i] ?? 0)) ** 2;
     }
     return Math.sqrt(variance);
   }

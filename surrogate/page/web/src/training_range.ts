@@ -21,7 +21,7 @@ export function exceeded(loads: readonly Load[], trained: TrainingRange): Map<Ki
   const found = new Map<Kind, string>();
   const acting = loads.filter((load) => size(load.force) > 0);
   const beyond = (force: readonly number[], limit: readonly number[]): boolean =>
-    force.some((value, i) => Math.abs(value) > limit[i]! * MARGIN);
+    force.some((value, i) => Math.abs(value) > limit[i] * MARGIN);
   if (acting.some((load) => beyond(load.force, trained.limit))) {
     found.set("range", `Force beyond the training range, ${plusMinus(trained.limit)} a component`);
   }
@@ -34,7 +34,7 @@ export function exceeded(loads: readonly Load[], trained: TrainingRange): Map<Ki
     const number = fewest === most ? `${fewest}` : `${fewest} to ${most}`;
     found.set("number", `${acting.length} loads at once; ${number} in training`);
   }
-  const sum = resultant.map((_, i) => acting.reduce((total, load) => total + load.force[i]!, 0));
+  const sum = resultant.map((_, i) => acting.reduce((total, load) => total + load.force[i], 0));
   if (beyond(sum, resultant)) {
     found.set("resultant", `Sum of the loads beyond that of the training, ${plusMinus(resultant)}`);
   }

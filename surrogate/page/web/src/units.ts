@@ -1,11 +1,16 @@
 /** Numbers with units, as people read them. */
 
-const PREFIXES: [number, string][] = [[1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+const PREFIXES: [number, string][] = [
+  [1, ""],
+  [1e-3, "m"],
+  [1e-6, "µ"],
+  [1e-9, "n"],
+];
 
 /** The prefix in which a number has digits before the point: its factor, and its letter. */
 export function prefixOf(value: number): [number, string] {
-  const found = PREFIXES.find(([factor]) => Math.abs(value) >= factor);
-  return value === 0 ? PREFIXES[0]! : (found ?? PREFIXES.at(-1)!);
+  const found = PREFIXES.find(([factor]) => Math.abs(value) >= factor * (1 - 5e-4));
+  return value === 0 ? PREFIXES[0] : (found ?? PREFIXES.at(-1)!);
 }
 
 /** A number with three significant digits, and a minus sign that is as wide as a plus sign. */

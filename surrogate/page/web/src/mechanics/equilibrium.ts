@@ -42,15 +42,20 @@ export class Equilibrium {
     order.forEach((dof, row) => (this.place[dof] = row));
     const firsts = order.map((_, row) => row);
     this.forCells((rows) => {
-      const first = rows.reduce((least, row) => (row >= 0 ? Math.min(least, row) : least), Infinity);
-      for (const row of rows) if (row >= 0) firsts[row] = Math.min(firsts[row]!, first);
+      const first = rows.reduce(
+        (least, row) => (row >= 0 ? Math.min(least, row) : least),
+        Infinity,
+      );
+      for (const row of rows) if (row >= 0) firsts[row] = Math.min(firsts[row], first);
     });
     this.profile = new Profile(order.length, firsts);
   }
 
   /** r(u) in N, zero at clamped nodes. */
   outOfBalance(u: Float64Array, f: Float64Array): Float64Array {
-    return this.solid.internalForces(u).map((value, dof) => (this.place[dof]! < 0 ? 0 : value - f[dof]!));
+    return this.solid
+      .internalForces(u)
+      .map((value, dof) => (this.place[dof] < 0 ? 0 : value - f[dof]));
   }
 
   /** Π(u) in J. */
@@ -60,7 +65,7 @@ export class Equilibrium {
 
   /** Displacements of the free nodes; zero at clamped ones. */
   held(u: ArrayLike<number>): Float64Array {
-    return Float64Array.from(u, (value, dof) => (this.place[dof]! < 0 ? 0 : value));
+    return Float64Array.from(u, (value, dof) => (this.place[dof] < 0 ? 0 : value));
   }
 
   /** Factorise K(u), or a positive definite matrix near it. */
@@ -70,7 +75,7 @@ export class Equilibrium {
     for (let shift = FIRST_SHIFT; shift < 1 / Number.EPSILON; shift *= SHIFT_GROWTH) {
       const values = this.assembled(u);
       const rest = this.assembled(new Float64Array(this.size));
-      for (let i = 0; i < values.length; i++) values[i]! += shift * rest[i]!;
+      for (let i = 0; i < values.length; i++) values[i] += shift * rest[i];
       const shifted = ProfileCholesky.of(this.profile, values);
       if (shifted) return { factor: shifted, stable: false };
     }
@@ -79,7 +84,7 @@ export class Equilibrium {
 
   /** K⁻¹ b with a factor, for b and the result at all degrees of freedom. */
   solve(factor: ProfileCholesky, right: Float64Array): Float64Array {
-    const found = factor.solve(Float64Array.from(this.order, (dof) => right[dof]!));
+    const found = factor.solve(Float64Array.from(this.order, (dof) => right[dof]));
     const u = new Float64Array(this.size);
     this.order.forEach((dof, row) => (u[dof] = found[row]!));
     return u;
@@ -91,7 +96,10 @@ export class Equilibrium {
   }
 
   private rest(): ProfileCholesky {
-    this.undeformed ??= ProfileCholesky.of(this.profile, this.assembled(new Float64Array(this.size)));
+    this.undeformed ??= ProfileCholesky.of(
+      this.profile,
+      this.assembled(new Float64Array(this.size)),
+    );
     if (!this.undeformed) throw new Error("the supports do not hold the body");
     return this.undeformed;
   }
@@ -103,11 +111,12 @@ export class Equilibrium {
     this.forCells((rows, cell) => {
       this.solid.cellTangent(u, cell, k);
       for (let a = 0; a < size; a++) {
-        const row = rows[a]!;
+        const row = rows[a];
         if (row < 0) continue;
         for (let b = 0; b < size; b++) {
-          const column = rows[b]!;
-          if (column >= 0 && column <= row) values[this.profile.place(row, column)]! += k[a * size + b]!;
+          const column = rows[b];
+          if (column >= 0 && column <= row)
+            values[this.profile.place(row, column)] += k[a * size + b];
         }
       }
     });
@@ -120,7 +129,8 @@ export class Equilibrium {
     const rows = new Int32Array(corners * d);
     for (let cell = 0; cell < this.solid.cellCount; cell++) {
       for (let a = 0; a < corners; a++) {
-        for (let i = 0; i < d; i++) rows[a * d + i] = this.place[cells[cell * corners + a]! * d + i]!;
+        for (let i = 0; i < d; i++)
+          rows[a * d + i] = this.place[cells[cell * corners + a] * d + i]!;
       }
       use(rows, cell);
     }
@@ -129,7 +139,7 @@ export class Equilibrium {
 
 export function dot(a: Float64Array, b: Float64Array): number {
   let sum = 0;
-  for (let i = 0; i < a.length; i++) sum += a[i]! * b[i]!;
+  for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
   return sum;
 }
 
@@ -139,5 +149,5 @@ export function norm(a: Float64Array): number {
 
 /** a + factor · b */
 export function plus(a: Float64Array, b: Float64Array, factor = 1): Float64Array {
-  return a.map((value, i) => value + factor * b[i]!);
+  return a.map((value, i) => value + factor * b[i]);
 }

@@ -41,14 +41,17 @@ export class Mechanics {
   }
 
   /** The linear response in m to forces at some nodes; null until all of their columns are there. */
-  response(loads: readonly { node: number; force: readonly number[] }[], size: number): Float32Array | null {
+  response(
+    loads: readonly { node: number; force: readonly number[] }[],
+    size: number,
+  ): Float32Array | null {
     const sum = new Float64Array(size);
     for (const { node, force } of loads) {
       const columns = this.columns.get(node);
       if (!columns) return null;
       columns.forEach((column, component) => {
-        const newtons = force[component]!;
-        if (newtons !== 0) for (let i = 0; i < size; i++) sum[i]! += newtons * column[i]!;
+        const newtons = force[component];
+        if (newtons !== 0) for (let i = 0; i < size; i++) sum[i] += newtons * column[i];
       });
     }
     return Float32Array.from(sum);

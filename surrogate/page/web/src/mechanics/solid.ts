@@ -47,11 +47,11 @@ export class Solid {
     const { gradients } = this.parts;
     for (let i = 0; i < d * d; i++) f[i] = i % (d + 1) === 0 ? 1 : 0;
     for (let a = 0; a < corners; a++) {
-      const node = this.cells[cell * corners + a]! * d;
+      const node = this.cells[cell * corners + a] * d;
       const g = (point * corners + a) * d;
       for (let i = 0; i < d; i++) {
-        const value = u[node + i]!;
-        for (let j = 0; j < d; j++) f[i * d + j]! += value * gradients[g + j]!;
+        const value = u[node + i];
+        for (let j = 0; j < d; j++) f[i * d + j] += value * gradients[g + j];
       }
     }
     return invert(f, d, this.inverse);
@@ -94,7 +94,7 @@ export class Solid {
         volumetric === "paper"
           ? (lambda / 4) * (j * j - 1 - 2 * logarithm)
           : (lambda / 2) * (j - 1) ** 2;
-      energy += volumes[point]! * ((mu / 2) * (square - this.d - 2 * logarithm) + bulk);
+      energy += volumes[point] * ((mu / 2) * (square - this.d - 2 * logarithm) + bulk);
     }
     return energy;
   }
@@ -113,17 +113,16 @@ export class Solid {
       for (let i = 0; i < d; i++) {
         for (let k = 0; k < d; k++) {
           p[i * d + k] =
-            volumes[point]! *
-            (mu * this.f[i * d + k]! + (pressure - mu) * this.inverse[k * d + i]!);
+            volumes[point] * (mu * this.f[i * d + k] + (pressure - mu) * this.inverse[k * d + i]);
         }
       }
       for (let a = 0; a < corners; a++) {
-        const node = this.cells[cell * corners + a]! * d;
+        const node = this.cells[cell * corners + a] * d;
         const g = (point * corners + a) * d;
         for (let i = 0; i < d; i++) {
           let sum = 0;
-          for (let k = 0; k < d; k++) sum += p[i * d + k]! * gradients[g + k]!;
-          forces[node + i]! += sum;
+          for (let k = 0; k < d; k++) sum += p[i * d + k] * gradients[g + k];
+          forces[node + i] += sum;
         }
       }
     }
@@ -141,7 +140,7 @@ export class Solid {
     for (let q = 0; q < points; q++) {
       const point = cell * points + q;
       const j = this.deform(u, cell, point);
-      const w = volumes[point]!;
+      const w = volumes[point];
       const [pressure, squared] = this.volumetric(j);
       const crossed = w * (mu - pressure);
       const direct = w * squared;
@@ -149,7 +148,7 @@ export class Solid {
       for (let a = 0; a < corners; a++) {
         for (let i = 0; i < d; i++) {
           let sum = 0;
-          for (let m = 0; m < d; m++) sum += this.inverse[m * d + i]! * gradients[first + a * d + m]!;
+          for (let m = 0; m < d; m++) sum += this.inverse[m * d + i] * gradients[first + a * d + m];
           g[a * d + i] = sum;
         }
       }
@@ -157,15 +156,15 @@ export class Solid {
         for (let b = 0; b <= a; b++) {
           let dot = 0;
           for (let m = 0; m < d; m++) {
-            dot += gradients[first + a * d + m]! * gradients[first + b * d + m]!;
+            dot += gradients[first + a * d + m] * gradients[first + b * d + m];
           }
           dot *= w * mu;
           for (let i = 0; i < d; i++) {
             const row = (a * d + i) * size + b * d;
-            const left = direct * g[a * d + i]!;
-            const right = crossed * g[b * d + i]!;
-            for (let m = 0; m < d; m++) k[row + m]! += left * g[b * d + m]! + right * g[a * d + m]!;
-            k[row + i]! += dot;
+            const left = direct * g[a * d + i];
+            const right = crossed * g[b * d + i];
+            for (let m = 0; m < d; m++) k[row + m] += left * g[b * d + m] + right * g[a * d + m];
+            k[row + i] += dot;
           }
         }
       }

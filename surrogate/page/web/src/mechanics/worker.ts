@@ -33,8 +33,8 @@ function columns(node: number): Float64Array[] {
     const force = new Float64Array(body.coordinates.length);
     if (body.spread) {
       const { starts, nodes, weights } = body.spread;
-      for (let i = starts[node]!; i < starts[node + 1]!; i++) {
-        force[nodes[i]! * d + component] = weights[i]!;
+      for (let i = starts[node]; i < starts[node + 1]; i++) {
+        force[nodes[i] * d + component] = weights[i]!;
       }
     } else {
       force[node * d + component] = 1;

@@ -55,12 +55,15 @@ export class Arrows {
       vector.multiplyScalar(metres);
       this.place(arrow, at(load.node), vector);
       const colour = beyond(load) ? BEYOND : load === selected ? SELECTED : OTHER;
-      (arrow.shaft.material as ShaderMaterial).uniforms["colour"]!.value = rgb(colour);
+      (arrow.shaft.material as ShaderMaterial).uniforms.colour.value = rgb(colour);
       const tip = at(load.node).add(vector);
       const { x, y } = project(tip);
       arrow.label.textContent = `${number + 1}: ${inNewtons(size(load.force))}`;
       arrow.label.classList.toggle("selected", load === selected);
-      arrow.label.style.transform = `translate(${x + 10}px, ${y - 10}px)`;
+      const { clientWidth, clientHeight } = this.overlay;
+      const left = between(x + 10, 4, clientWidth - arrow.label.offsetWidth - 8);
+      const top = between(y - 10, 4, clientHeight - arrow.label.offsetHeight - 4);
+      arrow.label.style.transform = `translate(${left}px, ${top}px)`;
     });
   }
 
@@ -99,4 +102,8 @@ export class Arrows {
     arrow.head.geometry.dispose();
     this.arrows.delete(load);
   }
+}
+
+function between(value: number, low: number, high: number): number {
+  return Math.max(low, Math.min(value, high));
 }

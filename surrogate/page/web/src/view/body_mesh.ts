@@ -8,6 +8,7 @@ import {
   LineSegments,
   Mesh,
   Points,
+  type ShaderMaterial,
   Sphere,
   Vector3,
 } from "three";
@@ -27,6 +28,7 @@ export class BodyMesh {
   private readonly rest: Float32Array;
   private readonly nodes: BufferAttribute;
   private readonly cursor: Points;
+  private readonly mesh: LineSegments;
 
   constructor(private readonly content: Content) {
     const { d, coordinates, vertices, lines, features } = content;
@@ -37,16 +39,19 @@ export class BodyMesh {
     this.positions = this.rest.slice();
     this.nodes = dynamic(this.positions);
     const surface = geometryOf(dynamic(new Float32Array(vertices.length * 3)), content.triangles);
-    surface.setAttribute("colour", dynamic(new Float32Array(vertices.length * 3)));
+    for (const name of d === 2 ? ["colour"] : ["colour", "normal"]) {
+      surface.setAttribute(name, dynamic(new Float32Array(vertices.length * 3)));
+    }
     this.surface = new Mesh(surface, surfaceMaterial(d));
     this.surface.frustumCulled = false;
     this.cursor = this.discs([0], 15, CURSOR, 1);
     this.cursor.visible = false;
+    this.mesh = segments(this.nodes, lines, INK, 0);
     const ghost = new BufferAttribute(this.rest, 3);
     this.group.add(
       segments(ghost, features, GHOST, 0.8),
       this.surface,
-      segments(this.nodes, lines, INK, d === 2 ? 0.35 : 0.22),
+      this.mesh,
       segments(this.nodes, features, INK, 0.85),
       this.discs(loadableNodes(content), d === 2 ? 6 : 4, INK, d === 2 ? 0.8 : 0.5),
       this.cursor,
@@ -61,7 +66,7 @@ export class BodyMesh {
     this.positions.set(this.rest);
     if (displacement) {
       for (let node = 0; node < nodes; node++) {
-        for (let i = 0; i < d; i++) this.positions[node * 3 + i]! += displacement[node * d + i]!;
+        for (let i = 0; i < d; i++) this.positions[node * 3 + i] += displacement[node * d + i];
       }
     }
     this.nodes.needsUpdate = true;
@@ -70,11 +75,9 @@ export class BodyMesh {
     copyRows(this.positions, vertices, place.array as Float32Array);
     place.needsUpdate = true;
     if (d === 3) {
-      const normals = (geometry.getAttribute("normal") ??
-        dynamic(new Float32Array(vertices.length * 3))) as BufferAttribute;
+      const normals = geometry.getAttribute("normal");
       setNormals(place.array as Float32Array, triangles, normals.array as Float32Array);
       normals.needsUpdate = true;
-      geometry.setAttribute("normal", normals);
     }
   }
 
@@ -85,10 +88,17 @@ export class BodyMesh {
     const rgb: Rgb = [...NEUTRAL];
     const attribute = this.surface.geometry.getAttribute("colour");
     for (let vertex = 0; vertex < vertices.length; vertex++) {
-      colour?.(values![vertices[vertex]!]! / largest, rgb);
+      colour?.(values![vertices[vertex]] / largest, rgb);
       for (let i = 0; i < 3; i++) attribute.array[vertex * 3 + i] = rgb[i]!;
     }
     attribute.needsUpdate = true;
+  }
+
+  /** Draw the lines of the mesh fainter, where they are close together. */
+  fineLines(close: boolean): void {
+    const opacity = this.content.d === 2 ? 0.35 : 0.22;
+    const { uniforms } = this.mesh.material as ShaderMaterial;
+    uniforms.opacity.value = close ? opacity / 2 : opacity;
   }
 
   /** Mark a node, or none. */
@@ -140,7 +150,7 @@ function segments(
 
 function copyRows(from: Float32Array, rows: Int32Array, to: Float32Array): void {
   for (let row = 0; row < rows.length; row++) {
-    for (let i = 0; i < 3; i++) to[row * 3 + i] = from[rows[row]! * 3 + i]!;
+    for (let i = 0; i < 3; i++) to[row * 3 + i] = from[rows[row] * 3 + i]!;
   }
 }
 
@@ -148,19 +158,19 @@ function copyRows(from: Float32Array, rows: Int32Array, to: Float32Array): void 
 function setNormals(places: Float32Array, triangles: Int32Array, normals: Float32Array): void {
   normals.fill(0);
   for (let first = 0; first < triangles.length; first += 3) {
-    const a = triangles[first]! * 3;
-    const b = triangles[first + 1]! * 3;
-    const c = triangles[first + 2]! * 3;
-    const p = places[b]! - places[a]!;
-    const q = places[b + 1]! - places[a + 1]!;
-    const r = places[b + 2]! - places[a + 2]!;
-    const s = places[c]! - places[a]!;
-    const t = places[c + 1]! - places[a + 1]!;
-    const u = places[c + 2]! - places[a + 2]!;
+    const a = triangles[first] * 3;
+    const b = triangles[first + 1] * 3;
+    const c = triangles[first + 2] * 3;
+    const p = places[b] - places[a];
+    const q = places[b + 1] - places[a + 1];
+    const r = places[b + 2] - places[a + 2];
+    const s = places[c] - places[a];
+    const t = places[c + 1] - places[a + 1];
+    const u = places[c + 2] - places[a + 2];
     for (const corner of [a, b, c]) {
-      normals[corner]! += q * u - r * t;
-      normals[corner + 1]! += r * s - p * u;
-      normals[corner + 2]! += p * t - q * s;
+      normals[corner] += q * u - r * t;
+      normals[corner + 1] += r * s - p * u;
+      normals[corner + 2] += p * t - q * s;
     }
   }
 }

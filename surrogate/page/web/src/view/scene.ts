@@ -22,6 +22,7 @@ import { supportMarks } from "./supports";
 
 const REACH = 0.25; // of the body's diagonal: the arrow of the largest force of the training
 const NEAR = 16; // pixels around a node
+const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
 
 export class Scene {
   readonly body: BodyMesh;
@@ -90,7 +91,12 @@ export class Scene {
       const width = extent.x / 2 + 0.14 * diagonal;
       const height = extent.y / 2 + 0.27 * diagonal;
       const half = Math.max(height, width / aspect);
-      Object.assign(camera, { top: half, bottom: -half, left: -half * aspect, right: half * aspect });
+      Object.assign(camera, {
+        top: half,
+        bottom: -half,
+        left: -half * aspect,
+        right: half * aspect,
+      });
       camera.zoom = 1;
       camera.position.set(centre.x, centre.y, diagonal);
     } else {
@@ -107,6 +113,7 @@ export class Scene {
   /** Take over the size of the page, with the whole body in view. */
   resize(): void {
     this.renderer.setSize(this.place.clientWidth, this.place.clientHeight, false);
+    this.body.fineLines(this.place.clientWidth < NARROW);
     this.home();
   }
 
@@ -142,7 +149,8 @@ export class Scene {
       state.loads.selected,
       (node) => this.body.at(node),
       1 / this.stiffness,
-      (load) => !loadable[load.node] || load.force.some((f, i) => Math.abs(f) > limit[i]! * (1 + 1e-6)),
+      (load) =>
+        !loadable[load.node] || load.force.some((f, i) => Math.abs(f) > limit[i] * (1 + 1e-6)),
       (point) => this.project(point),
     );
     this.renderer.render(this.three, this.camera);
@@ -157,7 +165,10 @@ export class Scene {
   /** Pixels of a position, from the upper left corner of the canvas. */
   project(point: Vector3): { x: number; y: number } {
     const { x, y } = point.clone().project(this.camera);
-    return { x: ((1 + x) / 2) * this.place.clientWidth, y: ((1 - y) / 2) * this.place.clientHeight };
+    return {
+      x: ((1 + x) / 2) * this.place.clientWidth,
+      y: ((1 - y) / 2) * this.place.clientHeight,
+    };
   }
 
   /** The node that a pointer means: near it if it was loaded in training, else the nearest of the face. */
@@ -173,8 +184,12 @@ export class Scene {
       }
     }
     if (!face) return null;
-    const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]!);
-    return this.nearest(corners.filter((node) => !clamped[node]), x, y);
+    const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]);
+    return this.nearest(
+      corners.filter((node) => !clamped[node]),
+      x,
+      y,
+    );
   }
 
   /** Where a pointer is in the plane through a point that faces the camera. */
@@ -232,4 +247,3 @@ function bounds(positions: Float32Array): { lower: Vector3; upper: Vector3 } {
   }
   return { lower, upper };
 }
-

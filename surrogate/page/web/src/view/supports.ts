@@ -1,14 +1,6 @@
 /** The marks of the supports: hatched lines in the plane, a dark face with ticks in space. */
 
-import {
-  BufferAttribute,
-  BufferGeometry,
-  Group,
-  LineSegments,
-  Mesh,
-  Points,
-  Vector3,
-} from "three";
+import { BufferAttribute, BufferGeometry, Group, LineSegments, Mesh, Points, Vector3 } from "three";
 import type { Content } from "../content";
 import { discMaterial, plainMaterial } from "./materials";
 
@@ -23,14 +15,15 @@ export function supportMarks(content: Content, diagonal: number): Group {
   const gap = 0.003 * diagonal;
   const tick = 0.028 * diagonal;
   for (let first = 0; first < supports.length; first += d) {
-    const corners = Array.from({ length: d }, (_, i) => position(content, supports[first + i]!));
+    const corners = Array.from({ length: d }, (_, i) => position(content, supports[first + i]));
     const out = outward(corners);
     const back = corners.map((corner) => corner.clone().addScaledVector(out, gap));
     if (d === 2) {
-      hatch(back[0]!, back[1]!, out, tick, lines);
+      hatch(back[0], back[1], out, tick, lines);
     } else {
       faces.push(...back);
-      for (const corner of back) lines.push(corner, corner.clone().addScaledVector(out, 0.7 * tick));
+      for (const corner of back)
+        lines.push(corner, corner.clone().addScaledVector(out, 0.7 * tick));
     }
   }
   if (lines.length > 0) group.add(new LineSegments(geometryOf(lines), plainMaterial(COLOUR, 1)));
@@ -48,7 +41,11 @@ function hatch(a: Vector3, b: Vector3, out: Vector3, tick: number, lines: Vector
   const along = b.clone().sub(a);
   const count = Math.max(1, Math.round(along.length() / (0.75 * tick)));
   lines.push(a, b);
-  const slope = along.clone().normalize().add(out).multiplyScalar(0.8 * tick);
+  const slope = along
+    .clone()
+    .normalize()
+    .add(out)
+    .multiplyScalar(0.8 * tick);
   for (let i = 0; i < count; i++) {
     const start = a.clone().addScaledVector(along, (i + 0.5) / count);
     lines.push(start, start.clone().add(slope));
@@ -56,14 +53,13 @@ function hatch(a: Vector3, b: Vector3, out: Vector3, tick: number, lines: Vector
 }
 
 function outward(corners: Vector3[]): Vector3 {
-  const first = corners[1]!.clone().sub(corners[0]!);
+  const first = corners[1].clone().sub(corners[0]);
   if (corners.length === 2) return new Vector3(first.y, -first.x, 0).normalize();
-  return first.cross(corners[2]!.clone().sub(corners[0]!)).normalize();
+  return first.cross(corners[2].clone().sub(corners[0])).normalize();
 }
 
 function position({ coordinates, d }: Content, node: number): Vector3 {
-  const [x, y, z] = coordinates.subarray(node * d, node * d + d);
-  return new Vector3(x, y, z ?? 0);
+  return new Vector3().fromArray([...coordinates.subarray(node * d, node * d + d), 0]);
 }
 
 function geometryOf(points: Vector3[]): BufferGeometry {
