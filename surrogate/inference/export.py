@@ -151,8 +151,7 @@ def export_network(
         _make_exportable(surrogate)
     with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
         try:
-            batch = {0: Dim("samples")}
-            shapes = {"force": batch, "response": batch if response_given else None}
+            shapes = tuple({0: Dim("samples")} for _ in inputs)
             program = torch.export.export(function, inputs, dynamic_shapes=shapes)
             if kind == "onnx":
                 _save_onnx(program, names, list(function(*inputs)), partial)

@@ -1,6 +1,7 @@
 /** The page: a body on which one drags a load. */
 
 import { bytes, readContent } from "./content";
+import type { Curve } from "./curve";
 import { size } from "./loads";
 import { Mechanics } from "./mechanics/mechanics";
 import { Network } from "./network";
@@ -19,6 +20,7 @@ interface Handle {
   ready: Promise<void>;
   state: State;
   scene: Scene;
+  curve: Curve;
   /** Resolves when body and panel show the present loads. */
   settled: () => Promise<void>;
   /** Times in ms from an event to its drawn frame, once `measure` is true. */
@@ -173,6 +175,7 @@ async function start(): Promise<void> {
     ready: Promise.resolve(),
     state,
     scene,
+    curve: panel.curve,
     settled: async () => {
       if (isBusy || !isComplete) await new Promise<void>((resolve) => idle.push(resolve));
       while (isPanelDue) await new Promise(requestAnimationFrame);
