@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.regions import Region
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import digest_of
@@ -64,6 +66,7 @@ def read_case(
     volumetric: Volumetric | None = None,
     samples: int | None = None,
     trust: bool = False,
+    changes: Sequence[str] = (),
 ) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
 
@@ -79,20 +82,23 @@ def read_case(
         Replaces the number of samples.
     trust : bool
         Allow a gmsh script of the case to run programs and to write files.
+    changes : sequence of str
+        New values of keys, such as ``material.young_modulus=1e3`` (`changed`).
 
     Raises
     ------
     InputError
         If there is no such case, or a key or value in it is wrong.
     """
-    content, source = read_named(name, SHIPPED, "case")
+    content, file = read_named(name, SHIPPED, "case")
+    content, source = changed(content, changes), source_of(file, changes)
     for section, key, value in (
         ("material", "volumetric", volumetric),
         ("dataset", "samples", samples),
     ):
         if value is not None and isinstance(content.get(section), dict):
-            content[section][key] = value
-    folder = Path(source).parent
+            content = {**content, section: {**content[section], key: value}}
+    folder = Path(file).parent
     case = validate(Case, content, source, context=folder)
     if isinstance(case.mesh, MeshFile):
         try:

@@ -41,6 +41,18 @@ def make_parser(program: str, description: str, version: str) -> tuple[Parser, C
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
 
 
+def add_set(parser: Parser, file: str, example: str) -> None:
+    """Add --set, which changes keys of the YAML file that the command reads."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="changes",
+        metavar="KEY=VALUE",
+        help=f"another value of a key of {file}, such as {example}; repeatable",
+    )
+
+
 def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:
     """Run a command and turn what it raises into an exit code and one line on stderr.
 

@@ -9,6 +9,7 @@
     hardware.txt        name of the hardware of the training
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
+    fast_certificate.safetensors   calibrated ratios (with `evaluate --certify`)
     figures/            figures
     checkpoint/         last.safetensors, to resume from, with its own checksum
     tensorboard/        event files of TensorBoard (with `train --tensorboard`)
@@ -51,6 +52,7 @@ class RunFolder:
         self.hardware = folder / "hardware.txt"
         self.evaluation = folder / "evaluation.json"
         self.intervals = folder / "intervals.safetensors"
+        self.fast_certificate = folder / "fast_certificate.safetensors"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
@@ -200,8 +202,9 @@ class RunFolder:
         Parameters
         ----------
         files : mapping of Path to bytes
-            New content of ``evaluation.json``, ``intervals.safetensors`` and the figures. Other
-            figures are removed; other intervals stay.
+            New content of ``evaluation.json``, ``intervals.safetensors``,
+            ``fast_certificate.safetensors`` and the figures. Other figures are removed; what is
+            calibrated and not among the new files stays.
 
         Raises
         ------
@@ -246,6 +249,15 @@ class RunFolder:
         if not isinstance(content, dict):
             raise InputError(f"{self.evaluation}: damaged, expected a mapping")
         return content
+
+    def mean_error(self) -> float | None:
+        """Return ē in m on the test split of the run's own dataset; None if it is not known."""
+        try:
+            evaluation = self.read_evaluation()
+            own = evaluation["trained_on_this_data"]
+            return float(evaluation["test"]["mean_error"]) if own else None
+        except (InputError, KeyError, TypeError, ValueError):
+            return None
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:

@@ -52,6 +52,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "farm",
         "structure",
         "output",
+        "commands",
         "command_line",
     ],
     "surrogate": [
@@ -73,6 +74,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "presentation",
         "page",
         "studies",
+        "commands",
         "command_line",
     ],
 }

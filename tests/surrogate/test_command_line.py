@@ -67,6 +67,22 @@ def test_train_stop_and_go_on(
     assert (out / "run" / "model.safetensors").is_file()
 
 
+def test_changed_keys_are_those_of_the_run(
+    config: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = out / "run"
+    command = ["train", str(config), "--data", str(data), "--out", str(run), "--device", "cpu"]
+    wrong = [*command, "--set", "training.epochs=none"]
+    assert_refused(wrong, f"{config} --set training.epochs=none: key", out, capsys)
+    assert_refused([*command, "--set", "training.epoch=1"], "unknown key", out, capsys)
+    changes = ["--set", "training.epochs=1", "--set", "training.schedule={name: linear}"]
+    assert main([*command, *changes]) == 0
+    kept = yaml.safe_load((run / "config.yaml").read_text())["run"]
+    assert kept["training"]["epochs"] == 1
+    assert kept["training"]["schedule"]["name"] == "linear"
+    assert kept["recipe"] == "custom"
+
+
 @pytest.mark.slow
 def test_evaluate_and_report(
     trained: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]

@@ -1,0 +1,20 @@
+"""datagen list: the cases that come with the package."""
+
+from __future__ import annotations
+
+import argparse
+
+from shared_schema.common.command_line import Commands
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("list", help="list the cases that come with the package")
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print a line for each case."""
+    from datagen.cases.case_list import case_list
+
+    print(case_list())

@@ -1,0 +1,30 @@
+"""datagen check: check every byte of a dataset against the schema."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shared_schema.common.command_line import Commands
+from shared_schema.common.errors import InputError
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("check", help="check every byte of a dataset against the schema")
+    parser.add_argument("dataset", type=Path, metavar="DIR")
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print every violation, or that there is none."""
+    from shared_schema.checker import check_dataset
+
+    problems = check_dataset(options.dataset)
+    if len(problems) == 1:
+        raise InputError(problems[0])
+    if problems:
+        print("\n".join(problems), file=sys.stderr)
+        raise InputError(f"{options.dataset}: {len(problems)} violations of the schema")
+    print(f"{options.dataset}: intact")
