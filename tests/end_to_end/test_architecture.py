@@ -75,6 +75,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "training",
         "evaluation",
         "presentation",
+        "page",
         "studies",
         "commands",
         "command_line",
