@@ -32,6 +32,7 @@ LANGUAGES = {".py": "python", ".yaml": "yaml", ".c": "c", ".geo": "c", ".sbatch"
 LINK = re.compile(r"(\]\()([^)\s:#]+)((?:#[^)\s]*)?\))")
 FENCED = re.compile(r"^(```+).*?^\1\s*$", re.MULTILINE | re.DOTALL)
 OUTPUTS = "notebook_files"  # folder of the notebook's pictures
+SOURCES = "source/"  # folder of the pages that show files
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -56,8 +57,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         target = _target(match[2], place)
         if target is None:
             return match[0]
-        relative = os.path.relpath(_page_of(target), Path(place).parent)
-        return f"{match[1]}{relative}{match[3] if target in PLACES else ')'}"
+        page = _page_of(target)
+        relative = os.path.relpath(page, Path(place).parent)
+        return f"{match[1]}{relative}{')' if page.startswith(SOURCES) else match[3]}"
 
     return _outside_fences(markdown, lambda text: LINK.sub(on_site, text))
 
@@ -87,11 +89,11 @@ def _linked_sources(files: Files) -> set[str]:
         text = FENCED.sub("", file.content_string)
         targets = (_target(match[2], file.src_uri) for match in LINK.finditer(text))
         sources.update(target for target in targets if target is not None)
-    return sources - set(PLACES)
+    return {source for source in sources if _page_of(source).startswith(SOURCES)}
 
 
 def _target(link: str, place: str) -> str | None:
-    """Return the path in the repository to which a link leads; None if it is in docs/, or nothing.
+    """Return the path in the repository to which a link of a page leads; None if there is none.
 
     Parameters
     ----------
@@ -102,14 +104,13 @@ def _target(link: str, place: str) -> str | None:
     """
     origin = next((source for source, page in PLACES.items() if page == place), f"docs/{place}")
     path = Path(os.path.normpath(ROOT / Path(origin).parent / link))
-    if not path.exists() or not path.is_relative_to(ROOT):
-        return None
-    target = path.relative_to(ROOT).as_posix()
-    return None if path.is_relative_to(DOCS) and target not in PLACES and path.is_file() else target
+    return path.relative_to(ROOT).as_posix() if path.exists() and path.is_relative_to(ROOT) else None
 
 
 def _page_of(target: str) -> str:
-    return PLACES.get(target, f"source/{target}.md")
+    """Return the path in docs/ of the page that a file or folder of the repository becomes."""
+    in_docs = target.startswith("docs/") and (ROOT / target).is_file()
+    return PLACES.get(target) or (target.removeprefix("docs/") if in_docs else f"{SOURCES}{target}.md")
 
 
 def _text(source: str) -> str:
