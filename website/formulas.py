@@ -1,4 +1,4 @@
-r"""Formulas of pages, :math:`\LaTeX` between dollars, as MathML: browsers show it without a script."""
+"""Formulas of pages, LaTeX between dollars, as MathML: browsers show it without a script."""
 
 from __future__ import annotations
 

@@ -1,14 +1,16 @@
 """Keys of configuration models as a page: name, type, default and meaning of each.
 
-Types and defaults are those of the pydantic fields, meanings those of the docstrings' ``Attributes``.
+Types and defaults are those of the pydantic fields, meanings those of the docstrings'
+``Attributes`` sections.
 """
 
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -26,30 +28,38 @@ def keys_page(title: str, intro: str, models: Mapping[str, Model]) -> str:
     ----------
     title, intro : str
     models : mapping of str to model
-        Models of the page by their headings; keys of the same model appear once.
+        Models of the page by their headings. A section that several models have appears once.
     """
     lines, seen = [f"# {title}", "", intro], set[Model]()
     for heading, model in models.items():
-        lines += _section(heading, model, seen, level=2)
+        lines += ["", f"## {heading}", *_table(model)]
+        for key, section in _sections(model, ""):
+            if section not in seen:
+                seen.add(section)
+                lines += ["", f"### `{key}`", *_table(section)]
     return "\n".join(lines) + "\n"
 
 
-def _section(heading: str, model: Model, seen: set[Model], level: int) -> list[str]:
-    seen.add(model)
-    lines = ["", f"{'#' * level} {heading}", "", _summary(model), ""]
-    lines += ["| key | type | default | meaning |", "|---|---|---|---|"]
-    meanings, inner = documented(model), list[tuple[str, Model]]()
+def _table(model: Model) -> list[str]:
+    meanings = documented(model)
+    rows = []
     for name, field in model.model_fields.items():
-        annotation = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-        cells = [f"`{name}`", type_of(annotation), _default(field), meanings.get(name, "")]
-        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-        inner += [(name, part) for part in _models_in(annotation) if part not in seen]
-    for name, part in inner:
-        if part not in seen:
-            prefix = "" if level == 2 and heading.startswith("(") else f"{heading.split(':')[0]}."
-            prefix = prefix if level > 2 else ""
-            lines += _section(f"{prefix}{name}: {part.__name__}", part, seen, level=3)
-    return lines
+        kind = f"*{type_of(_annotation(field))}; {_default(field)}*"
+        text = f"{meanings.get(name, '')} {kind}".strip().replace("|", r"\|")
+        rows.append(f"| `{name}` | {text} |")
+    return ["", _summary(model), "", "| key | meaning |", "|---|---|", *rows]
+
+
+def _sections(model: Model, prefix: str) -> Iterator[tuple[str, Model]]:
+    """Return the models inside a model with the keys that lead to them."""
+    for name, field in model.model_fields.items():
+        for section in _models_in(_annotation(field)):
+            yield prefix + name, section
+            yield from _sections(section, f"{prefix}{name}.")
+
+
+def _annotation(field: FieldInfo) -> Any:
+    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 
 def documented(model: Model) -> dict[str, str]:
@@ -82,7 +92,7 @@ def type_of(annotation: Any) -> str:
         ]
         return ", ".join([type_of(parts[0]), *bounds])
     if origin is Literal:
-        return " \\| ".join(f"`{value}`" for value in parts).replace("\\|", "or")
+        return " or ".join(f"`{value}`" for value in parts)
     if origin in (Union, types.UnionType):
         return " or ".join(type_of(part) for part in parts if part is not type(None))
     if origin is tuple:
@@ -111,13 +121,10 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
     value = field.get_default(call_default_factory=True)
-    if isinstance(value, BaseModel):
-        return "as below"
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return f"`{str(value).lower()}`"
-    return f"`{list(value)}`" if isinstance(value, tuple) else f"`{value}`"
+    if value is None or isinstance(value, BaseModel):
+        return "may be left out"
+    plain = list(value) if isinstance(value, tuple) else value
+    return f"default `{json.dumps(plain)}`"
 
 
 def _summary(model: Model) -> str:

@@ -83,19 +83,21 @@ def _case() -> dict[str, Any]:
     from datagen.loads.family import SHIPPED
 
     families = {
-        f"load: {{family: {name}}}": getattr(import_module(place.split(":")[0]), place.split(":")[1])
+        f"load: {{family: {name}}}": getattr(
+            import_module(place.split(":")[0]), place.split(":")[1]
+        )
         for name, place in SHIPPED.items()
     }
     intro = "A case is a YAML file with the keys below; `datagen` refuses any other key."
-    return {"title": "Keys of a case", "intro": intro, "models": {"(top level)": Case} | families}
+    return {"title": "Keys of a case", "intro": intro, "models": {"Every case": Case} | families}
 
 
 def _configuration() -> dict[str, Any]:
     from surrogate.runs.configuration import KINDS
 
     intro = (
-        "A configuration is a YAML file. Its keys `model` and `likelihood` choose the kind of model; "
-        "each kind has the keys below, and `surrogate` refuses any other key."
+        "A configuration is a YAML file. Its keys `model` and `likelihood` choose the kind of "
+        "model; each kind has the keys below, and `surrogate` refuses any other key."
     )
     models = {
         kind.strip("()").replace("model ", "model: ").replace("likelihood ", "likelihood: "): model

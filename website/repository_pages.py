@@ -104,13 +104,17 @@ def _target(link: str, place: str) -> str | None:
     """
     origin = next((source for source, page in PLACES.items() if page == place), f"docs/{place}")
     path = Path(os.path.normpath(ROOT / Path(origin).parent / link))
-    return path.relative_to(ROOT).as_posix() if path.exists() and path.is_relative_to(ROOT) else None
+    return (
+        path.relative_to(ROOT).as_posix() if path.exists() and path.is_relative_to(ROOT) else None
+    )
 
 
 def _page_of(target: str) -> str:
     """Return the path in docs/ of the page that a file or folder of the repository becomes."""
     in_docs = target.startswith("docs/") and (ROOT / target).is_file()
-    return PLACES.get(target) or (target.removeprefix("docs/") if in_docs else f"{SOURCES}{target}.md")
+    return PLACES.get(target) or (
+        target.removeprefix("docs/") if in_docs else f"{SOURCES}{target}.md"
+    )
 
 
 def _text(source: str) -> str:

@@ -6,17 +6,19 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 
 from tests.documentation.page import Block, blocks_of
 from tests.end_to_end.commands import ROOT
 
 LONG = {"beam", "your-body", "any-load", "trust", "samples", "datasets", "export", "baselines"}
-ELSEWHERE = ("CONTRIBUTING.md", "README.md", "SECURITY.md", "docker/README.md")
-PAGES = sorted(
-    [*(ROOT / name for name in ELSEWHERE), ROOT / "shared_schema" / "README.md"]
-    + [path for path in (ROOT / "docs").rglob("*.md")]
+ELSEWHERE = (
+    "CONTRIBUTING.md",
+    "README.md",
+    "SECURITY.md",
+    "docker/README.md",
+    "shared_schema/README.md",
 )
+PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
 RUN = [
     page
     for page in PAGES
@@ -62,5 +64,3 @@ def test_every_page_is_in_the_navigation() -> None:
     listed = set(re.findall(r": ([\w/.-]+\.md)$", text, re.MULTILINE))
     pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
     assert pages <= listed | {p for p in pages if p.startswith(("beyond/", "reproduction/"))}
-
-
