@@ -92,7 +92,6 @@ docs: setup .venv-docs/.installed ## build the documentation as a site in build/
 	.venv-datagen/bin/python -m website.reference datagen
 	.venv-surrogate/bin/python -m website.reference surrogate
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --config-file website/mkdocs.yml
-	.venv-docs/bin/linkchecker --no-status --no-warnings build/site/index.html
 	@echo "open build/site/index.html; with search: python3 -m http.server --directory build/site"
 
 images: ## build the container images with Docker
