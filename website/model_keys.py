@@ -36,7 +36,7 @@ def keys_page(title: str, intro: str, models: Mapping[str, Model]) -> str:
         for key, section in _sections(model, ""):
             if section not in seen:
                 seen.add(section)
-                lines += ["", f"### `{key}`", *_table(section)]
+                lines += ["", f"### `{_named(key, section)}`", *_table(section)]
     return "\n".join(lines) + "\n"
 
 
@@ -56,6 +56,15 @@ def _sections(model: Model, prefix: str) -> Iterator[tuple[str, Model]]:
         for section in _models_in(_annotation(field)):
             yield prefix + name, section
             yield from _sections(section, f"{prefix}{name}.")
+
+
+def _named(key: str, section: Model) -> str:
+    """Return the key, with what tells the section from others that may stand there."""
+    for name, field in section.model_fields.items():
+        values = get_args(field.annotation)
+        if get_origin(field.annotation) is Literal and len(values) == 1:
+            return f"{key}: {{{name}: {values[0]}}}"
+    return key
 
 
 def _annotation(field: FieldInfo) -> Any:

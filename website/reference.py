@@ -83,7 +83,7 @@ def _case() -> dict[str, Any]:
     from datagen.loads.family import SHIPPED
 
     families = {
-        f"load: {{family: {name}}}": getattr(
+        f"`load: {{family: {name}}}`": getattr(
             import_module(place.split(":")[0]), place.split(":")[1]
         )
         for name, place in SHIPPED.items()
@@ -100,8 +100,10 @@ def _configuration() -> dict[str, Any]:
         "model; each kind has the keys below, and `surrogate` refuses any other key."
     )
     models = {
-        kind.strip("()").replace("model ", "model: ").replace("likelihood ", "likelihood: "): model
-        for kind, model in KINDS.items()
+        f"`model: {words[1]}, likelihood: {words[3]}`": model
+        for words, model in (
+            (kind.strip("()").replace(",", "").split(), m) for kind, m in KINDS.items()
+        )
     }
     return {"title": "Keys of a configuration", "intro": intro, "models": models}
 
