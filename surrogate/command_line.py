@@ -10,29 +10,33 @@ from collections.abc import Callable, Sequence
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from surrogate.commands import (
     compare,
+    configuration,
     evaluate,
     export,
-    init,
     learn_curve,
+    page,
     predict,
+    propose,
+    refine,
     report,
-    schema,
     shelf,
     studies,
     train,
 )
 
 COMMANDS = (
-    init,
+    configuration,
     train,
     evaluate,
     compare,
     learn_curve,
     predict,
+    propose,
+    refine,
     export,
     report,
+    page,
     shelf,
-    schema,
     studies,
 )
 

@@ -27,6 +27,12 @@ def add_to(commands: Commands) -> None:
         "--samples", type=int, metavar="K", help="number of samples instead of the case's"
     )
     parser.add_argument(
+        "--loads",
+        type=Path,
+        metavar="LOADS.h5",
+        help="solve the load cases of a file, such as those of `surrogate propose`",
+    )
+    parser.add_argument(
         "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"
     )
     parser.add_argument(
@@ -46,7 +52,12 @@ def run(options: argparse.Namespace) -> None:
     from datagen.farm.farm import run
 
     case = read_case(
-        options.case, options.volumetric, options.samples, options.trust, options.changes
+        options.case,
+        options.volumetric,
+        options.samples,
+        options.trust,
+        options.changes,
+        options.loads,
     )
     if options.dry_run:
         estimate = dry_run(case, MPI.COMM_WORLD, options.ranks_per_solve)

@@ -24,7 +24,12 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
     parser.add_argument(
-        "--data", type=Path, required=True, metavar="DIR", help="structured dataset"
+        "--data",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="DIR",
+        help="structured dataset; repeated, several of one case are joined",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
     add_set(parser, "the configuration", "training.epochs=20")
@@ -61,7 +66,7 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Train, and say how far."""
-    from surrogate.data.dataset import read_dataset
+    from surrogate.data.joined_dataset import read_datasets
     from surrogate.device import choose_device
     from surrogate.models.model import TrainedModel
     from surrogate.runs.configuration import read_config
@@ -72,13 +77,13 @@ def run(options: argparse.Namespace) -> None:
 
     config = read_config(options.config, options.changes)
     if options.dry_run:
-        data = read_dataset(options.data, on_disk=stays_on_disk(config))
+        data = read_datasets(options.data, on_disk=stays_on_disk(config))
         print(laid_out(dry_run(config, data, choose_device(options.device)).rows()))
         return
     run = RunFolder(options.out)
     require_writable(run.folder)
     with joined(options.device) as (ranks, device):
-        dataset = read_dataset(options.data, on_disk=stays_on_disk(config))
+        dataset = read_datasets(options.data, on_disk=stays_on_disk(config))
         train(
             config,
             dataset,

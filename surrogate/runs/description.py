@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
@@ -66,6 +66,25 @@ class Origin(Frozen):
     weights: str
 
 
+class Refinement(Frozen):
+    """Training without solutions, after that on a dataset (`surrogate refine`).
+
+    Attributes
+    ----------
+    family : str
+        Random loads, as `surrogate.data.random_loads` reads them.
+    steps : int
+    learning_rate : float
+        That of the first step; it falls linearly to zero.
+    seed : int
+    """
+
+    family: str
+    steps: int = Field(ge=1, le=10**9)
+    learning_rate: float = Field(gt=0, le=10)
+    seed: int = Field(0, ge=0, le=2**63 - 1)
+
+
 class RunDescription(Frozen):
     """Content of ``config.yaml``.
 
@@ -80,6 +99,9 @@ class RunDescription(Frozen):
     went_on_from : tuple of int
         Numbers of epochs after which the training had ended before it went on with more; absent
         from the file if it never did.
+    refined : Refinement or None
+        Absent from the file if there is none; otherwise configuration and dataset are those of the
+        run before.
     """
 
     version: Literal[2] = 2
@@ -87,12 +109,14 @@ class RunDescription(Frozen):
     data: DataFingerprint
     start_from: Origin | None = None
     went_on_from: tuple[int, ...] = ()
+    refined: Refinement | None = None
 
     @model_serializer(mode="wrap")
     def _without_absent_parts(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         content: dict[str, Any] = handler(self)
-        if self.start_from is None:
-            del content["start_from"]
+        for name in ("start_from", "refined"):
+            if content[name] is None:
+                del content[name]
         if not self.went_on_from:
             del content["went_on_from"]
         return content

@@ -272,7 +272,7 @@ def _train(
             surrogate = make_surrogate(tensors, description)
             recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
-        _write_model(run, trainer.device, tensors)
+        write_model(run, trainer.device, tensors)
 
 
 def _finish_fit(
@@ -290,10 +290,10 @@ def _finish_fit(
         seconds = time.perf_counter() - began
         measures = validate(config, network, store, len(split.validation))
         log.write({"epoch": 0, **measures, "seconds": seconds})
-    _write_model(run, device, {**network.state_dict(), **dataset.geometry.tensors()})
+    write_model(run, device, {**network.state_dict(), **dataset.geometry.tensors()})
 
 
-def _write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
+def write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
     """Write the name of the hardware, then the weights."""
     write_text(run.hardware, hardware(device) + "\n")
     run.write_tensors(tensors)

@@ -1,4 +1,4 @@
-"""surrogate init: write a first configuration for one's own body."""
+"""surrogate init and schema: a first configuration for one's own body, and all keys there are."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.command_line import Commands, add_command
+from shared_schema.keys.schema_command import add_arguments, printed
 
 LIKELIHOODS = ("deterministic", "maximum_likelihood", "variational_bayes")
 DATA = Path("data")  # where `make data` puts datasets
 
 
 def add_to(commands: Commands) -> None:
-    """Add the command's parser."""
+    """Add the two parsers."""
     parser = add_command(
         commands,
         "init",
@@ -41,10 +42,20 @@ def add_to(commands: Commands) -> None:
         default=LIKELIHOODS[0],
         help="deterministic (default), or with standard deviations",
     )
-    parser.set_defaults(command=run)
+    parser.set_defaults(command=run_init)
+
+    parser = add_command(
+        commands,
+        "schema",
+        "print the keys of a configuration",
+        "surrogate schema training",
+        "surrogate schema --format json > config.schema.json",
+    )
+    add_arguments(parser)
+    parser.set_defaults(command=run_schema)
 
 
-def run(options: argparse.Namespace) -> None:
+def run_init(options: argparse.Namespace) -> None:
     """Write the file, and say what is next."""
     from shared_schema.common.errors import InputError
     from shared_schema.common.solution_file import require_suffix
@@ -63,6 +74,13 @@ def run(options: argparse.Namespace) -> None:
         f"{options.out}: {config.architecture}; next: surrogate train {options.out} --data {data} "
         f"--out runs/{config.name} (with --dry-run it says what that takes)"
     )
+
+
+def run_schema(options: argparse.Namespace) -> None:
+    """Print the keys."""
+    from surrogate.runs.config_schema import config_keys, config_schema
+
+    print(printed(options, config_keys(), config_schema()))
 
 
 def find_data(target: str) -> Path:
