@@ -83,12 +83,13 @@ def export_plaid(
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
     settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")
     is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
     about = {
         "dimension": manifest.dimension,
         "element": ELEMENTS[reader.cell_type],
         "backend": backend,
-        "train": np.flatnonzero(~is_test).tolist(),
-        "test": np.flatnonzero(is_test).tolist(),
+        "train": train.tolist(),
+        "test": test.tolist(),
         "owner": owner,
         "license": licence,
         **described(manifest),
@@ -100,7 +101,7 @@ def export_plaid(
         _write_arrays(reader, arrays)
         run_script(interpreter, "write_plaid.py", arrays, made)
         made.rename(out)
-    return len(about["train"]), len(about["test"])
+    return len(train), len(test)
 
 
 def described(manifest: Manifest) -> dict[str, str]:
