@@ -68,9 +68,9 @@ def read(source: Path, folder: Path, names: dict[str, list[str]]) -> None:
             axes = "xyz"[: nodes.shape[1]]
             for field in names:
                 names[field] = names[field] or [f"{field}_{axis}" for axis in axes]
-                if (components := len(names[field])) != nodes.shape[1]:
+                if len(names[field]) != nodes.shape[1]:
                     raise UnfitError(
-                        f"{components} components of the {field}, expected {nodes.shape[1]}"
+                        f"{len(names[field])} components of the {field}, expected {nodes.shape[1]}"
                     )
                 fields[field] = np.lib.format.open_memmap(
                     folder / f"{field}.npy", mode="w+", dtype=np.float64, shape=shape

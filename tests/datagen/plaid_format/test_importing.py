@@ -49,11 +49,11 @@ def test_there_and_back_is_the_same_dataset(nodal: Path, tmp_path: Path, plaid: 
     assert one.structured is not None
     assert other.structured is not None
     assert other.structured.displacement == one.structured.displacement
-    flags = [
+    first, second = (
         DatasetReader(tmp_path / name, "structured").joined(["samples/is_test"])["samples/is_test"]
         for name in ("one", "other")
-    ]
-    np.testing.assert_array_equal(*flags)
+    )
+    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.slow
@@ -108,7 +108,8 @@ def test_refusals(
 def test_a_wrong_split_is_refused(nodal: Path, tmp_path: Path) -> None:
     """A manifest of somebody else may say anything."""
     manifest = read_manifest(nodal)
-    for rows in ("all", [30], [-1], [[]], None):
+    splits: tuple[object, ...] = ("all", [30], [-1], [[]], None)
+    for rows in splits:
         step = {"name": "import", "test": rows}
         wrong = manifest.model_copy(update={"transforms": (step,)}).sealed()
         folder = tmp_path / "nodal"
