@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
-from datagen.loads.own_family import described
-from datagen.quantities import LARGEST_MAGNITUDE
+from datagen.own_class import described
+from datagen.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
 
@@ -113,13 +113,33 @@ class DrawnLoads:
                 f"{what}: a force component is {wrong[0]:g} N, "
                 f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
             )
+        self._require_driven_as_said(load, what)
         nodes, forces = sum_per_node(nodes, forces)
         if len(nodes) > self.most:
             raise self._wrong(
                 f"{what}: {len(nodes)} nodes are loaded, expected at most {self.most} "
                 "(loads_per_sample)"
             )
-        return LoadCase(nodes, forces)
+        return LoadCase(nodes, forces, load.pressure, load.displacement)
+
+    def _require_driven_as_said(self, load: LoadCase, what: str) -> None:
+        """Raise InputError unless pressure and displacement are those of such a family."""
+        d, presses = self.loadable.dimension, self.family.presses
+        moves = self._called("moves", lambda: self.family.moves(d))
+        for name, value, expected, largest in (
+            ("pressure", load.pressure, () if presses else None, LARGEST_MAGNITUDE),
+            ("displacement", load.displacement, (d,) if any(moves) else None, LARGEST_LENGTH),
+        ):
+            if (value is None) != (expected is None) or (
+                value is not None
+                and not (
+                    np.shape(value) == expected
+                    and np.asarray(value).dtype.kind in "fiu"
+                    and np.all(np.abs(value) <= largest)
+                )
+            ):
+                said = "none" if expected is None else f"finite numbers of shape {expected}"
+                raise self._wrong(f"{what}: {name} is {value!r:.80}, expected {said}")
 
     def _called(self, what: str, call: Callable[[], Result]) -> Result:
         """Result of the family's method; InputError if it raises an error."""

@@ -105,7 +105,7 @@ def test_replacements() -> None:
         (("colour",), "red", "unknown key 'colour'"),
         (("load", "range"), [1, -1], "low < high"),
         (("load", "family"), "wind", "load family 'wind'"),
-        (("load", "nodes"), 3, "unknown key 'nodes'"),
+        (("load", "nodes"), 3, "unknown key 'load.nodes'"),
         (("mesh", "elements"), [15, 0], "greater than 0"),
         (("mesh", "upper"), [4, 1, 1], "of the same length"),
         (("solver", "tolerance"), float("nan"), "finite"),
