@@ -74,8 +74,8 @@ class ShippedMaterial(Material, ABC):
         """W in J/m³ from I₁, I₂ and J, with a function for logarithms."""
 
 
-class NeoHookean(ShippedMaterial):
-    """Compressible Neo-Hookean solid: W = μ/2 (I₁ − 3 − 2 ln J) + U(J).
+class YoungPoisson(ShippedMaterial):
+    """Base of materials that are named by two moduli of linear elasticity.
 
     Attributes
     ----------
@@ -83,14 +83,10 @@ class NeoHookean(ShippedMaterial):
         Young's modulus E in Pa, positive.
     poisson_ratio : float
         Poisson's ratio ν, above -1 and below 0.5.
-    volumetric : {"paper", "quadratic"}
-        Name of the volumetric term U(J): λ/4 (J² − 1 − 2 ln J), or λ/2 (J − 1)².
     """
 
-    model: Literal["neo_hookean"] = "neo_hookean"
     young_modulus: float = Field(ge=1e-12, le=LARGEST_MODULUS)
     poisson_ratio: float = Field(gt=-1, lt=0.5)
-    volumetric: Volumetric = "paper"
 
     @property
     def lame_lambda(self) -> float:
@@ -103,6 +99,21 @@ class NeoHookean(ShippedMaterial):
         """Shear modulus μ = E / (2(1 + ν)) in Pa."""
         return self.young_modulus / (2 * (1 + self.poisson_ratio))
 
+
+class NeoHookean(YoungPoisson):
+    """Compressible Neo-Hookean solid: W = μ/2 (I₁ − 3 − 2 ln J) + U(J).
+
+    Attributes
+    ----------
+    young_modulus, poisson_ratio : float
+        E in Pa, and ν.
+    volumetric : {"paper", "quadratic"}
+        Name of the volumetric term U(J): λ/4 (J² − 1 − 2 ln J), or λ/2 (J − 1)².
+    """
+
+    model: Literal["neo_hookean"] = "neo_hookean"
+    volumetric: Volumetric = "paper"
+
     def energy(self, i1: Scalar, i2: Scalar, j: Scalar, ln: Callable[[Scalar], Scalar]) -> Scalar:
         """W = μ/2 (I₁ − 3 − 2 ln J) + U(J)."""
         lam, log_j = self.lame_lambda, ln(j)
@@ -113,25 +124,18 @@ class NeoHookean(ShippedMaterial):
         return self.lame_mu / 2 * (i1 - 3 - 2 * log_j) + volumetric
 
 
-class StVenantKirchhoff(ShippedMaterial):
+class StVenantKirchhoff(YoungPoisson):
     """St. Venant–Kirchhoff solid: W = λ/2 (tr E)² + μ E:E with the strain E = (C − I)/2.
 
     For large rotations and small strains; it softens under compression and can be crushed to J = 0.
 
     Attributes
     ----------
-    young_modulus : float
-        Young's modulus in Pa, positive.
-    poisson_ratio : float
-        Poisson's ratio ν, above -1 and below 0.5.
+    young_modulus, poisson_ratio : float
+        Young's modulus in Pa, and ν.
     """
 
     model: Literal["st_venant_kirchhoff"] = "st_venant_kirchhoff"
-    young_modulus: float = Field(ge=1e-12, le=LARGEST_MODULUS)
-    poisson_ratio: float = Field(gt=-1, lt=0.5)
-
-    lame_lambda = NeoHookean.lame_lambda
-    lame_mu = NeoHookean.lame_mu
 
     def energy(self, i1: Scalar, i2: Scalar, j: Scalar, ln: Callable[[Scalar], Scalar]) -> Scalar:
         """W with tr E = (I₁ − 3)/2 and E:E = (I₁² − 2 I₂ − 2 I₁ + 3)/4."""

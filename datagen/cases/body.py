@@ -49,8 +49,7 @@ class Body:
     @property
     def clamped(self) -> NDArray[np.bool_]:
         """Nodes that do not move at all, (n_nodes,)."""
-        clamped: NDArray[np.bool_] = self.held.all(axis=1)
-        return clamped
+        return np.asarray(self.held.all(axis=1))
 
     @property
     def loadable(self) -> NDArray[np.bool_]:
@@ -148,7 +147,8 @@ def _material_of_cells(case: Case, mesh: Mesh) -> NDArray[np.int64] | None:
         return None
     parts = np.full(len(mesh.cells), -1, dtype=np.int64)
     for number, material in enumerate(case.materials):
-        group, key = material.group, f"key 'material.{number}.group' = '{material.group}'"
+        group = str(material.group)
+        key = f"key 'material.{number}.group' = '{group}'"
         if group not in mesh.cell_groups:
             names = ", ".join(sorted(mesh.cell_groups)) or "none"
             raise InputError(f"{key}: the mesh has no such group of cells, but {names}")
@@ -184,7 +184,7 @@ def _loadable(
 
 def _require_supported(case: Case, mesh: Mesh, held: NDArray[np.bool_]) -> None:
     """Raise InputError if a part of the mesh can move without a strain."""
-    loose = loose_nodes(mesh, held.any(axis=1))
+    loose = loose_nodes(mesh, np.asarray(held.any(axis=1)))
     if loose.size:
         at = ",".join(f"{value:g}" for value in mesh.coordinates[loose[0]])
         raise InputError(

@@ -267,11 +267,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
-        held = np.flatnonzero(
-            self.geometry.clamped & nodal.any(axis=-1).reshape(-1, expected[0]).any(axis=0)
-        )
+        loaded = nodal.reshape(-1, *expected).any(axis=0)
+        held = np.flatnonzero((self.geometry.held & loaded).any(axis=1))
         if len(held):
-            raise InputError(f"forces at node {held[0]}: the node is clamped, expected a free one")
+            how = "clamped" if self.geometry.clamped[held[0]] else "held in this component"
+            raise InputError(f"forces at node {held[0]}: the node is {how}, expected a free one")
         return nodal
 
     @torch.inference_mode()

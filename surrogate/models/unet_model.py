@@ -9,7 +9,7 @@ from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -57,7 +57,7 @@ class UNetModel(NetworkModel):
         return self.network.needs_linear_response
 
     def build(
-        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
         config = self.network

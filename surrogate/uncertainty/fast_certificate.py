@@ -66,7 +66,7 @@ class FastCertificate:
 
 
 def _energy_norms(equilibrium: Equilibrium, force: Array, predicted: Array) -> Array:
-    held = np.where(equilibrium.free[:, None], predicted, 0.0)
+    held = np.where(equilibrium.free, predicted, 0.0)
     norms = np.full(len(held), np.inf)
     sound = equilibrium.inverted(held) == 0
     norms[sound] = equilibrium.energy_norm(equilibrium.out_of_balance(held[sound], force[sound]))

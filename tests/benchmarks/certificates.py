@@ -27,6 +27,7 @@ from sklearn.metrics import roc_auc_score
 import surrogate
 from shared_schema.drawing.figure_style import make_figure, save, styled
 from shared_schema.drawing.mesh_drawing import make_drawing
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
 from surrogate.mechanics.certificate import Certificate, certify
@@ -71,7 +72,7 @@ def measure(options: argparse.Namespace) -> Results:
         draw(options.figure, model, force, truth, predicted, found)
     return {
         "case": model.description.data.case["name"],
-        "degrees_of_freedom": int(model.equilibrium.free.sum() * truth.shape[2]),
+        "degrees_of_freedom": int(model.equilibrium.free.sum()),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
         "estimate": compared(found, predicted, truth),
@@ -148,7 +149,9 @@ def alarms(
     if len(never):
         kinds["untrained places"] = random_loads(rng, never, 1, limit, force.shape)
     found = {name: model.certify(loads) for name, loads in kinds.items()}
-    softer = model.description.data.material.model_copy(update={"young_modulus": 400.0})
+    material = model.description.data.material
+    assert isinstance(material, NeoHookean)
+    softer = material.model_copy(update={"young_modulus": 400.0})
     other = Equilibrium(dataset.geometry, softer)
     found["another material"] = certify(other, force, model.predict(force))
     measures: dict[str, Callable[[Certificate], Array]] = {
