@@ -15,16 +15,18 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
 
 import numpy as np
+from numpy.typing import NDArray
 
 from datagen import __version__
 from shared_schema.checker import check_dataset
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError, WorkError
-from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
+from shared_schema.given_loads import GivenLoads, LoadedBody, given_loads
 
 VOLUMETRIC = ("paper", "quadratic")
+STRESSES = "add stresses, strain energy and reactions"
 TRUST = "allow the case's gmsh script to run programs and to read and write files"
 
 
@@ -128,8 +130,28 @@ def _parser() -> argparse.ArgumentParser:
     solve = commands.add_parser("solve", help="solve one load case and write the fields")
     solve.add_argument("case", metavar="CASE", help="YAML file, or the name of a shipped case")
     solve.add_argument(
-        "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
+        "--load",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z]|GROUP:FX,FY[,FZ]",
+        help="force in N at a node or on a group, or GROUP:P, a pressure in Pa; repeatable",
     )
+    solve.add_argument(
+        "--forces",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.(npz|csv)",
+        help="forces of a solution file, or lines X,Y[,Z],FX,FY[,FZ]; repeatable",
+    )
+    solve.add_argument(
+        "--move",
+        action="append",
+        default=[],
+        metavar="GROUP:UX,UY[,UZ]",
+        help="displacement in m of a group, - for a free component; repeatable",
+    )
+    solve.add_argument("--nearest", action="store_true", help="let forces act at the nearest node")
     solve.add_argument(
         "--volumetric", choices=VOLUMETRIC, help="volumetric term instead of the case's"
     )
@@ -139,6 +161,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE.npz",
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
+    solve.add_argument("--stresses", action="store_true", help=STRESSES)
     solve.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     solve.add_argument("--trust", action="store_true", help=TRUST)
     solve.set_defaults(command=_solve)
@@ -166,6 +189,7 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("nodal", type=Path, metavar="NODAL_DIR")
     export.add_argument("--out", type=Path, required=True, metavar="FILE.(xdmf|pvd)")
     export.add_argument("--samples", metavar="A:B", help="A to B - 1 instead of the first 100")
+    export.add_argument("--stresses", action="store_true", help=STRESSES)
     export.set_defaults(command=_export)
     return parser
 
@@ -218,21 +242,38 @@ def _solve(options: argparse.Namespace) -> None:
 
     from datagen.cases.body import make_body
     from datagen.cases.case import read_case
+    from datagen.mesh.distributed_mesh import Mesh
     from datagen.solver.given_start import read_start, solve_from
     from datagen.solver.load_stepping import solve_load_case
+    from datagen.solver.stresses import CellStresses, reactions_of_supports
 
     require_suffix(options.out)
     require_writable(options.out)
     case = read_case(options.case, options.volumetric, trust=options.trust)
-    body = make_body(case, MPI.COMM_SELF)
-    forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
-    nodes = np.flatnonzero(forces.any(axis=1))
+    given: GivenLoads | None = None
+
+    def driven(mesh: Mesh, held: NDArray[np.bool_]) -> GivenLoads:
+        nonlocal given
+        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, held, mesh.node_sets)
+        given = given_loads(
+            body, options.load, options.forces, options.move, nearest=options.nearest
+        )
+        return given
+
+    body = make_body(case, MPI.COMM_SELF, driven)
+    assert given is not None
+    if options.start is not None and (given.surfaces or given.moved.any()):
+        raise InputError(f"--start '{options.start}': expected forces only, no pressure or --move")
+    for note in given.notes:
+        print(note)
+    nodes = np.flatnonzero(given.forces.any(axis=1))
     origin = ""
     if options.start is None:
-        report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+        drive = np.array(given.pressures), given.displacement
+        report = solve_load_case(body.problem, nodes, given.forces[nodes], case.solver, *drive)
     else:
         start = read_start(options.start, body.mesh.coordinates)
-        report, used = solve_from(start, body.problem, nodes, forces[nodes], case.solver)
+        report, used = solve_from(start, body.problem, nodes, given.forces[nodes], case.solver)
         origin = f"from {options.start}, " if used else "from rest, "
     if not report.solved:
         raise WorkError(
@@ -240,16 +281,18 @@ def _solve(options: argparse.Namespace) -> None:
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
     displacement = body.problem.displacement()
-    write_solution(
-        options.out,
-        body.mesh.coordinates,
-        body.mesh.cells,
-        body.mesh.cell_type,
-        {"force": forces, "displacement": displacement},
-    )
+    grip = np.where(given.moved, body.problem.reactions(), 0.0)
+    fields = {"force": given.at_rest + grip, "displacement": displacement}
+    of_cells = {}
+    if options.stresses:
+        fields["reaction"] = reactions_of_supports(body.problem, body.held)
+        of_cells = CellStresses(body.problem, case.materials, body.parts).fields()
+    mesh = body.mesh.coordinates, body.mesh.cells, body.mesh.cell_type
+    write_solution(options.out, *mesh, fields, of_cells)
     largest = np.linalg.norm(displacement, axis=1).max()
+    stress = f"largest von Mises stress {of_cells['von_mises'].max():.4g} Pa, " if of_cells else ""
     print(
-        f"{options.out}: largest displacement {largest:.6g} m, {origin}"
+        f"{options.out}: largest displacement {largest:.6g} m, {stress}{origin}"
         f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
         f"residual {report.residual_norm:.2g} N"
     )
@@ -291,7 +334,7 @@ def _export(options: argparse.Namespace) -> None:
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
-    numbers = export(options.nodal, options.out, options.samples)
+    numbers = export(options.nodal, options.out, options.samples, options.stresses)
     print(f"{options.out}: {len(numbers)} samples, {numbers[0]} to {numbers[-1]}")
 
 

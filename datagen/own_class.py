@@ -65,6 +65,12 @@ def described(error: BaseException, path: Path | None = None) -> str:
     return f"{text} (line {lines[-1]})" if lines else text
 
 
+def source_of(thing: Any) -> Path | None:
+    """File of the class of an object, if it has one."""
+    file = getattr(sys.modules.get(type(thing).__module__), "__file__", None)
+    return Path(file) if file else None
+
+
 def import_named(
     what: str, name: str, shipped: tuple[str, ...], base: type[Any], folder: Path | None
 ) -> tuple[type[Any], str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,3 +16,14 @@ def groups_of(arrays: Arrays) -> dict[str, NDArray[np.bool_]]:
         return {}
     names = [str(name) for name in arrays["mesh/group_names"]]
     return dict(zip(names, arrays["mesh/groups"], strict=True))
+
+
+def group_arrays(groups: Mapping[str, NDArray[np.bool_]]) -> Arrays:
+    """Arrays of named groups by their paths in a shard; none if there are no groups."""
+    if not groups:
+        return {}
+    names = sorted(groups)
+    return {
+        "mesh/group_names": np.array(names, dtype=object),
+        "mesh/groups": np.stack([groups[name] for name in names]),
+    }

@@ -96,7 +96,25 @@ def _parser() -> argparse.ArgumentParser:
     predict = commands.add_parser("predict", help="predict one load case and write the fields")
     predict.add_argument("run", type=Path, metavar="RUN", help=RUN)
     predict.add_argument(
-        "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
+        "--load",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z]|GROUP:FX,FY[,FZ]",
+        help="force in N at a node or on a group, or GROUP:P, a pressure in Pa; repeatable",
+    )
+    predict.add_argument(
+        "--forces",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.(npz|csv)",
+        help="forces of a solution file, or lines X,Y[,Z],FX,FY[,FZ]; repeatable",
+    )
+    predict.add_argument(
+        "--nearest", action="store_true", help="let forces act at the nearest node"
+    )
+    predict.add_argument(
+        "--stresses", action="store_true", help="add stresses, strain energy and reactions"
     )
     predict.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
     _add_passes(predict, "number of passes of a stochastic network (default 300)")
@@ -289,11 +307,13 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
+    import numpy as np
+
     from shared_schema.common.errors import InputError, NotCertifiedError
-    from shared_schema.common.point_load import nodal_forces
     from shared_schema.common.solution_file import require_suffix, write_solution
+    from shared_schema.given_loads import given_loads
     from surrogate.device import choose_device
-    from surrogate.inference.prediction import load
+    from surrogate.inference.prediction import load, require_known_pressure
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
     from surrogate.uncertainty.intervals import load_intervals
@@ -311,7 +331,11 @@ def _predict(options: argparse.Namespace) -> None:
     surrogate = load(options.run, choose_device(options.device).type)
     surrogate.require_stochastic(**_passes(options))
     geometry = surrogate.geometry
-    forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
+    given = given_loads(geometry.loaded_body, options.load, options.forces, nearest=options.nearest)
+    require_known_pressure(geometry, given)
+    forces = given.at_rest
+    for note in given.notes:
+        print(note)
     predicted = surrogate.predict_distribution(forces, **_passes(options))
     fields = predicted.fields() if surrogate.is_probabilistic else {"displacement": predicted.mean}
     if intervals is not None:
@@ -331,13 +355,14 @@ def _predict(options: argparse.Namespace) -> None:
         if options.tolerance is not None:
             refusal = certificate.refusal(options.tolerance)
             notes.append("certified" if refusal is None else "not certified")
-    write_solution(
-        options.out,
-        geometry.coordinates,
-        geometry.cells,
-        geometry.cell_type,
-        {"force": forces, **fields},
-    )
+    of_cells = {}
+    if options.stresses:
+        of_cells = surrogate.stresses(fields["displacement"])
+        pushed = given.pushed(fields["displacement"])
+        fields["reaction"] = surrogate.reactions(fields["displacement"], pushed)
+        notes.append(f"largest von Mises stress {np.nanmax(of_cells['von_mises']):.4g} Pa")
+    mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+    write_solution(options.out, *mesh, {"force": forces, **fields}, of_cells)
     print(f"{options.out}: {', '.join(notes)}")
     if refusal is not None:
         raise NotCertifiedError(refusal)

@@ -19,8 +19,10 @@ from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
 from shared_schema.cells import boundary_facets
 from shared_schema.common.errors import InputError
+from shared_schema.given_loads import GivenLoads
+from shared_schema.groups import group_arrays
 
-Moved = Callable[["Mesh", NDArray[np.bool_]], NDArray[np.bool_]]
+Driven = Callable[[Mesh, NDArray[np.bool_]], GivenLoads]
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Body:
 
     def shard_arrays(self) -> dict[str, Any]:
         """Arrays of the mesh that every shard holds, by their paths in the schema."""
-        mesh, names = self.mesh, sorted(self.mesh.groups)
+        mesh = self.mesh
         arrays: dict[str, Any] = {
             "mesh/coordinates": mesh.coordinates,
             "mesh/cells": mesh.cells,
@@ -72,12 +74,7 @@ class Body:
             arrays["mesh/held"] = self.held
         if self.parts is not None:
             arrays["mesh/material"] = self.parts
-        if names:
-            groups = np.zeros((len(names), len(mesh.coordinates)), dtype=bool)
-            for row, name in enumerate(names):
-                groups[row, mesh.groups[name]] = True
-            arrays["mesh/group_names"] = np.array(names, dtype=object)
-            arrays["mesh/groups"] = groups
+        arrays |= group_arrays(mesh.node_sets)
         surfaces = self.loads.surfaces
         if surfaces:
             arrays["mesh/pressed"] = np.concatenate(surfaces)
@@ -86,16 +83,16 @@ class Body:
         return arrays
 
 
-def make_body(case: Case, comm: Any, moved: Moved | None = None) -> Body:
+def make_body(case: Case, comm: Any, driven: Driven | None = None) -> Body:
     """Mesh the case's geometry on the ranks of `comm` and build its problem (collective).
 
     Parameters
     ----------
     case : Case
     comm : mpi4py communicator
-    moved : callable, optional
-        From mesh and held components to the components whose displacement is prescribed, (n_nodes,
-        d) both; by default those of the load families.
+    driven : callable, optional
+        From mesh and held components, (n_nodes, d), to the loads that the problem is built for; by
+        default it is built for those of the load families.
 
     Raises
     ------
@@ -127,15 +124,12 @@ def make_body(case: Case, comm: Any, moved: Moved | None = None) -> Body:
     try:
         loads = LoadsTogether.of(case.loads, case.dataset.seed, nodes, held)
         loads.check()
-        problem = EquilibriumProblem(
-            mesh,
-            case.material,
-            held,
-            case.solver,
-            parts,
-            loads.moved if moved is None else moved(mesh, held),
-            loads.surfaces,
-        )
+    except InputError as error:
+        raise InputError(f"case '{case.name}': {error}") from None
+    drive = loads if driven is None else driven(mesh, held)
+    body = mesh, case.material, held, case.solver, parts
+    try:
+        problem = EquilibriumProblem(*body, drive.moved, drive.surfaces)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     return Body(mesh, held, parts, loads, problem)

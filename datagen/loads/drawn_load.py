@@ -6,17 +6,15 @@ Every load case is drawn here and nowhere else, so that solver, dataset and figu
 from __future__ import annotations
 
 import operator
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
-from datagen.own_class import described
+from datagen.own_class import described, source_of
 from datagen.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
@@ -150,8 +148,7 @@ class DrawnLoads:
         except (Exception, SystemExit) as error:
             if isinstance(error, ValueError) and what == "check":  # what its contract asks for
                 raise self._wrong(str(error)) from None
-            file = getattr(sys.modules.get(type(self.family).__module__), "__file__", None)
-            said = described(error, Path(file) if file else None)
+            said = described(error, source_of(self.family))
             raise self._wrong(f"{what}: {said}") from None
 
     def _wrong(self, problem: str) -> InputError:

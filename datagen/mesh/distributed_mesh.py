@@ -44,6 +44,15 @@ class Mesh:
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
+    @property
+    def node_sets(self) -> dict[str, NDArray[np.bool_]]:
+        """Nodes of every named group, (n_nodes,) each."""
+        sets = {}
+        for name, members in self.groups.items():
+            sets[name] = np.zeros(len(self.coordinates), dtype=bool)
+            sets[name][members] = True
+        return sets
+
     def of_local_cells(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the cells of this rank, ghosts included, from those of all cells."""
         return values[np.asarray(self.domain.topology.original_cell_index)]

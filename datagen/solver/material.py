@@ -34,7 +34,7 @@ import ufl
 from petsc4py import PETSc
 
 from datagen.materials import OwnMaterial
-from datagen.own_class import described
+from datagen.own_class import described, source_of
 from shared_schema.common.errors import InputError
 from shared_schema.material import Material, NeoHookean, ShippedMaterial, Volumetric
 
@@ -130,7 +130,8 @@ def _own_energy(f: Expression, material: OwnMaterial) -> Expression:
     except MemoryError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f"model '{material.model}': energy: {described(error)}") from None
+        said = described(error, source_of(material))
+        raise InputError(f"model '{material.model}': energy: {said}") from None
     if energy.ufl_shape != () or energy.ufl_free_indices != ():
         raise InputError(
             f"model '{material.model}': energy has shape {energy.ufl_shape}, expected a scalar"

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.given_loads import LoadedBody
 from shared_schema.grid import Grid
 from shared_schema.grid_arrays import grid_arrays, grid_of
 from shared_schema.groups import groups_of
@@ -39,6 +40,8 @@ class Geometry:
         Position of each cell's material in the case, if it has several.
     groups : mapping of str to array of bool, (n_nodes,)
         Nodes of the named groups of the mesh.
+    pressed : array of int, (n_facets, n_corners), or None
+        Facets that a pressure of the case follows.
     """
 
     coordinates: NDArray[np.float64]
@@ -50,6 +53,7 @@ class Geometry:
     single: NDArray[np.bool_] | None = None
     parts: NDArray[np.int64] | None = None
     groups: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    pressed: NDArray[np.int64] | None = None
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
@@ -64,6 +68,7 @@ class Geometry:
             arrays.get("mesh/held"),
             arrays.get("mesh/material"),
             groups_of(arrays),
+            arrays.get("mesh/pressed"),
         )
 
     @classmethod
@@ -85,6 +90,7 @@ class Geometry:
             arrays.get("single"),
             arrays.get("parts"),
             groups,
+            arrays.get("pressed"),
         )
 
     def arrays(self) -> Arrays:
@@ -95,10 +101,12 @@ class Geometry:
 
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
-        groups = {GROUP + name: members for name, members in self.groups.items()}
+        others: Arrays = {GROUP + name: members for name, members in self.groups.items()}
+        if self.pressed is not None:
+            others["pressed"] = self.pressed
         return {
             PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
-            for name, array in (*self.arrays().items(), *groups.items())
+            for name, array in (*self.arrays().items(), *others.items())
         }
 
     @property
@@ -112,6 +120,12 @@ class Geometry:
         if self.single is not None:
             return self.single
         return np.repeat(self.clamped[:, None], self.dimension, axis=1)
+
+    @property
+    def loaded_body(self) -> LoadedBody:
+        """The body as loads of a command refer to it."""
+        mesh = self.coordinates, self.cells, self.cell_type
+        return LoadedBody(*mesh, self.held, self.groups)
 
     @property
     def movable(self) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_er
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.paper import PAPER
 from surrogate.evaluation.shown_sample import find_example, tip_measures
+from surrogate.evaluation.stress_errors import StressMeasures, measure_stresses
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
@@ -46,6 +47,8 @@ class Evaluation:
         Predictions under other loads.
     intervals : Intervals or None
         Conformal intervals.
+    stress : StressMeasures or None
+        Errors of von Mises stresses, if the material is a shipped one.
     content : dict
         All measures and their origin as plain data.
     """
@@ -58,6 +61,7 @@ class Evaluation:
     calibration: CalibrationMeasures | None
     extrapolation: Extrapolation | None
     intervals: Intervals | None = None
+    stress: StressMeasures | None = None
     content: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -148,6 +152,7 @@ def evaluate(
         _calibration(surrogate, distribution, reference),
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
         intervals,
+        measure_stresses(surrogate, distribution.mean, reference),
     )
     epochs, seconds = run.training_effort()
     content = evaluation.content
@@ -167,6 +172,8 @@ def evaluate(
         "torch": torch.__version__,
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
     }
+    if evaluation.stress is not None:
+        content["von_mises"] = evaluation.stress.plain()
     if dataset.info.embedding is not None:
         content["embedding_error"] = embedding_error(dataset)
     if evaluation.calibration is not None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.given_loads import GivenLoads
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
 from surrogate.hardware import memory_errors
@@ -21,6 +22,7 @@ from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
+from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
@@ -142,8 +144,17 @@ class Surrogate:
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """The finite-element equilibrium of the body; InputError if the run names no material."""
+        """The finite elements of the body; InputError if its material is none of the shipped."""
         return Equilibrium(self.geometry, self.description.data.material)
+
+    def _balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
+        if self.geometry.pressed is not None:
+            raise InputError(
+                "the loads of the case have a pressure that follows the surface, so that the "
+                "forces of a prediction cannot be balanced; expected dead loads"
+            )
+        return self.equilibrium
 
     def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
         """Estimate the errors of predictions from their out-of-balance forces.
@@ -160,7 +171,7 @@ class Surrogate:
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        equilibrium = self.equilibrium
+        equilibrium = self._balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         return certify(equilibrium, nodal, displacement)
 
@@ -181,11 +192,51 @@ class Surrogate:
         WorkError
             If no equilibrium is found.
         """
-        equilibrium = self.equilibrium
+        equilibrium = self._balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         if nodal.ndim != 2:
             raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
         return correct(equilibrium, nodal, displacement)
+
+    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+
+        Returns
+        -------
+        dict of array, (n_cells, …) or (N, n_cells, …)
+            By the names of `shared_schema.stress_fields`.
+
+        Raises
+        ------
+        InputError
+            If the material is none of the shipped ones.
+        """
+        u = np.asarray(displacement, dtype=np.float64)
+        samples = u.reshape(-1, *self.geometry.coordinates.shape)
+        fields = cell_stresses(self.equilibrium.solid, self.geometry, samples)
+        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
+
+    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
+        """Compute the forces of the supports on the body, (n_nodes, d) in N.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d)
+            In m.
+        pushed : array, (n_nodes, d), optional
+            Forces in N of pressures on the deformed body; none by default.
+        """
+        u = np.asarray(displacement, dtype=np.float64)
+        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
+        of_sample: Array = reactions(self.equilibrium.solid, self.geometry, u[None], forces[None])[
+            0
+        ]
+        return of_sample
 
     def _with_predicted(
         self, forces: ArrayLike, predicted: ArrayLike | None
@@ -302,6 +353,12 @@ class Surrogate:
                     f"--{name} {value}: passes of this network do not differ, expected one with "
                     "probabilistic weights or dropout"
                 )
+
+
+def require_known_pressure(geometry: Geometry, given: GivenLoads) -> None:
+    """Raise InputError if a pressure is given to a network that was trained without any."""
+    if given.surfaces and geometry.pressed is None:
+        raise InputError("--load: a pressure, expected forces; the network was trained on these")
 
 
 def require_passes(passes: int, seed: int) -> None:
