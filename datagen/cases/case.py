@@ -60,6 +60,13 @@ class Case(Frozen):
         """Build the materials, with the same context."""
         return _each(value, lambda content: material_of(content, info.context))
 
+    @field_validator("load", "material")
+    @classmethod
+    def _is_not_empty(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("expected a mapping, or a list of at least one")
+        return value
+
     @field_validator("material")
     @classmethod
     def _each_of_its_group(cls, value: Any) -> Any:
