@@ -55,6 +55,7 @@ class Solid(nn.Module):
     gradients: Tensor
     volumes: Tensor
     constant: Tensor
+    _order: Tensor
 
     def __init__(
         self,
@@ -76,7 +77,8 @@ class Solid(nn.Module):
         if len(self.materials) > 1:
             assert parts is not None
             self._members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
-            self._order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
+            order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
+            self.register_buffer("_order", order, persistent=False)
         self.register_buffer("cells", torch.from_numpy(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
