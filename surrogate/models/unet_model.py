@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sized
 from typing import Literal, Self
 
 import torch
 from pydantic import model_validator
 from torch import Tensor, nn
 
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
@@ -66,6 +69,18 @@ class UNetModel(NetworkModel):
         if self.needs_material:
             linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
+
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
+        """Raise InputError if the coarsest level would be finer than a point of the grid."""
+        super().require_suitable(dataset, train)
+        shape, padding = dataset.geometry.grid.shape, self.network.padding
+        most = int(math.log2(min(shape) + 2 * padding)) + 1
+        if self.network.levels > most:
+            grid = " x ".join(str(count) for count in shape)
+            raise InputError(
+                f"config '{self.name}': key 'network.levels' = {self.network.levels}: expected "
+                f"{most} at most, each level halves the {grid} grid (with 'padding' = {padding})"
+            )
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scales of gradients and output."""

@@ -48,6 +48,8 @@ class Trainer:
     train, validation : Samples or SamplesOnDisk
     ranks : Ranks
         Processes that train the network together.
+    note : str
+        Remark of the progress line: loss and validation error of the last epoch.
     """
 
     config: TrainedModel
@@ -71,6 +73,7 @@ class Trainer:
             prepared_store(samples, self.network, training.samples_on, self.device)
             for samples in (self.train, self.validation)
         )
+        self.note = ""
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
         learned = self.network.learned
@@ -165,7 +168,7 @@ class Trainer:
             if self.average is not None:
                 self.average.update(self.network)
             total = total + terms * len(batch)
-            progress.update(step + 1)
+            progress.update(step + 1, self.note)
         self.ranks.add_up(total)
         means = [value / len(self.train) for value in total.tolist()]
         return {**dict(zip(TERMS, means, strict=False)), "learning_rate": rate}
@@ -173,6 +176,11 @@ class Trainer:
     def validate(self) -> dict[str, float]:
         """Return loss and mean absolute error on the validation samples."""
         return validate(self.config, self.model, self.validation_store, len(self.validation))
+
+    def training_error(self) -> float:
+        """Return the mean absolute error in m on as many training samples as for validation."""
+        count = min(len(self.validation), len(self.train))
+        return validate(self.config, self.model, self.train_store, count)["validation_error"]
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
         """Pass the measures of an epoch (counted from 1) to early stopping."""
