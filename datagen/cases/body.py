@@ -18,11 +18,11 @@ from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
 from shared_schema.cells import boundary_facets
+from shared_schema.command_loads import CommandLoads
 from shared_schema.common.errors import InputError
-from shared_schema.given_loads import GivenLoads
 from shared_schema.groups import group_arrays
 
-Driven = Callable[[Mesh, NDArray[np.bool_]], GivenLoads]
+Driven = Callable[[Mesh, NDArray[np.bool_]], CommandLoads]
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from datagen.dolfinx_versions import evaluate, point_expression
+from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.material import completed, deformation_gradient, energy_density
-from datagen.solver.weak_form import COMPILER_OPTIONS
 from shared_schema.material import Material
 from shared_schema.stress_fields import stress_fields
 

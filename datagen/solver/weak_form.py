@@ -26,11 +26,10 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from datagen.dolfinx_versions import form
+from datagen.dolfinx_versions import COMPILER_OPTIONS, form
 from datagen.solver.material import deformation_gradient, energy_density
 from shared_schema.material import Material
 
-COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
 
 

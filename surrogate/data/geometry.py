@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.given_loads import LoadedBody
+from shared_schema.command_loads import LoadedBody
 from shared_schema.grid import Grid
 from shared_schema.grid_arrays import grid_arrays, grid_of
 from shared_schema.groups import groups_of

@@ -12,19 +12,21 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.given_loads import GivenLoads
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
 from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
@@ -86,6 +88,8 @@ class Surrogate:
         Configuration and dataset of the run.
     training_range : TrainingRange
         Forces of the training data; `predict` warns of others.
+    mean_error : float or None
+        ē on the test split of its training's dataset, in m; None if the run is not evaluated.
     """
 
     def __init__(
@@ -98,6 +102,18 @@ class Surrogate:
         data = description.data
         self.training_range = TrainingRange(data.info.force.max_abs, geometry.loadable, data.loads)
         self.passes = Passes(network)
+        self.mean_error: float | None = None
+
+    def __repr__(self) -> str:
+        """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
+        run = self.description.run
+        size = f"{run.title} {parameter_count(self.network) / 1e6:.2f} M"
+        parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
+        if run.likelihood != "deterministic":
+            parts.append(run.likelihood.replace("_", " "))
+        if self.mean_error is not None:
+            parts.append(f"ē {1e3 * self.mean_error:.2g} mm")
+        return f"Surrogate({', '.join(parts)})"
 
     @property
     def is_probabilistic(self) -> bool:
@@ -145,9 +161,12 @@ class Surrogate:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The finite elements of the body; InputError if its material is none of the shipped."""
+        for module in self.network.modules():
+            if isinstance(module, Compliance):
+                return module.equilibrium
         return Equilibrium(self.geometry, self.description.data.material)
 
-    def _balanced(self) -> Equilibrium:
+    def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
         if self.geometry.pressed is not None:
             raise InputError(
@@ -171,7 +190,7 @@ class Surrogate:
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        equilibrium = self._balanced()
+        equilibrium = self.balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         return certify(equilibrium, nodal, displacement)
 
@@ -192,7 +211,7 @@ class Surrogate:
         WorkError
             If no equilibrium is found.
         """
-        equilibrium = self._balanced()
+        equilibrium = self.balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         if nodal.ndim != 2:
             raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
@@ -355,7 +374,7 @@ class Surrogate:
                 )
 
 
-def require_known_pressure(geometry: Geometry, given: GivenLoads) -> None:
+def require_known_pressure(geometry: Geometry, given: CommandLoads) -> None:
     """Raise InputError if a pressure is given to a network that was trained without any."""
     if given.surfaces and geometry.pressed is None:
         raise InputError("--load: a pressure, expected forces; the network was trained on these")
@@ -411,8 +430,10 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
             raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
         with memory_errors():
-            return make_surrogate(tensors, description, device)
+            surrogate = make_surrogate(tensors, description, device)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
         ) from None
+    surrogate.mean_error = folder.mean_error()
+    return surrogate

@@ -38,6 +38,7 @@ class UNetModel(NetworkModel):
     Attributes
     ----------
     network : UNetConfig
+        Architecture of the U-Net.
     """
 
     title = "U-Net"

@@ -27,13 +27,15 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
+        "keys",
         "cells",
         "facet_quadrature",
-        "given_loads",
+        "command_loads",
         "material",
         "stress_fields",
         "layout",
         "groups",
+        "unfinished",
         "manifest",
         "shard_problems",
         "shard_reader",
@@ -41,6 +43,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "grid",
         "grid_arrays",
         "stiffness",
+        "load_cases",
         "checker",
         "dataset_reader",
         "drawing",
@@ -58,6 +61,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "farm",
         "structure",
         "output",
+        "commands",
         "command_line",
     ],
     "surrogate": [
@@ -77,7 +81,9 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "training",
         "evaluation",
         "presentation",
+        "page",
         "studies",
+        "commands",
         "command_line",
     ],
 }

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import surrogate
-from shared_schema.given_loads import given_loads
+from shared_schema.command_loads import command_loads
 from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 
 BELLOWS = """
@@ -80,7 +80,7 @@ def test_from_mesh_to_prediction(tmp_path: Path) -> None:
         for name, values in model.stresses(u).items():
             scale = np.abs(theirs[name]).max()
             np.testing.assert_allclose(values, theirs[name], atol=1e-11 * scale, err_msg=name)
-        given = given_loads(model.geometry.loaded_body, loads[1::2])
+        given = command_loads(model.geometry.loaded_body, loads[1::2])
         reactions = model.reactions(u, given.pushed(u))
         np.testing.assert_allclose(reactions, theirs["reaction"], atol=1e-9)
         balance = reactions + given.pushed(u) + given.forces

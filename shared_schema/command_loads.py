@@ -71,7 +71,7 @@ class LoadedBody:
 
 
 @dataclass
-class GivenLoads:
+class CommandLoads:
     """Loads that act together.
 
     Attributes
@@ -217,13 +217,13 @@ class GivenLoads:
             raise InputError(f"{source}: the node at {at} is held in {'xyz'[axis]}")
 
 
-def given_loads(
+def command_loads(
     body: LoadedBody,
     loads: Sequence[str],
     files: Sequence[Path] = (),
     moves: Sequence[str] = (),
     nearest: bool = False,
-) -> GivenLoads:
+) -> CommandLoads:
     """Collect the loads of a command.
 
     Raises
@@ -233,7 +233,7 @@ def given_loads(
     """
     if not (loads or files or moves):
         raise InputError("no load, expected --load or --forces")
-    given = GivenLoads(body)
+    given = CommandLoads(body)
     for text in loads:
         given.add(text, nearest)
     for path in files:
