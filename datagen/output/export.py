@@ -3,7 +3,7 @@
 An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a ``.pvd`` file refers
 to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
 with ``displacement`` in m and ``force`` in N, three components each, float64. With stresses they
-are followed by ``reaction`` in N, and the cells have the fields of `shared_schema.stress_fields`.
+also have ``reaction`` in N, and the cells the fields of `shared_schema.bodies.stress_fields`.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.load_options import STRESSES, add_loads
 from surrogate.commands.options import (
     RUN,
     add_device,
@@ -84,7 +84,7 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Predict, and write the fields."""
-    from shared_schema.command_loads import command_loads
+    from shared_schema.bodies.command_loads import command_loads
     from shared_schema.common.errors import InputError, NotCertifiedError
     from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device

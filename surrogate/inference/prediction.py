@@ -12,7 +12,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.command_loads import CommandLoads
+from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
@@ -228,7 +228,7 @@ class Surrogate:
         Returns
         -------
         dict of array, (n_cells, …) or (N, n_cells, …)
-            By the names of `shared_schema.stress_fields`.
+            By the names of `shared_schema.bodies.stress_fields`.
 
         Raises
         ------

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.layout import Arrays
+Arrays = dict[str, NDArray[Any]]
 
 
 def groups_of(arrays: Arrays) -> dict[str, NDArray[np.bool_]]:

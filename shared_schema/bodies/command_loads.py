@@ -26,10 +26,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.bodies.facet_quadrature import facet_shares, pressure_forces
 from shared_schema.cells import outward_facets
 from shared_schema.common.errors import InputError
 from shared_schema.common.point_load import RELATIVE_TOLERANCE, nodal_forces
-from shared_schema.facet_quadrature import facet_shares, pressure_forces
 
 Array = NDArray[np.float64]
 LARGEST_FILE = 1 << 26  # bytes of a .csv
