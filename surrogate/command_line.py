@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report, page, list, shelve, studies."""
+"""The command ``surrogate``: train, evaluate, predict, export, report, page, and others."""
 
 from __future__ import annotations
 

@@ -190,7 +190,9 @@ def load_exported(path: Path) -> Callable[..., Fields]:
     names = [output.name for output in session.get_outputs()]
 
     def run(*inputs: Tensor) -> Fields:
-        fed = {i.name: values.numpy() for i, values in zip(session.get_inputs(), inputs, strict=True)}
+        fed = {
+            i.name: values.numpy() for i, values in zip(session.get_inputs(), inputs, strict=True)
+        }
         outputs = session.run(names, fed)
         return {name: torch.from_numpy(o) for name, o in zip(names, outputs, strict=True)}
 

@@ -31,9 +31,7 @@ class NodalNetwork(nn.Module):
         count = int(np.prod(grid.shape))
         self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
-    def forward(
-        self, force: Tensor, passes: int = 1, response: Tensor | None = None
-    ) -> Prediction:
+    def forward(self, force: Tensor, passes: int = 1, response: Tensor | None = None) -> Prediction:
         """Predict with one pass, or with several drawn passes (`probabilistic.stochastic_passes`).
 
         Parameters
