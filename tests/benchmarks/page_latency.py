@@ -34,6 +34,19 @@ MODULE = "page_latency"
 WIDTH, HEIGHT = 1280, 800
 FRAME = 16  # ms between two pointer events, as of a screen with 60 Hz
 RADIUS = 90  # pixels, of the pointer's way around the pressed node
+DESCRIPTION = """# Times of pages on which one drags a load
+
+Pages of `surrogate page` in headless Chromium {chromium}, {width} × {height} pixels, without a
+graphics processor: SwiftShader draws on the same cores. Times in ms.
+
+- *first frame*: from the start of navigation to the body at rest; *ready*: to the network
+- *press*: from the first press on a node to its first frame; it waits for the factorisation of the
+  stiffness where the network contains the linear response
+- *frame*: from the delivery of a pointer event to the page to its drawn frame, read back from the
+  canvas: median (10 to 90 % quantile) over {moves} events {apart} ms apart; *since*: from the event
+  itself, which the browser delivers with its next frame
+- *estimate*: from the end of a drag to the estimated error
+"""
 TIMES = (  # of one call, in ms: predictions alone, and frames alone
     "async (count) => { const times = []; for (let i = 0; i < count; i++) {"
     " const began = performance.now(); %s; times.push(performance.now() - began); }"
@@ -147,20 +160,14 @@ def table(results: Results) -> str:
             for r in results["pages"]
         ),
     )
-    return (
-        "# Times of pages on which one drags a load\n\n"
-        f"Pages of `surrogate page` in headless Chromium {results['chromium']}, {WIDTH} × {HEIGHT} "
-        "pixels, without a graphics processor:\nSwiftShader draws on the same cores. Times in ms.\n\n"
-        "- *first frame*: from the start of navigation to the body at rest; *ready*: to the network\n"
-        "- *press*: from the first press on a node to its first frame; it waits for the "
-        "factorisation of the stiffness where\n  the network contains the linear response\n"
-        "- *frame*: from the delivery of a pointer event to the page to its drawn frame, read back "
-        "from the canvas: median\n  (10 to 90 % quantile) over "
-        f"{results['moves']} events {FRAME} ms apart; *since*: from the event itself, which the "
-        "browser\n  delivers with its next frame\n"
-        "- *estimate*: from the end of a drag to the estimated error\n\n"
-        f"{rows}\n{footer(results)}"
+    description = DESCRIPTION.format(
+        chromium=results["chromium"],
+        width=WIDTH,
+        height=HEIGHT,
+        moves=results["moves"],
+        apart=FRAME,
     )
+    return f"{description}\n{rows}\n{footer(results)}"
 
 
 def main() -> None:
