@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
 
-from datagen.commands import cases, check, export, info, noise, plot, run, solve, structure
+from datagen.commands import cases, check, export, info, noise, plot, run, schema, solve, structure
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
-COMMANDS = (run, structure, noise, solve, check, info, plot, export, cases)
+COMMANDS = (run, structure, noise, solve, check, info, plot, export, cases, schema)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,10 +76,17 @@ def _parser() -> Parser:
     from datagen import __version__
 
     description = "Make datasets of large-deformation equilibria under families of nodal loads."
-    parser, commands = make_parser("datagen", description, __version__)
+    parser, commands = make_parser("datagen", description, __version__, {"case": _case_names})
     for command in COMMANDS:
         command.add_to(commands)
     return parser
+
+
+def _case_names() -> list[str]:
+    from datagen.cases.case import SHIPPED
+    from shared_schema.common.shipped_files import names_in
+
+    return names_in(SHIPPED)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The command ``surrogate``: train, evaluate, predict, export, report, page, and others."""
+"""The command ``surrogate``: trains, evaluates, predicts, exports, and does the studies."""
 
 from __future__ import annotations
 
@@ -8,9 +8,37 @@ import sys
 from collections.abc import Callable, Sequence
 
 from shared_schema.common.command_line import Parser, make_parser, run_command
-from surrogate.commands import evaluate, export, page, predict, report, shelf, studies, train
+from surrogate.commands import (
+    compare,
+    configuration,
+    evaluate,
+    export,
+    learn_curve,
+    page,
+    predict,
+    propose,
+    refine,
+    report,
+    shelf,
+    studies,
+    train,
+)
 
-COMMANDS = (train, evaluate, predict, export, report, page, shelf, studies)
+COMMANDS = (
+    configuration,
+    train,
+    evaluate,
+    compare,
+    learn_curve,
+    predict,
+    propose,
+    refine,
+    export,
+    report,
+    page,
+    shelf,
+    studies,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,10 +60,24 @@ def _parser() -> Parser:
     from surrogate import __version__
 
     description = "Train and evaluate surrogates on datasets made by datagen."
-    parser, commands = make_parser("surrogate", description, __version__)
+    names = {"config": _config_names, "run": _run_names, "runs": _run_names}
+    parser, commands = make_parser("surrogate", description, __version__, names)
     for command in COMMANDS:
         command.add_to(commands)
     return parser
+
+
+def _config_names() -> list[str]:
+    from shared_schema.common.shipped_files import names_in
+    from surrogate.runs.configuration import SHIPPED
+
+    return names_in(SHIPPED)
+
+
+def _run_names() -> list[str]:
+    from surrogate.runs.shelf import shelved
+
+    return shelved()
 
 
 if __name__ == "__main__":

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("list", help="list the cases that come with the package")
+    parser = add_command(
+        commands,
+        "list",
+        "list the cases that come with the package",
+        "datagen list",
+    )
     parser.set_defaults(command=run)
 
 

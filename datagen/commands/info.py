@@ -6,14 +6,19 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.solution_file import require_suffix
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("info", help="summarise a dataset")
-    parser.add_argument("dataset", type=Path, metavar="DIR")
+    parser = add_command(
+        commands,
+        "info",
+        "summarise a dataset",
+        "datagen info data/beam2d/nodal --figure beam2d.png",
+    )
+    parser.add_argument("dataset", type=Path, metavar="DIR", help="nodal or structured dataset")
     parser.add_argument(
         "--figure", type=Path, metavar="FILE", help="draw the dataset as well, as `plot` does"
     )

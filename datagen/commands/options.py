@@ -23,4 +23,6 @@ def add_case(parser: Parser) -> None:
 
 def add_nodal(parser: Parser) -> None:
     """Add NODAL_DIR."""
-    parser.add_argument("nodal", type=Path, metavar="NODAL_DIR")
+    parser.add_argument(
+        "nodal", type=Path, metavar="NODAL_DIR", help="nodal dataset, as `datagen run` makes it"
+    )

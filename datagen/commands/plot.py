@@ -7,15 +7,22 @@ from pathlib import Path
 
 from datagen.commands.options import add_nodal
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.solution_file import require_suffix
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("plot", help="draw mesh, supports and some samples of a dataset")
+    parser = add_command(
+        commands,
+        "plot",
+        "draw mesh, supports and some samples of a dataset",
+        "datagen plot data/beam2d/nodal --out beam2d.pdf --samples 0,7",
+    )
     add_nodal(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.(png|svg|pdf)")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.(png|svg|pdf)", help="figure to write"
+    )
     parser.add_argument(
         "--samples", metavar="N,N,…", help="sample numbers instead of four chosen by displacement"
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from datagen.commands.options import add_case
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.errors import WorkError
 from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
@@ -17,10 +17,19 @@ from shared_schema.common.solution_file import require_suffix, write_solution
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("solve", help="solve one load case and write the fields")
+    parser = add_command(
+        commands,
+        "solve",
+        "solve one load case and write the fields",
+        "datagen solve beam2d --load 4,1:0,-2.5 --out solution.vtu",
+    )
     add_case(parser)
     parser.add_argument(
-        "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
+        "--load",
+        action="append",
+        required=True,
+        metavar="X,Y[,Z]:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m; repeatable",
     )
     parser.add_argument(
         "--start",
@@ -28,7 +37,13 @@ def add_to(commands: Commands) -> None:
         metavar="FILE.npz",
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.(npz|vtu|xdmf)",
+        help="fields at the nodes: force, displacement",
+    )
     parser.set_defaults(command=run)
 
 

@@ -6,21 +6,28 @@ import argparse
 from pathlib import Path
 
 from datagen.commands.options import add_nodal
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("structure", help="map a nodal dataset to its grid")
+    parser = add_command(
+        commands,
+        "structure",
+        "map a nodal dataset to its grid",
+        "datagen structure data/beam2d/nodal --out data/beam2d/structured",
+    )
     add_nodal(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="dataset to make")
     parser.add_argument(
         "--order",
         choices=("preferred", "gmsh", "random"),
         default="preferred",
         help="assignment of nodes to grid points (default: by position in space)",
     )
-    parser.add_argument("--order-seed", type=int, default=0, metavar="S")
+    parser.add_argument(
+        "--order-seed", type=int, default=0, metavar="S", help="seed of a random order (default 0)"
+    )
     parser.add_argument(
         "--grid",
         type=grid_shape,

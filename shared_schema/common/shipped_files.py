@@ -19,6 +19,11 @@ def shipped_files(folder: Path) -> Iterator[tuple[str, dict[str, Any], str]]:
         yield path.stem, read_yaml(path), one_line(path.read_text(encoding="utf-8"))
 
 
+def names_in(folder: Path) -> list[str]:
+    """Return the names of the YAML files of a folder, sorted."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
 def one_line(text: str) -> str:
     """Return the beginning of the comment at the head of a YAML file, without parentheses.
 

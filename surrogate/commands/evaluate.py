@@ -5,15 +5,26 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import RUN, add_device, add_passes, given_passes, warn_unsealed
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("evaluate", help="measure a run on the test split, draw figures")
+    parser = add_command(
+        commands,
+        "evaluate",
+        "measure a run on the test split, draw figures",
+        "surrogate evaluate runs/beam2d --data data/beam2d/structured",
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
-    parser.add_argument("--data", type=Path, required=True, metavar="DIR")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="structured dataset; its test split is used",
+    )
     add_device(parser)
     add_passes(parser, "number of passes of a stochastic network (default 300)")
     parser.add_argument(

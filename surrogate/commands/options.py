@@ -13,13 +13,29 @@ RUN = "run folder, or a trained network of the package (surrogate list)"
 
 def add_device(parser: Parser) -> None:
     """Add --device."""
-    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    parser.add_argument(
+        "--device",
+        choices=("auto", "cpu", "cuda"),
+        default="auto",
+        help="processor; auto (default) takes a GPU if there is one",
+    )
 
 
 def add_passes(parser: Parser, what: str) -> None:
     """Add --passes, with what it means to the command, and --seed."""
     parser.add_argument("--passes", type=int, metavar="T", help=what)
     parser.add_argument("--seed", type=int, metavar="S", help="seed of the passes (default 0)")
+
+
+def add_family(parser: Parser) -> None:
+    """Add --family, of random load cases."""
+    parser.add_argument(
+        "--family",
+        default="trained",
+        metavar="FAMILY",
+        help="random loads: 'trained', those of the training (default), or such as "
+        "'loads=1-8,reach=2,places=free' (trained, surface or free)",
+    )
 
 
 def given_passes(options: argparse.Namespace) -> dict[str, int]:
@@ -43,6 +59,19 @@ def positive(text: str) -> float:
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
     return value
+
+
+def whole(text: str) -> int:
+    """Read a number of things, from 1 to 10 millions.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none.
+    """
+    if not (text.isdigit() and 0 < int(text) <= 10**7):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number from 1 to 10000000")
+    return int(text)
 
 
 def share(text: str) -> float:

@@ -6,13 +6,18 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import RUN, warn_unsealed
 
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("page", help="write one HTML file on which one drags a load")
+    parser = add_command(
+        commands,
+        "page",
+        "write one HTML file on which one drags a load",
+        "surrogate page beam2d_any --out beam.html",
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
     parser.add_argument(
         "--out", type=Path, metavar="FILE.html", help="(default: the name of RUN, in this folder)"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import (
     RUN,
     add_device,
@@ -33,12 +33,27 @@ if TYPE_CHECKING:
 
 def add_to(commands: Commands) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser("predict", help="predict one load case and write the fields")
+    parser = add_command(
+        commands,
+        "predict",
+        "predict one load case and write the fields",
+        "surrogate predict beam2d_any --load 4,1:0,-1.5 --certify --out prediction.vtu",
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
     parser.add_argument(
-        "--load", action="append", required=True, metavar="X,Y[,Z]:FX,FY[,FZ]", help="repeatable"
+        "--load",
+        action="append",
+        required=True,
+        metavar="X,Y[,Z]:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m; repeatable",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.(npz|vtu|xdmf)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.(npz|vtu|xdmf)",
+        help="fields at the nodes: force, displacement, standard deviations",
+    )
     add_passes(parser, "number of passes of a stochastic network (default 300)")
     add_device(parser)
     parser.add_argument(

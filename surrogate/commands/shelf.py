@@ -5,18 +5,24 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands
+from shared_schema.common.command_line import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the two parsers."""
-    listed = commands.add_parser(
-        "list", help="list the trained networks and configurations that come with the package"
+    listed = add_command(
+        commands,
+        "list",
+        "list the trained networks and configurations that come with the package",
+        "surrogate list",
     )
     listed.set_defaults(command=run_list)
 
-    shelve = commands.add_parser(
-        "shelve", help="put a run among the trained networks of the package"
+    shelve = add_command(
+        commands,
+        "shelve",
+        "put a run among the trained networks of the package",
+        "surrogate shelve runs/beam2d_any beam2d_any",
     )
     shelve.add_argument("run", type=Path, metavar="RUN", help="an evaluated run folder")
     shelve.add_argument("name", metavar="NAME", help="name of the network, such as its case")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands, Parser, add_set
+from shared_schema.common.command_line import Commands, Parser, add_command, add_set
 from surrogate.commands.options import add_device
 
 if TYPE_CHECKING:
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 
 def add_to(commands: Commands) -> None:
     """Add the three parsers."""
-    study = commands.add_parser("study", help="do some studies of one of the two reports")
+    study = add_command(
+        commands,
+        "study",
+        "do some studies of one of the two reports",
+        "surrogate study force-sweep-beam --scale smoke",
+    )
     study.add_argument("names", nargs="+", metavar="NAME", help="study, such as force-sweep-beam")
     _add_options(study)
     study.add_argument("--again", action="store_true", help="repeat studies that are up to date")
@@ -28,7 +33,7 @@ def add_to(commands: Commands) -> None:
         ("reproduce", run_reproduction, "make all of the paper's tables and figures"),
         ("beyond", run_beyond, "do all studies beyond the paper"),
     ):
-        whole = commands.add_parser(name, help=what)
+        whole = add_command(commands, name, what, f"surrogate {name} --scale smoke")
         _add_options(whole)
         whole.add_argument(
             "--list-data", action="store_true", help="print the commands that make missing datasets"

@@ -63,8 +63,8 @@ class FastEstimate:
         self._shape = count, points
         self._cells = geometry.cells
         self._weights = volumes.ravel().astype(self.dtype)[:, None]
-        self._slopes_of = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
-        self._slopes_of = np.ascontiguousarray(self._slopes_of.astype(self.dtype))
+        slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
+        self._slopes_of: Values = np.ascontiguousarray(slopes.astype(self.dtype))
         self._summed, self._averaged = (
             operator.astype(self.dtype) if large else operator.toarray()
             for operator in sums_at_nodes(geometry.cells, len(self.free))
@@ -191,7 +191,7 @@ class State:
 
 def product(a: Values, b: Values) -> Values:
     """Matrix products a b: (d, d, …) twice → same."""
-    result = a[:, :1] * b[0]
+    result: Values = a[:, :1] * b[0]
     for k in range(1, len(a)):
         result += a[:, k : k + 1] * b[k]
     return result

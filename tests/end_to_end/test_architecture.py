@@ -27,9 +27,11 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
+        "keys",
         "cells",
         "material",
         "layout",
+        "unfinished",
         "manifest",
         "shard_problems",
         "shard_reader",
@@ -37,6 +39,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "grid",
         "grid_arrays",
         "stiffness",
+        "load_cases",
         "checker",
         "dataset_reader",
         "drawing",

@@ -32,6 +32,7 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
+from tests.datagen.refusal import refusal
 from tests.datagen.small_disk import SmallDisk
 from tests.open_mpi import without_launcher
 
@@ -313,6 +314,16 @@ def stopped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
         *(f"shard-0000{shard}.json" for shard in range(3)),
     ]
     return folder
+
+
+def test_it_is_called_unfinished(stopped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Three of five shards, as the fixture says; all commands that read a dataset refuse it."""
+    before = sorted(stopped.rglob("*"))
+    text = f"{stopped}: unfinished, 3 of 5 shards; run the same `datagen run … --out {stopped}`"
+    out = str(stopped.parent / "structured")
+    for arguments in (["check"], ["info"], ["structure", "--out", out]):
+        assert text in refusal([*arguments, str(stopped)], capsys)
+    assert sorted(stopped.rglob("*")) == before
 
 
 @pytest.mark.parametrize("content", [None, b"", b"half", b'{"a": 1', b"[1]", b"\xff\xfe\x00"])

@@ -82,7 +82,7 @@ def test_newtons_step_at_rest() -> None:
 def test_error_of_a_turned_body(
     cell_type: str, large: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The end moves by 0.29 m of 2 m; the compliance at rest alone misses by seven times the error."""
+    """The end moves by 0.29 m of 2 m; the compliance at rest alone misses sevenfold."""
     monkeypatch.setattr(fast_estimate, "LARGE", 0 if large else 4000)
     body = box(cell_type)
     equilibrium = Equilibrium(body, MATERIAL)
