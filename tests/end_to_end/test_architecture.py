@@ -58,6 +58,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "farm",
         "structure",
         "output",
+        "plaid_format",
         "commands",
         "command_line",
     ],
