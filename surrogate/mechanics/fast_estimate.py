@@ -86,7 +86,7 @@ class FastEstimate:
         return error
 
     def _estimated(self, forces: Array, predicted: Array) -> Array:
-        held = predicted * self.free[:, None]
+        held: Array = predicted * self.free[:, None]
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

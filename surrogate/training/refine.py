@@ -77,7 +77,8 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     out.require_free(description)
     if out.is_finished:
         raise InputError(f"--out '{out.folder}': refined already, expected a new folder")
-    began, lines = time.perf_counter(), []
+    began = time.perf_counter()
+    lines: list[dict[str, float]] = []
     descent = Descent(surrogate.equilibrium, family, refinement)
     optimiser = config.training.optimiser
     optimisers = make_optimisers(surrogate.network.train(), optimiser)

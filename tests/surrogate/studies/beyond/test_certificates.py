@@ -56,7 +56,7 @@ def test_unusual_loads(trained: Path) -> None:
     for kind, factor in ((TWICE, 2), (FOUR_TIMES, 4)):
         reach = (np.abs(found[kind]) / limit).max(axis=(1, 2))
         assert reach == pytest.approx(factor)
-    elsewhere = found[PLACE].any(axis=2)
+    elsewhere = np.any(found[PLACE], axis=2)
     assert (elsewhere.sum(axis=1) == 1).all()
     assert not elsewhere[:, geometry.loadable | geometry.clamped].any()
     assert (found[SEVERAL].any(axis=2).sum(axis=1) == 3).all()
