@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def assert_refused(
-    arguments: list[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
+    arguments: Sequence[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(out.rglob("*"))
     capsys.readouterr()
@@ -65,6 +65,22 @@ def test_train_stop_and_go_on(
     assert main([*command, "--device", "cpu"]) == 0
     assert "trained, 2 of 2 epochs" in capsys.readouterr().out
     assert (out / "run" / "model.safetensors").is_file()
+
+
+def test_changed_keys_are_those_of_the_run(
+    config: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = out / "run"
+    command = ["train", str(config), "--data", str(data), "--out", str(run), "--device", "cpu"]
+    wrong = [*command, "--set", "training.epochs=none"]
+    assert_refused(wrong, f"{config} --set training.epochs=none: key", out, capsys)
+    assert_refused([*command, "--set", "training.epoch=1"], "unknown key", out, capsys)
+    changes = ["--set", "training.epochs=1", "--set", "training.schedule={name: linear}"]
+    assert main([*command, *changes]) == 0
+    kept = yaml.safe_load((run / "config.yaml").read_text())["run"]
+    assert kept["training"]["epochs"] == 1
+    assert kept["training"]["schedule"]["name"] == "linear"
+    assert kept["recipe"] == "custom"
 
 
 @pytest.mark.slow
