@@ -65,6 +65,8 @@ class FastEstimate:
         self._weights = volumes.ravel().astype(self.dtype)[:, None]
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
         self._slopes_of: Values = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._summed: Any
+        self._averaged: Any
         self._summed, self._averaged = (
             operator.astype(self.dtype) if large else operator.toarray()
             for operator in sums_at_nodes(geometry.cells, len(self.free))

@@ -71,7 +71,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
         )
     data = surrogate.description.data
     family = random_loads(
-        refinement.family, surrogate.geometry, data.info.force.max_abs, data.loads
+        refinement.family, surrogate.geometry, data.info.force.max_abs, data.load_numbers
     )
     description = described(surrogate, refinement)
     out.require_free(description)

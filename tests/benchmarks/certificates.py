@@ -153,7 +153,7 @@ def fast(model: surrogate.Surrogate, dataset: Dataset, force: Array, truth: Arra
     }
     if truth.shape[2] == 2:
         data = model.description.data
-        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.loads)
+        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.load_numbers)
         new = family.draw(NEW_LOADS, np.random.default_rng(0))
         u = model.predict(new)
         results["new_loads"] = found.measures(new, u, u - model.certify(new, u).error)
