@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-INITIAL_WEIGHTS, VALIDATION, ORDER, NOISE, PASS, CALIBRATION = range(6)
+INITIAL_WEIGHTS, VALIDATION, ORDER, NOISE, PASS, CALIBRATION, PATHS = range(7)
 
 
 def stream(*numbers: int) -> int:

@@ -29,13 +29,14 @@ class TrainingSplit(Generic[AnySamples]):
         Samples for early stopping and recalibration.
     calibration : Samples or SamplesOnDisk
         Samples that only conformal intervals are fitted to.
-    calibration_rows : Tensor of int
-        Row numbers of the calibration samples among all training samples.
+    train_rows, calibration_rows : Tensor of int
+        Row numbers of the fitted and of the calibration samples among all training samples.
     """
 
     train: AnySamples
     validation: AnySamples
     calibration: AnySamples
+    train_rows: Tensor
     calibration_rows: Tensor
 
 
@@ -79,4 +80,4 @@ def split_training(samples: AnySamples, config: Model) -> TrainingSplit[AnySampl
                 f"'training.{key}' expects some"
             )
     parts = [cast(AnySamples, samples.subset(r)) for r in (train, validation, calibration)]
-    return TrainingSplit(parts[0], parts[1], parts[2], calibration)
+    return TrainingSplit(parts[0], parts[1], parts[2], train, calibration)

@@ -21,6 +21,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
 from surrogate.data.mirror import with_mirror_images
+from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import DeviceStore
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
@@ -38,6 +39,7 @@ from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
+from surrogate.training.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.training.memory_estimate import training_memory
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
@@ -129,7 +131,9 @@ def train(
         else:
             start.apply(network)
         if isinstance(config, TrainedModel):
-            trainer = _trainer(config, network, split, dataset, device, ranks)
+            ranks.from_first(lambda: require_paths(config, dataset, split.train_rows))
+            paths = paths_of(config, dataset, split.train_rows)
+            trainer = _trainer(config, network, split, paths, dataset, device, ranks)
             ranks.from_first(lambda: run.start(description))
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
@@ -147,6 +151,26 @@ def mirrored(
     if isinstance(train, SamplesOnDisk):
         raise InputError(f"{key} = {list(axes)}: expected none of samples on disk")
     return with_mirror_images(train, dataset.geometry, axes, key)
+
+
+def require_paths(config: TrainedModel, dataset: Dataset, rows: Tensor) -> None:
+    """Compute the load paths of the training samples that are not there; check the memory."""
+    count, key = config.training.load_paths, f"config '{config.name}': key 'training.load_paths'"
+    if count and isinstance(dataset.training, SamplesOnDisk):
+        raise InputError(f"{key} = {count}: expected 0 of samples on disk")
+    if count:
+        images = 2 ** len(config.training.mirrors)
+        require_path_memory(dataset, count, images * len(rows), key)
+        compute_missing(dataset, rows, count)
+
+
+def paths_of(config: TrainedModel, dataset: Dataset, rows: Tensor) -> SamplePaths | None:
+    """Load paths of the training samples and their mirror images; None without them."""
+    training, key = config.training, f"config '{config.name}': key 'training.mirrors'"
+    if not training.load_paths:
+        return None
+    paths = read_paths(dataset, rows, training.load_paths)
+    return paths.with_mirror_images(dataset.geometry, training.mirrors, key)
 
 
 def first_samples(split: TrainingSplit[Samples | SamplesOnDisk], seed: int) -> Samples:
@@ -173,6 +197,7 @@ def _trainer(
     config: TrainedModel,
     network: FieldNetwork,
     split: TrainingSplit[Samples | SamplesOnDisk],
+    paths: SamplePaths | None,
     dataset: Dataset,
     device: torch.device,
     ranks: Ranks,
@@ -185,7 +210,7 @@ def _trainer(
             f"process on cuda, here {ranks.count} on {device.type}; training continues without it",
             file=sys.stderr,
         )
-    return Trainer(config, network, split.train, split.validation, ranks)
+    return Trainer(config, network, split.train, split.validation, ranks, paths)
 
 
 def _train(

@@ -1,0 +1,121 @@
+r"""Load paths: how an equilibrium changes with its load, to second order.
+
+.. math::
+    u(f + t Δf) = u + t u_1 + t^2 u_2 + O(t^3), \qquad u_1 = K(u)^{-1} Δf, \qquad
+    u_2 = -\tfrac{1}{2} K(u)^{-1} \big(K'(u)[u_1] \, u_1\big)
+
+The second coefficient is a simplified Newton step: with a small h,
+:math:`h^2 u_2 ≈ -K(u)^{-1} \big(r(u + h u_1, f + h Δf) - r(u, f)\big)`. So K paths through a
+solved sample take one factorisation, 2 K solves with it, and K + 1 evaluations of the forces. A
+third coefficient is about :math:`‖u_2‖^2 / ‖u_1‖`; a path ends where it counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.equilibrium import Equilibrium, norms
+
+Array = NDArray[np.float64]
+SMALL = 0.01  # h
+REMAINDER = 1e-3  # largest third coefficient, relative to ‖u‖
+
+
+@dataclass(frozen=True)
+class LoadPaths:
+    """K load paths through one equilibrium, for t in [-1, 1].
+
+    Attributes
+    ----------
+    change : array, (K, n_nodes, d)
+        Δf in N.
+    first, second : array, (K, n_nodes, d)
+        u₁ and u₂ in m.
+    """
+
+    change: Array
+    first: Array
+    second: Array
+
+
+def follow(equilibrium: Equilibrium, u: Array, f: Array, change: Array) -> LoadPaths:
+    """Follow the equilibrium of a body along changes of its load.
+
+    A change is shortened so that the third coefficient is at most 1e-3 ‖u‖. All paths are points
+    where the equilibrium is not stable, or cells are inverted near it.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    u : array, (n_nodes, d)
+        Equilibrium in m.
+    f : array, (n_nodes, d)
+        Its forces in N.
+    change : array, (K, n_nodes, d)
+        Δf in N.
+    """
+    nothing = LoadPaths(*(np.zeros(change.shape) for _ in range(3)))
+    respond = equilibrium.response_at(u)
+    if respond is None:
+        return nothing
+    first = respond(change)
+    near = u + SMALL * first
+    if equilibrium.inverted(near).any():
+        return nothing
+    here = equilibrium.out_of_balance(u[None], f[None])
+    there = equilibrium.out_of_balance(near, f + SMALL * change)
+    second = -respond(there - here) / SMALL**2
+    third = norms(second) ** 2 / np.maximum(norms(first), np.finfo(float).tiny)
+    most = REMAINDER * np.linalg.norm(u)
+    s = np.minimum(1.0, np.cbrt(most / np.maximum(third, np.finfo(float).tiny)))[:, None, None]
+    return LoadPaths(s * change, s * first, s**2 * second)
+
+
+def neighbours(geometry: Geometry) -> list[NDArray[np.int64]]:
+    """Other loadable nodes of the cells around every node, for each of the nodes."""
+    found: list[set[int]] = [set() for _ in geometry.coordinates]
+    for cell in geometry.cells.tolist():
+        loadable = [node for node in cell if geometry.loadable[node]]
+        for node in loadable:
+            found[node].update(loadable)
+    return [np.array(sorted(nodes - {node})) for node, nodes in enumerate(found)]
+
+
+def random_changes(
+    f: Array,
+    beside: list[NDArray[np.int64]],
+    size: float,
+    count: int,
+    generator: np.random.Generator,
+) -> Array:
+    r"""Draw changes of a load that keep its kind: (count, n_nodes, d) in N.
+
+    .. math:: Δf = \sum_a e_a \, ε_a + m_a (e_b - e_a) f_a, \qquad
+       ε_a \sim N(0, s^2 I), \quad m_a \sim U(-1, 1)
+
+    over the loaded nodes a, each with a random neighbour b: the forces change, and move.
+
+    Parameters
+    ----------
+    f : array, (n_nodes, d)
+        Forces in N.
+    beside : list of array of int
+        Loadable neighbours of every node (`neighbours`).
+    size : float
+        s in N.
+    count : int
+    generator : numpy.random.Generator
+    """
+    change = np.zeros((count, *f.shape))
+    for path in change:
+        for a in np.flatnonzero(f.any(axis=1)):
+            path[a] += generator.normal(0.0, size, f.shape[1])
+            if len(beside[a]):
+                moved = generator.uniform(-1, 1) * f[a]
+                path[a] -= moved
+                path[generator.choice(beside[a])] += moved
+    return change
