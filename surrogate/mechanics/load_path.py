@@ -5,9 +5,9 @@ r"""Load paths: how an equilibrium changes with its load, to second order.
     u_2 = -\tfrac{1}{2} K(u)^{-1} \big(K'(u)[u_1] \, u_1\big)
 
 The second coefficient is a simplified Newton step: with a small h,
-:math:`h^2 u_2 ≈ -K(u)^{-1} \big(r(u + h u_1, f + h Δf) - r(u, f)\big)`. So K paths through a
-solved sample take one factorisation, 2 K solves with it, and K + 1 evaluations of the forces. A
-third coefficient is about :math:`‖u_2‖^2 / ‖u_1‖`; a path ends where it counts.
+:math:`h^2 u_2 ≈ -K(u)^{-1} \big(r(u + h u_1, f + h Δf) - r(u, f)\big)`. One more such
+step from the end of a path, t = 1, estimates the remainder there; a path ends where it counts. So K
+paths through a solved sample take one factorisation, and 3 K solves with it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.equilibrium import Equilibrium, norms
 
 Array = NDArray[np.float64]
-SMALL = 0.01  # h
-REMAINDER = 1e-3  # largest third coefficient, relative to ‖u‖
+SMALL, TINY = 0.001, float(np.finfo(np.float64).tiny)  # h, and no division by zero
+REMAINDER = 1e-4  # largest one, relative to ‖u‖
+HALVINGS = 10  # of a path on which cells are inverted
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,18 @@ class LoadPaths:
     first: Array
     second: Array
 
+    def shortened(self, s: Array) -> LoadPaths:
+        """Return the parts of the paths up to t = s, (K,), with s as their new end."""
+        s = s[:, None, None]
+        scaled = s * self.change, s * self.first, s**2 * self.second
+        return LoadPaths(*(np.where(s > 0, field, 0.0) for field in scaled))
+
 
 def follow(equilibrium: Equilibrium, u: Array, f: Array, change: Array) -> LoadPaths:
     """Follow the equilibrium of a body along changes of its load.
 
-    A change is shortened so that the third coefficient is at most 1e-3 ‖u‖. All paths are points
-    where the equilibrium is not stable, or cells are inverted near it.
+    Paths are shortened so that their remainder is about 1e-4 ‖u‖ at most. They have no length
+    where the equilibrium is not stable.
 
     Parameters
     ----------
@@ -62,17 +69,30 @@ def follow(equilibrium: Equilibrium, u: Array, f: Array, change: Array) -> LoadP
     respond = equilibrium.response_at(u)
     if respond is None:
         return nothing
-    first = respond(change)
-    near = u + SMALL * first
-    if equilibrium.inverted(near).any():
-        return nothing
     here = equilibrium.out_of_balance(u[None], f[None])
-    there = equilibrium.out_of_balance(near, f + SMALL * change)
-    second = -respond(there - here) / SMALL**2
-    third = norms(second) ** 2 / np.maximum(norms(first), np.finfo(float).tiny)
-    most = REMAINDER * np.linalg.norm(u)
-    s = np.minimum(1.0, np.cbrt(most / np.maximum(third, np.finfo(float).tiny)))[:, None, None]
-    return LoadPaths(s * change, s * first, s**2 * second)
+
+    def newton_steps(step: Array, change: Array) -> Array:
+        return -respond(equilibrium.out_of_balance(u + step, f + change) - here)
+
+    first = respond(change)
+    paths = LoadPaths(change, first, newton_steps(SMALL * first, SMALL * change) / SMALL**2)
+    paths = paths.shortened(_reach(equilibrium, u, paths))
+    remainder = norms(newton_steps(paths.first + paths.second, paths.change))
+    wanted = REMAINDER * np.linalg.norm(u)
+    return paths.shortened(np.minimum(1, np.cbrt(wanted / np.maximum(remainder, TINY))))
+
+
+def _reach(equilibrium: Equilibrium, u: Array, paths: LoadPaths) -> Array:
+    """Largest t = 1, 1/2, 1/4, … of every path at which no cell is inverted; 0 if there is none."""
+    t = np.ones(len(paths.change))
+    for _ in range(HALVINGS):
+        s = t[:, None, None]
+        bad = equilibrium.inverted(u + s * paths.first + s**2 * paths.second) > 0
+        if not bad.any():
+            return t
+        t[bad] /= 2
+    t[bad] = 0
+    return t
 
 
 def neighbours(geometry: Geometry) -> list[NDArray[np.int64]]:
