@@ -173,7 +173,7 @@ def _add_studies(parser: argparse.ArgumentParser) -> None:
         "--scale",
         default="laptop",
         metavar="NAME",
-        help="smoke, laptop, paper (reproduction only), or a YAML file",
+        help="smoke, laptop, paper (reproduction) or day (beyond), or a YAML file",
     )
     parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
     parser.add_argument("--runs", type=Path, default=Path("runs"), metavar="DIR", help="networks")
