@@ -36,7 +36,7 @@ MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint clean debian-packages \
-	images compose-demo test-images test-debian test-datagen test-surrogate
+	docs images compose-demo test-images test-debian test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -58,11 +58,12 @@ train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the data of C
 	$(SURROGATE) train $(CASE)-$(MODEL)-$(RECIPE) --data $(DATA)/structured --out $(RUN)
 
 evaluate: train ## evaluate the run on the test split and draw its figures
-	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured
+	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured $(CERTIFY)
 
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
 
+shelve: CERTIFY = --certify
 shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE
 	$(SURROGATE) shelve $(RUN) $(CASE)
 
@@ -80,13 +81,19 @@ test-datagen: setup
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
 test-surrogate: setup
-	.venv-surrogate/bin/python $(PYTEST) tests/end_to_end tests/surrogate tests/shared_schema \
-		tests/docker $(T)
+	.venv-surrogate/bin/python $(PYTEST) tests/end_to_end tests/documentation tests/surrogate \
+		tests/shared_schema tests/docker $(T)
 
 lint: .venv-surrogate/.installed ## check style and types
 	.venv-surrogate/bin/ruff format --check .
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
+
+docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links
+	.venv-datagen/bin/python -m website.reference datagen
+	.venv-surrogate/bin/python -m website.reference surrogate
+	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --config-file website/mkdocs.yml
+	@echo "open build/site/index.html; with search: python3 -m http.server --directory build/site"
 
 images: ## build the container images with Docker
 	REVISION=$$(git rev-parse HEAD) $(COMPOSE) build
@@ -103,7 +110,7 @@ test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trix
 		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
-	rm -rf .venv-datagen .venv-surrogate data runs build
+	rm -rf .venv-datagen .venv-surrogate .venv-docs data runs build
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
 
 # --- environments -----------------------------------------------------------------------------
@@ -138,4 +145,10 @@ debian-packages:
 	.venv-surrogate/bin/pip install -q '$(TORCH)'
 	.venv-surrogate/bin/pip install -q -e shared_schema -e 'surrogate[test,export]'
 	.venv-surrogate/bin/pip install -q --no-deps 'bayesian-torch==0.5.*' # needs PyTorch only
+	touch $@
+
+.venv-docs/.installed: website/requirements.txt | debian-packages
+	rm -rf .venv-docs
+	$(DEBIAN_PYTHON) -m venv .venv-docs
+	.venv-docs/bin/pip install -q -r website/requirements.txt
 	touch $@

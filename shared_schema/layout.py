@@ -1,4 +1,4 @@
-"""Layout of a shard: one annotated tree for each kind of dataset, and one for the stiffness.
+"""Layout of a shard: one annotated tree for each kind of dataset, for stiffness and load cases.
 
 Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
@@ -20,7 +20,7 @@ SCHEMA_VERSION = 1
 NO_NODE = -1  # in place of a node number: padding of loaded nodes, a grid point without value
 
 Kind = Literal["nodal", "structured"]  # of datasets
-FileKind = Literal["nodal", "structured", "stiffness"]
+FileKind = Literal["nodal", "structured", "stiffness", "loads"]
 Arrays = dict[str, NDArray[Any]]  # of a shard, by path
 
 
@@ -215,10 +215,29 @@ STIFFNESS = (
     ),
 )
 
+LOADS = (
+    MESH[0],
+    ArrayLayout(
+        "loads/loaded_nodes",
+        "int64",
+        ("sample", "load"),
+        "1",
+        "loaded nodes of every load case, padded with -1",
+    ),
+    ArrayLayout(
+        "loads/force",
+        "float64",
+        ("sample", "load", "dim"),
+        "N",
+        "force vector at each loaded node, padded with 0",
+    ),
+)
+
 LAYOUTS: dict[FileKind, tuple[ArrayLayout, ...]] = {
     "nodal": NODAL,
     "structured": STRUCTURED,
     "stiffness": STIFFNESS,
+    "loads": LOADS,
 }
 SHARD_ATTRIBUTES = ("schema_version", "kind", "case_digest", "cell_type")
 

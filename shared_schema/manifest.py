@@ -17,6 +17,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.layout import SCHEMA_VERSION, Kind
+from shared_schema.unfinished import find_unfinished
 
 MANIFEST = "manifest.json"
 UNITS = {"length": "m", "force": "N", "stress": "Pa", "time": "s"}
@@ -251,10 +252,16 @@ def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
     Raises
     ------
     InputError
-        If the folder or its manifest is missing, damaged, or of another kind.
+        If the folder or its manifest is missing, unfinished, damaged, or of another kind.
     """
     path = folder / MANIFEST
     if not path.is_file():
+        unfinished = find_unfinished(folder)
+        if unfinished is not None:
+            raise InputError(
+                f"{folder}: unfinished, {unfinished.finished} of {unfinished.shards} shards; "
+                f"{unfinished.how_to_go_on}"
+            )
         what = "no such dataset" if not folder.is_dir() else f"no {MANIFEST} in it"
         raise InputError(f"{folder}: {what}; expected a dataset made by datagen")
     try:

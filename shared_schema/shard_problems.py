@@ -25,7 +25,7 @@ def array_problems(
 
     Parameters
     ----------
-    kind : {"nodal", "structured", "stiffness"}
+    kind : {"nodal", "structured", "stiffness", "loads"}
     arrays : mapping of str to array
     lengths : dict
         Known lengths of axes (see `shared_schema.layout.shape_problem`); new ones are added.

@@ -44,7 +44,7 @@ def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None
     Parameters
     ----------
     path : Path
-    kind : {"nodal", "structured", "stiffness"}
+    kind : {"nodal", "structured", "stiffness", "loads"}
     names : collection of str, optional
         Paths of the datasets to read; all by default.
 

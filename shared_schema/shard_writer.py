@@ -28,7 +28,7 @@ def write_shard(
     ----------
     path : Path
         Path of the shard.
-    kind : {"nodal", "structured", "stiffness"}
+    kind : {"nodal", "structured", "stiffness", "loads"}
     arrays : mapping of str to array
         Every dataset of the kind's layout, by path, of the layout's shape and type.
     case_digest : str

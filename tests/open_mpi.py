@@ -1,10 +1,13 @@
 """Settings of Open MPI 4 and 5 by variables; their options differ, and each ignores the other's.
 
 They are those of the Makefile, for runs as root, with more ranks than cores, and without mpirun's
-own words about programs that fail (Open MPI 5 has no way to leave these out).
+own words about programs that fail. Open MPI 5 has no way to leave these out: see
+`without_launcher`.
 """
 
 from __future__ import annotations
+
+import re
 
 SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -17,3 +20,9 @@ SETTINGS = {
 }
 # Beginnings of the variables by which Open MPI tells a process to which run it belongs.
 OF_A_RUN = ("OMPI_", "OPAL_", "ORTE_", "PMIX_", "PRTE_")
+RULE = "-{60,}\n"
+
+
+def without_launcher(said: str) -> str:
+    """What a program said to stderr, without the remarks of Open MPI 5 between its rules."""
+    return re.sub(f"{RULE}.*?{RULE}", "", said, flags=re.DOTALL).strip("\0")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.regions import Region
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
+from shared_schema.load_cases import read_load_cases
 from shared_schema.manifest import digest_of
 from shared_schema.material import NeoHookean, Volumetric
 
@@ -27,13 +30,19 @@ class Case(Frozen):
     Attributes
     ----------
     name : str
+        Name of the case; configurations of networks name it too.
     mesh : Box, LShape or MeshFile
+        Geometry and its mesh.
     material : NeoHookean
+        Material of the whole body.
     supports : tuple of Region
         Regions whose nodes are clamped.
     load : LoadFamily
+        Family of loads, of which every sample draws one.
     solver : SolverSettings
+        Newton's method, linear solver and load stepping.
     dataset : DatasetSettings
+        Number of samples, seed, shards and split.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
@@ -64,6 +73,8 @@ def read_case(
     volumetric: Volumetric | None = None,
     samples: int | None = None,
     trust: bool = False,
+    changes: Sequence[str] = (),
+    loads: Path | None = None,
 ) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
 
@@ -79,20 +90,34 @@ def read_case(
         Replaces the number of samples.
     trust : bool
         Allow a gmsh script of the case to run programs and to write files.
+    changes : sequence of str
+        New values of keys, such as ``material.young_modulus=1e3`` (`changed`).
+    loads : Path, optional
+        File of load cases, all of which are solved instead of those that the case's family draws.
+        Their nodes must lie in the region of that family.
 
     Raises
     ------
     InputError
         If there is no such case, or a key or value in it is wrong.
     """
-    content, source = read_named(name, SHIPPED, "case")
+    content, file = read_named(name, SHIPPED, "case")
+    content, source = changed(content, changes), source_of(file, changes)
     for section, key, value in (
         ("material", "volumetric", volumetric),
         ("dataset", "samples", samples),
     ):
         if value is not None and isinstance(content.get(section), dict):
-            content[section][key] = value
-    folder = Path(source).parent
+            content = {**content, section: {**content[section], key: value}}
+    folder = Path(file).parent
+    if loads is not None:
+        count = len(read_load_cases(loads))
+        if samples is not None:
+            raise InputError(f"--samples {samples}: --loads '{loads}' has {count}, expected one")
+        region = content["load"].get("region") if isinstance(content.get("load"), dict) else None
+        given = {"family": "given", "file": str(loads.resolve()), "region": region}
+        dataset = {**dict(content.get("dataset") or {}), "samples": count}
+        content = {**content, "load": given, "dataset": dataset}
     case = validate(Case, content, source, context=folder)
     if isinstance(case.mesh, MeshFile):
         try:

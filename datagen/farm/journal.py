@@ -37,8 +37,8 @@ from shared_schema.manifest import (
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
+from shared_schema.unfinished import JOURNAL
 
-JOURNAL = ".journal"
 SAMPLES = "dataset.samples"
 FILES = (("mesh", "sha256", "path"), ("load", "family_sha256", "family"))  # with their checksums
 

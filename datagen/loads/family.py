@@ -31,6 +31,7 @@ SHIPPED = {
     "random_node": "datagen.loads.random_node:RandomNode",
     "random_nodes": "datagen.loads.random_nodes:RandomNodes",
     "each_node": "datagen.loads.each_node:EachNode",
+    "given": "datagen.loads.given:GivenLoads",
     "sweep": "datagen.loads.sweep:Sweep",
     "traction": "datagen.loads.traction:Traction",
     "traction_patch": "datagen.loads.traction_patch:TractionPatch",
@@ -174,6 +175,8 @@ def load_family(content: dict[str, Any], folder: Path | None = None) -> LoadFami
     if name in SHIPPED:
         if content.get("family_sha256") is not None:
             raise ValueError(f"key 'family_sha256': load family '{name}' is no file")
+        if folder is not None and isinstance(content.get("file"), str):
+            content = {**content, "file": str(folder / content["file"])}
         place, _, class_name = SHIPPED[name].rpartition(":")
         family = getattr(importlib.import_module(place), class_name)
     else:

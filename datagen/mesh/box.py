@@ -17,6 +17,7 @@ class Box(Transfinite):
     Attributes
     ----------
     kind : "box"
+        Kind of the geometry.
     lower, upper : tuple of d floats
         Opposite corners in m.
     elements : tuple of d ints

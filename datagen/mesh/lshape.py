@@ -53,8 +53,11 @@ class LShape(Transfinite):
     Attributes
     ----------
     kind : "lshape"
+        Kind of the geometry.
     arm : Arm
+        Horizontal part.
     block : Block
+        Upright part at the arm's end.
     """
 
     kind: Literal["lshape"] = "lshape"

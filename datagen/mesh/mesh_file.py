@@ -33,6 +33,7 @@ class MeshFile(Frozen):
     Attributes
     ----------
     kind : "file"
+        Kind of the geometry.
     path : str
         Path relative to the case file. gmsh meshes ``.geo`` and reads ``.msh``; meshio reads all
         other files.

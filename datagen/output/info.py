@@ -10,6 +10,7 @@ import numpy as np
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
+from shared_schema.unfinished import find_unfinished, growing
 
 Row = tuple[str, str]
 
@@ -27,6 +28,9 @@ def summary(folder: Path) -> str:
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
     rows += _nodal(reader) if reader.manifest.kind == "nodal" else _structured(reader.manifest)
+    growth = find_unfinished(folder)
+    if growth is not None:
+        rows.insert(2, ("unfinished", growing(growth)))
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 

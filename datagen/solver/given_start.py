@@ -7,10 +7,15 @@ Newton's method under the full load starts from the given displacement u if its 
 is below that of the undeformed body, which is 0. Its result is accepted if it converges to a state
 of still lower energy. In all other cases the load is stepped up from rest (`load_stepping`), so
 that a wrong displacement costs time and nothing else.
+
+From rest, multigrid goes on to a hundredth of the tolerance, and the last Krylov iterations often
+to much less. From a given displacement both stop at the tolerance, since it has few steps to make.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from zipfile import BadZipFile
@@ -24,6 +29,7 @@ from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 
 Array = NDArray[np.float64]
+KRYLOV = 0.3  # residual of the last Krylov iteration over the tolerance
 
 
 def solve_from(
@@ -54,7 +60,8 @@ def solve_from(
     problem.hold_supports()
     energy, iterations = problem.potential(), 0
     if energy < 0.0:
-        result = problem.solve(1.0)
+        with no_further_than(settings.tolerance, problem):
+            result = problem.solve(1.0)
         iterations = result.iterations
         if result.converged and problem.potential() <= energy:
             report = SolveReport(
@@ -70,6 +77,23 @@ def solve_from(
             return report, True
     report = solve_load_case(problem, nodes, forces, settings)
     return replace(report, newton_iterations=report.newton_iterations + iterations), False
+
+
+@contextmanager
+def no_further_than(tolerance: float, problem: EquilibriumProblem) -> Iterator[None]:
+    """Let Newton's method with multigrid stop at a tolerance in N, its Krylov iterations below."""
+    if problem.is_direct:
+        yield
+        return
+    snes, ksp = problem.snes, problem.snes.getKSP()
+    newton, krylov = snes.getTolerances(), ksp.getTolerances()
+    snes.setTolerances(atol=tolerance)
+    ksp.setTolerances(atol=KRYLOV * tolerance)
+    try:
+        yield
+    finally:
+        snes.setTolerances(*newton)
+        ksp.setTolerances(*krylov)
 
 
 def read_start(path: Path, coordinates: Array) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from datagen.dolfinx_versions import evaluate, point_expression
+from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
 from datagen.solver.element_loop import ElementLoop
 from datagen.solver.material import deformation_gradient
-from datagen.solver.weak_form import COMPILER_OPTIONS, QUADRATURE_DEGREE
+from datagen.solver.weak_form import QUADRATURE_DEGREE
 
 
 class MinimumJ:

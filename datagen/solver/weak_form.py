@@ -24,11 +24,10 @@ import dolfinx
 import ufl
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import form
+from datagen.dolfinx_versions import COMPILER_OPTIONS, form
 from datagen.solver.material import deformation_gradient, strain_energy
 from shared_schema.material import NeoHookean
 
-COMPILER_OPTIONS = {"cffi_extra_compile_args": ["-O3"]}  # no -ffast-math: NaN must stay NaN
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
 
 

@@ -6,8 +6,10 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable
-from typing import TypeAlias
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 from tqdm import tqdm
 
@@ -23,6 +25,11 @@ from shared_schema.common.errors import (
     first_line,
 )
 
+SHELLS = ("bash", "zsh")
+COMPLETE = {  # function that completes names and paths: its name, the names
+    "bash": '{0}() {{ compgen -W "{1}" -- "$1"; compgen -f -- "$1"; }}',
+    "zsh": "{0}() {{ compadd -- {1}; _files }}",
+}
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
 Parser: TypeAlias = argparse.ArgumentParser
 Commands: TypeAlias = (
@@ -30,15 +37,101 @@ Commands: TypeAlias = (
 )
 
 
-def make_parser(program: str, description: str, version: str) -> tuple[Parser, Commands]:
-    """Make the parser of a program, and the object to which its commands are added."""
+def make_parser(
+    program: str,
+    description: str,
+    version: str,
+    names: Mapping[str, Callable[[], Iterable[str]]] = MappingProxyType({}),
+) -> tuple[Parser, Commands]:
+    """Make the parser of a program, and the object to which its commands are added.
+
+    Parameters
+    ----------
+    program, description, version : str
+    names : mapping of str to callable
+        Functions that list names which an argument takes beside paths, by the argument's name in
+        the parsed options; for completion in a shell.
+    """
     parser = argparse.ArgumentParser(
         prog=program,
         description=description,
         epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong, 3 not certified.",
     )
     parser.add_argument("--version", action="version", version=f"{program} {version}")
+    parser.add_argument(
+        "--print-completion",
+        action=_PrintCompletion,
+        choices=SHELLS,
+        names=names,
+        help="print the script that completes commands and names in a shell",
+    )
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
+
+
+class _PrintCompletion(argparse.Action):
+    """Print the completion script of a shell, made by shtab, and end."""
+
+    def __init__(self, names: Mapping[str, Callable[[], Iterable[str]]], **options: Any) -> None:
+        super().__init__(**options)
+        self.names = names
+
+    def __call__(self, parser: Parser, namespace: Any, values: Any, option: Any = None) -> None:
+        try:
+            import shtab
+        except ImportError:
+            parser.error(f"argument {option}: expected the package shtab, which is not installed")
+        lines = []
+        for name, listed in self.names.items():
+            lines.append(COMPLETE[values].format(f"_{parser.prog}_{name}", " ".join(listed())))
+        for command in _commands_of(parser):
+            for action in command._actions:
+                if action.dest in self.names:
+                    action.complete = {values: f"_{parser.prog}_{action.dest}"}  # type: ignore[attr-defined]
+                elif action.type is Path:
+                    action.complete = shtab.FILE  # type: ignore[attr-defined]
+        print(shtab.complete(parser, values, preamble="\n".join(lines)))
+        parser.exit()
+
+
+def _commands_of(parser: Parser) -> Iterable[Parser]:
+    """Return the parsers of all commands of a program."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices.values()
+    return ()
+
+
+def add_command(commands: Commands, name: str, what: str, *examples: str) -> Parser:
+    """Add the parser of a command to those of its program.
+
+    Parameters
+    ----------
+    commands : Commands
+    name : str
+    what : str
+        What the command does, in one line.
+    examples : str
+        Command lines that show its use.
+    """
+    return commands.add_parser(
+        name,
+        help=what,
+        description=f"{what[:1].upper()}{what[1:]}.",
+        epilog="\n  ".join(["example:" if len(examples) == 1 else "examples:", *examples]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def add_set(parser: Parser, file: str, example: str) -> None:
+    """Add --set, which changes keys of the YAML file that the command reads."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="changes",
+        metavar="KEY=VALUE",
+        help=f"another value of a key of {file}, such as {example}; repeatable",
+    )
 
 
 def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:

@@ -42,6 +42,8 @@ class Dataset:
         The test split by nodes.
     stiffness : Stiffness or None
         Stiffness of the undeformed body without supports, if the dataset has it.
+    further_on_disk : tuple of SamplesOnDisk
+        Training splits of datasets that are joined to it; `train_in_memory` has them as well.
     """
 
     manifest: Manifest
@@ -51,6 +53,7 @@ class Dataset:
     test: Samples
     nodal_test: NodalSamples
     stiffness: Stiffness | None = None
+    further_on_disk: tuple[SamplesOnDisk, ...] = ()
 
     @property
     def train(self) -> Samples:
@@ -64,10 +67,18 @@ class Dataset:
         return self.train_on_disk if self.train_in_memory is None else self.train_in_memory
 
     def nodal_train(self, rows: Tensor) -> NodalSamples:
-        """Samples of the training split by nodes, given their rows."""
+        """Samples of the training split by nodes, given their rows, those of a part together."""
         if self.geometry.grid.points_are_nodes:
             return at_nodes(self.geometry.grid, self.training[rows])
-        return self.train_on_disk.at_nodes(rows)
+        parts, start = [], 0
+        for stored in (self.train_on_disk, *self.further_on_disk):
+            own = rows[(rows >= start) & (rows < start + len(stored))] - start
+            parts.append(stored.at_nodes(own))
+            start += len(stored)
+        return NodalSamples(
+            np.concatenate([part.force for part in parts]),
+            np.concatenate([part.displacement for part in parts]),
+        )
 
     @property
     def material(self) -> NeoHookean:

@@ -24,6 +24,7 @@ from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
+from surrogate.uncertainty.fast_certificate import FastCertificate, fit_fast_certificate
 from surrogate.uncertainty.intervals import Intervals, fit_intervals
 
 
@@ -46,6 +47,8 @@ class Evaluation:
         Predictions under other loads.
     intervals : Intervals or None
         Conformal intervals.
+    fast_certificate : FastCertificate or None
+        Calibrated bounds of single errors.
     content : dict
         All measures and their origin as plain data.
     """
@@ -58,6 +61,7 @@ class Evaluation:
     calibration: CalibrationMeasures | None
     extrapolation: Extrapolation | None
     intervals: Intervals | None = None
+    fast_certificate: FastCertificate | None = None
     content: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -86,6 +90,8 @@ class Evaluation:
         files = {run.evaluation: text.encode()}
         if self.intervals is not None:
             files[run.intervals] = self.intervals.serialised()
+        if self.fast_certificate is not None:
+            files[run.fast_certificate] = self.fast_certificate.serialised()
         return files
 
 
@@ -97,6 +103,7 @@ def evaluate(
     seed: int = 0,
     loads: Path | None = None,
     conformal: float | None = None,
+    certify: bool = False,
 ) -> Evaluation:
     """Evaluate a run on the test split of a dataset; nothing is written.
 
@@ -114,6 +121,9 @@ def evaluate(
     conformal : float, optional
         Level of conformal intervals, fitted to the run's calibration split and measured on the test
         split.
+    certify : bool
+        Calibrate the fast certificate on the run's held-out samples, and measure its coverage on
+        the test split and, not promised there, on the other loads.
 
     Raises
     ------
@@ -138,6 +148,7 @@ def evaluate(
     intervals = None
     if conformal is not None:
         intervals = fit_intervals(surrogate, dataset, conformal, passes, seed)
+    fast = fit_fast_certificate(surrogate, dataset, passes, seed) if certify else None
     distribution = surrogate.predict_distribution(force, passes, seed)
     evaluation = Evaluation(
         surrogate,
@@ -148,6 +159,7 @@ def evaluate(
         _calibration(surrogate, distribution, reference),
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
         intervals,
+        fast,
     )
     epochs, seconds = run.training_effort()
     content = evaluation.content
@@ -176,6 +188,12 @@ def evaluate(
         content["extrapolation"] = evaluation.extrapolation.plain()
     if intervals is not None:
         content["conformal"] = intervals.measures(surrogate, distribution, reference)
+    if fast is not None:
+        content["fast_certificate"] = fast.measures(force, distribution.mean, reference)
+        if evaluation.extrapolation is not None:
+            others, theirs = evaluation.extrapolation.samples, evaluation.extrapolation.predicted
+            measures = fast.measures(others.force, theirs.mean, others.displacement)
+            content["extrapolation"]["fast_certificate"] = measures
     return evaluation
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import logging
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,13 +56,17 @@ class NodalFunction(nn.Module):
         self.network = network
         self.passes = passes
 
-    def forward(self, force: Tensor) -> Fields:
-        """Predict fields in m from forces in N, each (N, n_nodes, d)."""
+    def forward(self, force: Tensor, response: Tensor | None = None) -> Fields:
+        """Predict fields in m from forces in N, each (N, n_nodes, d).
+
+        The linear response to the forces in m, of the same shape, is computed unless it is given.
+        """
         if self.passes is None and self.network.network.members == 1:
-            mean, std = self.network(force)
+            mean, std = self.network(force, 1, response)
             return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
         _, factor = self.network.factors(force)
-        moments = Moments.of(self.network(force, self.passes or 1)).scaled(factor)
+        passes = self.passes or 1
+        moments = Moments.of(self.network(force, passes, response)).scaled(factor)
         return {
             "displacement": moments.mean,
             "std": moments.std,
@@ -104,10 +108,29 @@ def export(
         The file is then removed.
     """
     require_suffix(path, (f".{kind}",))
-    _require_packages(kind)
+    require_packages(kind)
     if seed is not None and passes is None:
         raise InputError(f"--seed {seed}: expected beside --passes")
-    surrogate = load(run)
+    return export_network(load(run), kind, path, passes, seed)
+
+
+def export_network(
+    surrogate: Surrogate,
+    kind: Format,
+    path: Path,
+    passes: int | None = None,
+    seed: int | None = None,
+    response_given: bool = False,
+) -> float:
+    """Write a network as `export` does; the surrogate cannot be used afterwards.
+
+    Parameters
+    ----------
+    response_given : bool
+        The linear response to the forces, ``response`` in m, is a second input of the file, which
+        is then small for large bodies too. Networks without linear response have one input.
+    """
+    response_given = response_given and surrogate.network.linear is not None
     if passes is not None:
         surrogate.require_stochastic(passes=passes)
         require_passes(passes, seed or 0)
@@ -115,26 +138,30 @@ def export(
         require_memory(passes * drawn, f"--passes {passes}: the file")
         surrogate.passes.draw(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
-    _make_exportable(surrogate)
     function = NodalFunction(surrogate.nodal_network, passes)
-    force = random_loads(surrogate, 2)
+
+    def random_inputs(samples: int) -> tuple[Tensor, ...]:
+        force = random_loads(surrogate, samples)
+        return (force, responses(surrogate, force)) if response_given else (force,)
+
+    checked = [random_inputs(samples) for samples in CHECKED_BATCHES]
+    inputs = random_inputs(2)
+    names = ("force", "response")[: len(inputs)]
+    if not response_given:
+        _make_exportable(surrogate)
     with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
         try:
-            program = torch.export.export(
-                function, (force,), dynamic_shapes={"force": {0: Dim("samples")}}
-            )
+            shapes = tuple({0: Dim("samples")} for _ in inputs)
+            program = torch.export.export(function, inputs, dynamic_shapes=shapes)
             if kind == "onnx":
-                _save_onnx(program, list(function(force)), partial)
+                _save_onnx(program, names, list(function(*inputs)), partial)
             else:
                 _save_pt2(program, partial)
         except RuntimeError as error:
             reason = first_line(error)
             raise WorkError(f"{path}: {kind} cannot express this network ({reason})") from error
         exported = load_exported(partial)
-        difference = max(
-            largest_difference(exported(force), function(force))
-            for force in (random_loads(surrogate, samples) for samples in CHECKED_BATCHES)
-        )
+        difference = max(largest_difference(exported(*i), function(*i)) for i in checked)
         if not difference <= TOLERANCE:  # true for NaN as well
             raise WorkError(
                 f"{path}: differs from the network by {difference:.1e}, "
@@ -152,18 +179,21 @@ def _make_exportable(surrogate: Surrogate) -> None:
         linear.compliance = BlockSolve(linear.compliance)
 
 
-def load_exported(path: Path) -> Callable[[Tensor], Fields]:
+def load_exported(path: Path) -> Callable[..., Fields]:
     """Load an exported file as a user does; return a function of forces (samples, n_nodes, d)."""
     if path.suffix == ".pt2":
-        program: Callable[[Tensor], Fields] = torch.export.load(path).module()
+        program: Callable[..., Fields] = torch.export.load(path).module()
         return program
     import onnxruntime
 
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]
 
-    def run(force: Tensor) -> Fields:
-        outputs = session.run(names, {"force": force.numpy()})
+    def run(*inputs: Tensor) -> Fields:
+        fed = {
+            i.name: values.numpy() for i, values in zip(session.get_inputs(), inputs, strict=True)
+        }
+        outputs = session.run(names, fed)
         return {name: torch.from_numpy(o) for name, o in zip(names, outputs, strict=True)}
 
     return run
@@ -180,6 +210,13 @@ def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
     return torch.from_numpy(force)
 
 
+def responses(surrogate: Surrogate, force: Tensor) -> Tensor:
+    """Return the linear responses in m to forces in N, both (samples, n_nodes, d)."""
+    linear = surrogate.network.linear
+    assert isinstance(linear, LinearResponse)
+    return linear.at_nodes(surrogate.nodal_network.on_grid(force)).transpose(1, 2)
+
+
 def largest_difference(found: Fields, expected: Fields) -> float:
     """Return the largest difference of all fields, relative to the field's largest value."""
     if found.keys() != expected.keys():
@@ -191,7 +228,9 @@ def largest_difference(found: Fields, expected: Fields) -> float:
     return float(torch.stack(differences).max())
 
 
-def _save_onnx(program: ExportedProgram, outputs: list[str], path: Path) -> None:
+def _save_onnx(
+    program: ExportedProgram, inputs: Sequence[str], outputs: Sequence[str], path: Path
+) -> None:
     size = sum(t.nbytes for t in (*program.state_dict.values(), *program.tensor_constants.values()))
     if size > ONNX_LIMIT:
         raise InputError(
@@ -200,9 +239,9 @@ def _save_onnx(program: ExportedProgram, outputs: list[str], path: Path) -> None
         )
     converted = torch.onnx.export(
         program,
-        input_names=["force"],
-        output_names=outputs,
-        dynamic_shapes={"force": {0: "samples"}},
+        input_names=list(inputs),
+        output_names=list(outputs),
+        dynamic_shapes={name: {0: "samples"} for name in inputs},
         opset_version=ONNX_OPSET,
         external_data=False,
         verbose=False,
@@ -217,7 +256,8 @@ def _save_pt2(program: ExportedProgram, path: Path) -> None:
     path.write_bytes(buffer.getbuffer())
 
 
-def _require_packages(kind: Format) -> None:
+def require_packages(kind: Format) -> None:
+    """Raise InputError if a package that writes or checks such a file is missing."""
     missing = [name for name in ONNX_PACKAGES if kind == "onnx" and find_spec(name) is None]
     if missing:
         raise InputError(

@@ -75,8 +75,8 @@ class Certificate:
         if self.inverted:
             return f"{self.inverted} inverted elements, no estimate of the error"
         return (
-            f"estimated error {_length(float(self.mean_error))} in the mean, "
-            f"{_length(float(self.max_error))} at most, "
+            f"estimated error {millimetres(float(self.mean_error))} in the mean, "
+            f"{millimetres(float(self.max_error))} at most, "
             f"forces out of balance by {float(self.out_of_balance):.2g} of the load"
         )
 
@@ -85,7 +85,9 @@ class Certificate:
         if self.inverted:
             return f"{self.inverted} inverted elements"
         if not self.max_error <= tolerance:
-            return f"estimated error {_length(float(self.max_error))} > {_length(tolerance)}"
+            return (
+                f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
+            )
         return None if self.settled else "the estimate does not settle, no equilibrium is near"
 
 
@@ -147,5 +149,6 @@ def _ratio(part: Array, whole: Array) -> Array:
     return np.divide(part, whole, out=result, where=whole > 0)
 
 
-def _length(metres: float) -> str:
+def millimetres(metres: float) -> str:
+    """Write a length."""
     return f"{metres * 1e3:.3g} mm"

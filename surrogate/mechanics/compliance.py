@@ -1,6 +1,6 @@
 r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes that can move.
 
-K is assembled from mesh, supports and material, and factorised. A small body keeps K⁻¹ as a dense
+K and its factor are those of `surrogate.mechanics.equilibrium`. A small body keeps K⁻¹ as a dense
 matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved for: a
 load on a few nodes, met again, then costs a sum of a few columns.
 """
@@ -18,8 +18,8 @@ from torch.nn import functional
 
 from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.band_matrix import BandCholesky
+from surrogate.mechanics.equilibrium import Equilibrium
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 KEPT = 2**31  # bytes of all columns that may be kept
@@ -39,6 +39,8 @@ class Compliance(nn.Module):
 
     Attributes
     ----------
+    equilibrium : Equilibrium
+        Layout and factor of K are its own.
     free_nodes : Tensor of int, (n_free,)
         Nodes that can move.
     matrix : Tensor, (d · n_free, d · n_free)
@@ -58,17 +60,11 @@ class Compliance(nn.Module):
 
     def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
         super().__init__()
-        mesh = geometry.coordinates, geometry.cells
-        solid = Solid(*mesh, geometry.cell_type, material)
-        layout = BandLayout(*mesh, geometry.clamped)
-        nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
-        tangents = solid.cell_tangents(nothing)
-        factor = BandCholesky.of(layout.assembled(tangents)[0])
-        if factor is None:
-            raise ValueError("the stiffness of the body is singular; supports are missing")
-        self.factor: BandCholesky | None = factor
+        self.equilibrium = Equilibrium(geometry, material)
+        self.factor: BandCholesky | None = self.equilibrium.undeformed
+        dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
-        nodes, components = np.divmod(layout.dofs, geometry.dimension)
+        nodes, components = np.divmod(dofs, geometry.dimension)
         self.order = components * len(free) + np.searchsorted(free, nodes)
         self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
         matrix = torch.empty(0)
@@ -76,7 +72,9 @@ class Compliance(nn.Module):
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).float()
             self.factor = None
         else:
-            self.stiffness = assembled(tangents[0].numpy(), geometry, layout.dofs)
+            nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
+            tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
+            self.stiffness = assembled(tangents, geometry, dofs)
         self.register_buffer("matrix", matrix, persistent=False)
         self._columns: NDArray[np.float32] | None = None
         self._is_kept = np.zeros(self.size, dtype=bool)

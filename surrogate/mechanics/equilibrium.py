@@ -74,6 +74,8 @@ class Equilibrium:
     Attributes
     ----------
     solid : Solid
+    layout : BandLayout
+        Order of the free degrees of freedom in the band of K.
     free : array of bool, (n_nodes,)
         Nodes that are not clamped.
     rounding : float
@@ -87,8 +89,8 @@ class Equilibrium:
         moduli = material.lame_lambda + material.lame_mu
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self._size = geometry.coordinates.size
-        self._layout = BandLayout(*body, geometry.clamped)
-        per_sample = len(self._layout.dofs) * (self._layout.width + 1)
+        self.layout = BandLayout(*body, geometry.clamped)
+        per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
 
@@ -130,7 +132,7 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
-        return self._response(self._undeformed, f)
+        return self._response(self.undeformed, f)
 
     def response_at(self, u: Array) -> Callable[[Array], Array] | None:
         """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
@@ -143,15 +145,17 @@ class Equilibrium:
 
     def _response(self, factor: BandCholesky, f: Array) -> Array:
         response = np.zeros((len(f), self._size))
-        forces = f.reshape(response.shape)[:, self._layout.dofs]
-        response[:, self._layout.dofs] = factor.solve(forces.T).T
+        forces = f.reshape(response.shape)[:, self.layout.dofs]
+        response[:, self.layout.dofs] = factor.solve(forces.T).T
         return response.reshape(f.shape)
 
     @cached_property
-    def _undeformed(self) -> BandCholesky:
+    def undeformed(self) -> BandCholesky:
+        """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
         rest = np.zeros((1, len(self.free), self._size // len(self.free)))
         factor = BandCholesky.of(self._bands(rest)[0])
-        assert factor is not None, "the supports do not hold the body"
+        if factor is None:
+            raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
 
     def _factors(self, u: Array) -> list[tuple[BandCholesky, bool]]:
@@ -167,16 +171,11 @@ class Equilibrium:
         flat = r.reshape(len(r), self._size)
         found = np.zeros_like(flat)
         for row, factor in enumerate(factors):
-            found[row, self._layout.dofs] = -factor.solve(flat[row, self._layout.dofs])
+            found[row, self.layout.dofs] = -factor.solve(flat[row, self.layout.dofs])
         return found.reshape(r.shape)
 
-    def energy_norm(self, r: Array) -> Array:
-        """√(r · K(0)⁻¹ r) in √J, (N,): the size of out-of-balance forces, by one kept factor."""
-        work: Array = (r * self.linear_response(r)).sum((1, 2))
-        return np.sqrt(np.maximum(work, 0.0))
-
     def _bands(self, u: Array) -> Array:
-        return self._layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
+        return self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
 
     def _shifted(self, u: Array) -> BandCholesky:
         """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
@@ -187,7 +186,7 @@ class Equilibrium:
             if factor is not None:
                 return factor
             shift *= SHIFT_GROWTH
-        return self._undeformed
+        return self.undeformed
 
 
 def norms(fields: Array) -> Array:

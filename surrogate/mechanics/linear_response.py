@@ -89,14 +89,20 @@ class LinearResponse(nn.Module):
             ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j; no channels without `gradient`.
         """
         with torch.autocast(force.device.type, enabled=False):
-            free = self.compliance.free_nodes
-            at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
-            u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-            nodal = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
-            gradients = [operator(nodal) / self.gradient_rms for operator in self.derivatives]
-            fields = torch.cat([nodal, *gradients], dim=1)
-            grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
-        d = force.shape[1]
+            return self.on_grid(self.at_nodes(force))
+
+    def at_nodes(self, force: Tensor) -> Tensor:
+        """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
+        free = self.compliance.free_nodes
+        at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
+        u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
+        return u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+
+    def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
+        d, gradients = nodal.shape[1], [of(nodal) / self.gradient_rms for of in self.derivatives]
+        fields = torch.cat([nodal, *gradients], dim=1)
+        grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
         return grid[:, :d], grid[:, d:]
 
 

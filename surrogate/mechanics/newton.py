@@ -76,6 +76,13 @@ def correct(
     """
     f = forces[None]
     start, u = safest_start(equilibrium, f, predicted[None])
+    return iterated(equilibrium, f, u, start, tolerance)
+
+
+def iterated(
+    equilibrium: Equilibrium, f: Array, u: Array, start: str, tolerance: float = TOLERANCE
+) -> Correction:
+    """Iterate from a start without inverted cells, f and u (1, n_nodes, d); WorkError as above."""
     r = equilibrium.out_of_balance(u, f)
     for iteration in range(ITERATIONS + 1):
         norm = float(np.linalg.norm(r))

@@ -44,6 +44,7 @@ class Model(Frozen, ABC):
     Attributes
     ----------
     name : str
+        Name of the configuration, for reports and messages.
     case : str
         Name of the case whose dataset the run is for.
     recipe : {"paper", "fast", "custom"}

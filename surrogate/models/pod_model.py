@@ -35,6 +35,7 @@ class PODModel(Model):
     Attributes
     ----------
     pod : PODConfig
+        Modes, and the regression of their coefficients.
     """
 
     title = "POD regression"

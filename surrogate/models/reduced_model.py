@@ -39,6 +39,7 @@ class ReducedModel(NetworkModel):
     Attributes
     ----------
     network : ReducedConfig
+        Numbers of modes, and the dense network between them.
     """
 
     title = "reduced network"
@@ -113,9 +114,13 @@ class ReducedModel(NetworkModel):
 class DeterministicReduced(Deterministic, ReducedModel):
     """Reduced networks that predict displacements; ensembles add standard deviations."""
 
+    model: Literal["reduced"]
+
 
 class MaximumLikelihoodReduced(MaximumLikelihood, ReducedModel):
     """Reduced networks that predict means and standard deviations of the coefficients."""
+
+    model: Literal["reduced"]
 
 
 class BayesianReduced(Bayesian, ReducedModel):
@@ -127,6 +132,7 @@ class BayesianReduced(Bayesian, ReducedModel):
         Random layers and their priors.
     """
 
+    model: Literal["reduced"]
     variational: VariationalLayers
 
     @model_validator(mode="after")

@@ -60,9 +60,13 @@ class TrainingConfig(SplitConfig, ABC):
         sample's equilibrium to second order in a change of its load (`surrogate.mechanics
         .load_path`). They are computed at the first training and kept beside the dataset.
     epochs : int
+        Number of times that the training goes through all samples.
     batch_size : int
+        Number of samples of a step.
     optimiser : OptimiserConfig
+        Optimiser and its learning rate.
     schedule : ScheduleConfig
+        Learning rate over the steps of the training.
     early_stopping : EarlyStoppingConfig, optional
         Early stopping; the model is then that of the epoch with the smallest validation loss.
     ema : float, optional
@@ -81,7 +85,7 @@ class TrainingConfig(SplitConfig, ABC):
         samples are read from their shards in every epoch, in an order that is random within a
         window (`surrogate.data.samples_on_disk`); the dataset may be larger than the memory.
     checkpoint_seconds : float
-        Time between two checkpoints; one is always written at the end.
+        Time in s between two checkpoints; one is always written at the end.
     """
 
     mirrors: tuple[Literal["x", "y", "z"], ...] = Field((), max_length=3)

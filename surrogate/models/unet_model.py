@@ -35,6 +35,7 @@ class UNetModel(NetworkModel):
     Attributes
     ----------
     network : UNetConfig
+        Architecture of the U-Net.
     """
 
     title = "U-Net"

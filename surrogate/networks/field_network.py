@@ -126,7 +126,7 @@ class FieldNetwork(nn.Module):
         inner = getattr(self.network, "dense", self.network)
         return len(inner.members) if isinstance(inner, Ensemble) else 1
 
-    def forward(self, force: Tensor, passes: int = 1) -> Prediction:
+    def forward(self, force: Tensor, passes: int = 1, response: Tensor | None = None) -> Prediction:
         """Predict displacements in m from forces in N, for each of some drawn passes.
 
         Parameters
@@ -135,13 +135,15 @@ class FieldNetwork(nn.Module):
             In N.
         passes : int
             Number of drawn passes T.
+        response : Tensor, (N, d, n_nodes), optional
+            The linear response at the nodes in m, if it is known; otherwise it is computed.
 
         Returns
         -------
         Prediction
             Fields (K·T·N, d, nx, ny[, nz]) in m.
         """
-        inputs, linear = self.inputs_of(force)
+        inputs, linear = self.inputs_of(force, response)
         ones = (1,) * (force.ndim - 1)
         mean, std = self.learned(inputs.repeat(passes, *ones) if passes > 1 else inputs)
         if linear is not None:
@@ -166,11 +168,14 @@ class FieldNetwork(nn.Module):
         """Scale the inputs of `learned` for the network; those of a linear response are already."""
         return inputs / self.force_scale if self.linear is None else inputs
 
-    def inputs_of(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
+    def inputs_of(
+        self, force: Tensor, response: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
         """Inputs of `learned`, and the linear response that its output is added to."""
         if self.linear is None:
             return force, None
-        displacement, gradient = self.linear(force)
+        known = response is not None
+        displacement, gradient = self.linear.on_grid(response) if known else self.linear(force)
         fields = {"force": force / self.force_scale, "linear_gradient": gradient}
         inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
         return inputs, displacement if self.skip else None

@@ -31,7 +31,7 @@ class NodalNetwork(nn.Module):
         count = int(np.prod(grid.shape))
         self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
 
-    def forward(self, force: Tensor, passes: int = 1) -> Prediction:
+    def forward(self, force: Tensor, passes: int = 1, response: Tensor | None = None) -> Prediction:
         """Predict with one pass, or with several drawn passes (`probabilistic.stochastic_passes`).
 
         Parameters
@@ -40,13 +40,16 @@ class NodalNetwork(nn.Module):
             Nodal forces in newtons.
         passes : int
             Number of drawn passes T.
+        response : Tensor, (N, n_nodes, d), optional
+            The linear response to these forces in m, if it is known; otherwise it is computed.
 
         Returns
         -------
         Prediction
             Fields (K·T, N, n_nodes, d) in m; K is the number of members of the ensemble.
         """
-        mean, std = self.network(self.on_grid(force), passes)
+        by_component = None if response is None else response.transpose(1, 2)
+        mean, std = self.network(self.on_grid(force), passes, by_component)
 
         def at_nodes(field: Tensor) -> Tensor:
             nodal: Tensor = self.to_nodes(field.flatten(2)).transpose(1, 2)

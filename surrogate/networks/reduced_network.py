@@ -61,6 +61,7 @@ class ReducedConfig(Frozen):
     width, depth : int
         Width and number of the hidden layers.
     activation : {"relu", "gelu", "silu"}
+        Function after every layer but the last.
     """
 
     input_modes: int = Field(48, ge=1, le=10**4)

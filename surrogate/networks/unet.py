@@ -56,7 +56,9 @@ class UNetConfig(Frozen):
     padding : int
         Number of rows of zeros around the grid on every side.
     activation : {"relu", "gelu", "silu"}
+        Function after every convolution but the last.
     batch_norm : bool
+        Normalise every convolution's output over the batch.
     inputs : tuple of {"force", "linear_gradient"}
         Input channels of the first convolution: the d components of the force, as in the paper, and
         the d² components of the displacement gradient of the linear response K⁻¹ f.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from shared_schema.common.text_table import laid_out
 from surrogate.data.geometry import PREFIX
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run, shelved, size_of
@@ -47,9 +48,4 @@ def row_of(name: str) -> Row:
 def trained_list() -> str:
     """Lay out the table, one line a network."""
     rows = [HEAD, *map(row_of, shelved())]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    )
-    return "\n".join(line.rstrip() for line in lines)
+    return laid_out(rows)

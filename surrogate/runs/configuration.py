@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag, TypeAdapter
 
+from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import read_named, validate
 from surrogate.models.linear_model import LinearModel
 from surrogate.models.model import Model
@@ -67,16 +68,25 @@ KINDS: dict[str, type[Model]] = {
 ADAPTER: TypeAdapter[RunConfig] = TypeAdapter(RunConfig)
 
 
-def read_config(name: str) -> Model:
+def read_config(name: str, changes: Sequence[str] = ()) -> Model:
     """Read a configuration from a YAML file, or a shipped one by its name.
+
+    Parameters
+    ----------
+    name : str
+    changes : sequence of str
+        New values of keys, such as ``training.epochs=20`` (`changed`). With any, `recipe` is
+        ``custom``.
 
     Raises
     ------
     InputError
         If there is no such configuration, or one of its keys or values is wrong.
     """
-    content, source = read_named(name, SHIPPED, "config")
-    return run_config(content, source)
+    content, file = read_named(name, SHIPPED, "config")
+    if changes:
+        content = changed({**content, "recipe": "custom"}, changes)
+    return run_config(content, source_of(file, changes))
 
 
 def run_config(content: Any, source: str = "config") -> Model:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
@@ -13,7 +13,7 @@ from shared_schema.manifest import StructuredInfo
 from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
-from surrogate.models.model import Model
+from surrogate.models.model import Model, TrainedModel
 from surrogate.runs.configuration import KINDS, RunConfig, tag_of
 from surrogate.runs.legacy import upgraded
 
@@ -66,6 +66,25 @@ class Origin(Frozen):
     weights: str
 
 
+class Refinement(Frozen):
+    """Training without solutions, after that on a dataset (`surrogate refine`).
+
+    Attributes
+    ----------
+    family : str
+        Random loads, as `surrogate.data.random_loads` reads them.
+    steps : int
+    learning_rate : float
+        That of the first step; it falls linearly to zero.
+    seed : int
+    """
+
+    family: str
+    steps: int = Field(ge=1, le=10**9)
+    learning_rate: float = Field(gt=0, le=10)
+    seed: int = Field(0, ge=0, le=2**63 - 1)
+
+
 class RunDescription(Frozen):
     """Content of ``config.yaml``.
 
@@ -77,19 +96,45 @@ class RunDescription(Frozen):
     data : DataFingerprint
     start_from : Origin or None
         Run whose weights the training starts from; absent from the file if there is none.
+    went_on_from : tuple of int
+        Numbers of epochs after which the training had ended before it went on with more; absent
+        from the file if it never did.
+    refined : Refinement or None
+        Absent from the file if there is none; otherwise configuration and dataset are those of the
+        run before.
     """
 
     version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
     start_from: Origin | None = None
+    went_on_from: tuple[int, ...] = ()
+    refined: Refinement | None = None
 
     @model_serializer(mode="wrap")
-    def _without_absent_origin(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_absent_parts(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         content: dict[str, Any] = handler(self)
-        if self.start_from is None:
-            del content["start_from"]
+        for name in ("start_from", "refined"):
+            if content[name] is None:
+                del content[name]
+        if not self.went_on_from:
+            del content["went_on_from"]
         return content
+
+    @property
+    def epochs(self) -> int | None:
+        """Number of epochs of the training; None for a model that is fitted directly."""
+        return self.run.training.epochs if isinstance(self.run, TrainedModel) else None
+
+    def with_epochs(self, epochs: int | None) -> RunDescription:
+        """Return the same description with another number of epochs."""
+        training = self.run.training.model_copy(update={"epochs": epochs})
+        run = self.run.model_copy(update={"training": training})
+        return self.model_copy(update={"run": run})
+
+    def having_gone_on_from(self, epochs: Sequence[int]) -> RunDescription:
+        """Return the same description with a record of how the training went on."""
+        return self.model_copy(update={"went_on_from": tuple(epochs)})
 
     def as_before_loads(self) -> RunDescription:
         """Return the same description without `data.loads`, as older files have it."""

@@ -9,6 +9,7 @@
     hardware.txt        name of the hardware of the training
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
+    fast_certificate.safetensors   calibrated ratios (with `evaluate --certify`)
     figures/            figures
     checkpoint/         last.safetensors, to resume from, with its own checksum
     tensorboard/        event files of TensorBoard (with `train --tensorboard`)
@@ -51,6 +52,7 @@ class RunFolder:
         self.hardware = folder / "hardware.txt"
         self.evaluation = folder / "evaluation.json"
         self.intervals = folder / "intervals.safetensors"
+        self.fast_certificate = folder / "fast_certificate.safetensors"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
@@ -68,10 +70,16 @@ class RunFolder:
             return None
         return f"{self.folder}: unsealed, an earlier version made it; its files are read unchecked"
 
-    def require_free(self, description: RunDescription) -> None:
-        """Require that a run can start or resume in the folder; nothing is written.
+    def require_free(self, description: RunDescription) -> RunDescription:
+        """Require that a run can start, resume or go on in the folder; nothing is written.
 
-        A run without a finished epoch gives way to another one.
+        A run without a finished epoch gives way to another one. A training that has ended goes on
+        if the description has more epochs, and is the same otherwise.
+
+        Returns
+        -------
+        RunDescription
+            The description with the record of how the training went on.
 
         Raises
         ------
@@ -83,35 +91,70 @@ class RunFolder:
             existing = self.description()
             if existing.data.loads is None:
                 description = description.as_before_loads()
+            description = description.having_gone_on_from(existing.went_on_from)
             if existing != description and self._is_bound():
-                raise InputError(
-                    f"--out '{self.folder}': a run with another "
-                    f"{first_difference(existing.model_dump(), description.model_dump())}"
-                )
+                description = self._going_on(existing, description)
             self.seal.require_intact()
             self.metric_lines()
         elif self.folder.exists() and (not self.folder.is_dir() or self._content()):
             raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
+        return description
+
+    def _going_on(self, existing: RunDescription, wanted: RunDescription) -> RunDescription:
+        """Return the description of a training that goes on with more epochs; InputError if not."""
+        before, epochs = existing.epochs, wanted.epochs
+        where = f"--out '{self.folder}'"
+        done, _ = self.training_effort()
+        is_longer = before is not None and epochs is not None and epochs > before
+        has_ended = before is not None and (self.is_finished or done >= before)
+        goes_on = is_longer and has_ended
+        expected = existing.with_epochs(epochs) if goes_on else existing
+        if expected != wanted:
+            difference = first_difference(expected.model_dump(), wanted.model_dump())
+            raise InputError(f"{where}: a run with another {difference}")
+        assert before is not None
+        if done < before:
+            raise InputError(
+                f"{where}: early stopping has ended the training after epoch {done} of {before}; "
+                "more epochs would not change it"
+            )
+        if not self.checkpoint.is_file():
+            raise InputError(
+                f"{where}: no {self.checkpoint.name} to go on from; `--start-from "
+                f"{self.folder}` with another folder trains on from its weights"
+            )
+        return wanted.having_gone_on_from((*existing.went_on_from, before))
 
     def start(self, description: RunDescription) -> None:
         """Make the folder, or continue in it after `require_free`; seal its configuration.
+
+        A training that goes on is not finished until its new end; its evaluation is dropped.
 
         Raises
         ------
         InputError
             See `require_free`.
         """
-        self.require_free(description)
+        description = self.require_free(description)
         for folder in (self.folder, self.checkpoint.parent, self.figures):
             remove_partial_files(folder)
-        if not self._is_bound():
+        if self._is_bound():
+            resumes = self.description().went_on_from == description.went_on_from
+            if not self.seal.exists:  # an earlier version made the folder
+                write_lines(self.metrics, self.metric_lines())
+            elif resumes and self.seal.lists(self.config):
+                return
+            if not resumes:
+                self.seal.make()  # lists nothing, so that nothing counts as finished
+                self._write_config(description)
+        else:
             self.folder.mkdir(parents=True, exist_ok=True)
-            content = description.model_dump(mode="json")
-            write_text(self.config, yaml.safe_dump(content, sort_keys=False))
-            self.seal.make(self.config)
-        elif not self.seal.exists:
-            write_lines(self.metrics, self.metric_lines())
-            self.seal.make(self.config)
+            self._write_config(description)
+        self.seal.make(self.config)
+
+    def _write_config(self, description: RunDescription) -> None:
+        content = description.model_dump(mode="json")
+        write_text(self.config, yaml.safe_dump(content, sort_keys=False))
 
     @contextmanager
     def owned(self) -> Iterator[None]:
@@ -200,8 +243,9 @@ class RunFolder:
         Parameters
         ----------
         files : mapping of Path to bytes
-            New content of ``evaluation.json``, ``intervals.safetensors`` and the figures. Other
-            figures are removed; other intervals stay.
+            New content of ``evaluation.json``, ``intervals.safetensors``,
+            ``fast_certificate.safetensors`` and the figures. Other figures are removed; what is
+            calibrated and not among the new files stays.
 
         Raises
         ------
@@ -246,6 +290,15 @@ class RunFolder:
         if not isinstance(content, dict):
             raise InputError(f"{self.evaluation}: damaged, expected a mapping")
         return content
+
+    def mean_error(self) -> float | None:
+        """Return ē in m on the test split of the run's own dataset; None if it is not known."""
+        try:
+            evaluation = self.read_evaluation()
+            own = evaluation["trained_on_this_data"]
+            return float(evaluation["test"]["mean_error"]) if own else None
+        except (InputError, KeyError, TypeError, ValueError):
+            return None
 
 
 def first_difference(old: Any, new: Any, key: str = "") -> str:

@@ -108,9 +108,9 @@ def train(
             f"expected {ranks.count} at least, the number of processes"
         )
     config.require_suitable(dataset, split.train)
-    description = describe(config, dataset, None if start is None else start.origin)
-    ranks.from_first(lambda: run.require_free(description))
-    if run.is_finished:
+    described = describe(config, dataset, None if start is None else start.origin)
+    description = ranks.from_first(lambda: run.require_free(described))
+    if run.is_finished and run.description().went_on_from == description.went_on_from:
         load(run.folder)
         return
     if isinstance(config, TrainedModel):
@@ -133,12 +133,36 @@ def train(
         if isinstance(config, TrainedModel):
             ranks.from_first(lambda: require_paths(config, dataset, split.train_rows))
             paths = paths_of(config, dataset, split.train_rows)
-            trainer = _trainer(config, network, split, paths, dataset, device, ranks)
+            trainer = make_trainer(config, network, split, dataset, device, ranks, paths)
             ranks.from_first(lambda: run.start(description))
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
             run.start(description)
             _finish_fit(config, network.to(device), split, dataset, run, began)
+
+
+def going_on(config: TrainedModel, before: int, steps_per_epoch: int) -> str:
+    """Say what more epochs do to the learning rate of a training that has ended.
+
+    Parameters
+    ----------
+    config : TrainedModel
+        Configuration with the new number of epochs.
+    before : int
+        Number of epochs after which the training had ended.
+    steps_per_epoch : int
+    """
+    schedule, epochs = config.training.schedule, config.training.epochs
+    done = before * steps_per_epoch
+    last = schedule.factor(done - 1, done)
+    first = schedule.factor(done, epochs * steps_per_epoch)
+    rate = f"the learning rate goes on at {first:.3g} of its peak"
+    if abs(last - first) > 0.01:
+        rate = (
+            f"the learning rate, {last:.3g} of its peak at the end, starts again at {first:.3g}, "
+            f"as after {before} of {epochs} epochs; the weights are not those of {epochs} at once"
+        )
+    return f"config '{config.name}': going on from epoch {before} to {epochs}; {rate}"
 
 
 def mirrored(
@@ -193,14 +217,14 @@ def require_samples_at(config: Model, dataset: Dataset) -> None:
         raise InputError(f"config '{config.name}': the samples are {found}, expected {expected}")
 
 
-def _trainer(
+def make_trainer(
     config: TrainedModel,
     network: FieldNetwork,
     split: TrainingSplit[Samples | SamplesOnDisk],
-    paths: SamplePaths | None,
     dataset: Dataset,
     device: torch.device,
-    ranks: Ranks,
+    ranks: Ranks = ALONE,
+    paths: SamplePaths | None = None,
 ) -> Trainer:
     """Move a network to the device and make its trainer."""
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
@@ -228,6 +252,8 @@ def _train(
     if run.checkpoint.is_file():
         start, seconds = load_checkpoint(run.checkpoint, trainer.states(), trainer.optimisers)
         trainer.resume_after(start)
+        if description.went_on_from and start == description.went_on_from[-1] and ranks.is_first:
+            print(f"surrogate: {going_on(config, start, trainer.steps_per_epoch)}", file=sys.stderr)
     progress = Progress(
         trainer.steps,
         start * trainer.steps_per_epoch,
@@ -271,7 +297,7 @@ def _train(
             surrogate = make_surrogate(tensors, description)
             recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
-        _write_model(run, trainer.device, tensors)
+        write_model(run, trainer.device, tensors)
 
 
 def _finish_fit(
@@ -289,10 +315,10 @@ def _finish_fit(
         seconds = time.perf_counter() - began
         measures = validate(config, network, store, len(split.validation))
         log.write({"epoch": 0, **measures, "seconds": seconds})
-    _write_model(run, device, {**network.state_dict(), **dataset.geometry.tensors()})
+    write_model(run, device, {**network.state_dict(), **dataset.geometry.tensors()})
 
 
-def _write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
+def write_model(run: RunFolder, device: torch.device, tensors: dict[str, Tensor]) -> None:
     """Write the name of the hardware, then the weights."""
     write_text(run.hardware, hardware(device) + "\n")
     run.write_tensors(tensors)

@@ -7,9 +7,11 @@ of a step depends only on its number.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 
 import torch
 from torch import Tensor
@@ -87,6 +89,7 @@ class Trainer:
             CapturedStep(partial(work, whole=training.batch_size)) if captures else None
             for work in (self.step, self.estimate)
         )
+        self._rate = math.nan
         self.average = WeightAverage(self.network, training.ema) if training.ema else None
         self.stopping = EarlyStopping(training.early_stopping) if training.early_stopping else None
 
@@ -142,41 +145,64 @@ class Trainer:
 
     def train_epoch(self, epoch: int, progress: Progress) -> dict[str, float]:
         """Train one epoch (counted from 0); return its mean losses and last learning rate."""
+        total = torch.zeros((), device=self.device)
+        for step, samples, whole in self._batches(epoch):
+            total = total + self._take(step, samples, whole) * whole
+            progress.update(step + 1)
+        self.ranks.add_up(total)
+        means = [value / len(self.train) for value in total.tolist()]
+        rate = self.learning_rate((epoch + 1) * self.steps_per_epoch - 1)
+        return {**dict(zip(TERMS, means, strict=False)), "learning_rate": rate}
+
+    def _batches(self, epoch: int) -> Iterator[tuple[int, Samples, int]]:
+        """Yield number of the step, share of its batch, and size of the batch, for an epoch."""
         config, training = self.config, self.config.training
         self.network.train()
         others = (self.ranks.rank,) if self.ranks.rank else ()
         torch.manual_seed(stream(config.seed, NOISE, epoch, *others))
         batches = torch.split(self.order(epoch), training.batch_size)
         shares = self.train_store.batches(self.ranks.share(batch) for batch in batches)
-        total, rate = torch.zeros((), device=self.device), math.nan
         for number, (batch, samples) in enumerate(zip(batches, shares, strict=True)):
-            step = epoch * self.steps_per_epoch + number
-            before = rate
-            rate = training.optimiser.learning_rate * training.schedule.factor(step, self.steps)
-            if rate != before:
-                set_learning_rate(self.optimisers, rate)
-            if self.elbo is not None:
-                self.elbo.set_step(step, self.steps)
-            whole = len(batch) == training.batch_size
-            if self.captured_step is not None and whole:
-                terms = self.captured_step(samples)
-            else:
-                terms = self.step(samples, len(batch))
-            if self.posterior_std is not None and step % EVERY == 0:
-                if self.captured_estimate is not None and whole:
-                    estimate = self.captured_estimate(samples)
-                else:
-                    estimate = self.estimate(samples, len(batch))
-                assert config.posterior is not None
-                factor = config.posterior.factor(step, self.steps)
-                self.posterior_std.update(estimate, factor, self.ranks)
-            if self.average is not None:
-                self.average.update(self.network)
-            total = total + terms * len(batch)
-            progress.update(step + 1)
-        self.ranks.add_up(total)
-        means = [value / len(self.train) for value in total.tolist()]
-        return {**dict(zip(TERMS, means, strict=False)), "learning_rate": rate}
+            yield epoch * self.steps_per_epoch + number, samples, len(batch)
+
+    def learning_rate(self, step: int) -> float:
+        """Return the learning rate of a step."""
+        training = self.config.training
+        return training.optimiser.learning_rate * training.schedule.factor(step, self.steps)
+
+    def _take(self, step: int, samples: Samples, whole: int) -> Tensor:
+        """Take a step of the training; return the result of `differentiate`."""
+        rate = self.learning_rate(step)
+        if rate != self._rate:
+            set_learning_rate(self.optimisers, rate)
+            self._rate = rate
+        if self.elbo is not None:
+            self.elbo.set_step(step, self.steps)
+        is_full = whole == self.config.training.batch_size
+        captured = self.captured_step if is_full else None
+        terms = self.step(samples, whole) if captured is None else captured(samples)
+        if self.posterior_std is not None and step % EVERY == 0:
+            captured = self.captured_estimate if is_full else None
+            estimate = self.estimate(samples, whole) if captured is None else captured(samples)
+            assert self.config.posterior is not None
+            factor = self.config.posterior.factor(step, self.steps)
+            self.posterior_std.update(estimate, factor, self.ranks)
+        if self.average is not None:
+            self.average.update(self.network)
+        return terms
+
+    def timed_steps(self, most: int, seconds: float) -> Iterator[float]:
+        """Take the first steps and yield the time of each, until they are `most` or took long."""
+        began = last = time.perf_counter()
+        for step, samples, whole in islice(self._batches(0), most):
+            self._take(step, samples, whole)
+            if self.device.type == "cuda":
+                torch.cuda.synchronize(self.device)
+            now = time.perf_counter()
+            yield now - last
+            last = time.perf_counter()
+            if last - began > seconds:
+                break
 
     def validate(self) -> dict[str, float]:
         """Return loss and mean absolute error on the validation samples."""

@@ -22,16 +22,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
-from sklearn.metrics import roc_auc_score
 
 import surrogate
 from shared_schema.drawing.figure_style import make_figure, save, styled
 from shared_schema.drawing.mesh_drawing import make_drawing
 from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.random_loads import random_loads
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
-from surrogate.mechanics.certificate import Certificate, certify
-from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.certificate import Certificate
 from surrogate.presentation.field_figures import add_field
+from surrogate.studies.beyond.alarms import alarms
+from surrogate.uncertainty.fast_certificate import fit_fast_certificate
 from tests.benchmarks.publication import (
     Results,
     argument_parser,
@@ -42,12 +43,14 @@ from tests.benchmarks.publication import (
 
 Array = NDArray[np.float64]
 LOADS = 300  # of every kind
+NEW_LOADS = 1000
+PASSES = 20
 
 
 def main() -> None:
     """Measure, and write the results."""
     parser = argument_parser(__doc__)
-    parser.add_argument("run", type=Path)
+    parser.add_argument("run", help="run folder, or a network of the package")
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--samples", type=int, default=LOADS, help="of every kind")
     parser.add_argument("--figure", type=Path)
@@ -74,9 +77,10 @@ def measure(options: argparse.Namespace) -> Results:
         "degrees_of_freedom": int(model.equilibrium.free.sum() * truth.shape[2]),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
-        "estimate": compared(found, predicted, truth),
+        "estimate": compared(model, found, force, predicted, truth),
         "correction": corrected(model, force, predicted, truth),
-        "auroc": alarms(model, dataset, found, options.samples),
+        "fast": fast(model, dataset, force, truth),
+        "auroc": alarms(model, force, PASSES),
     }
 
 
@@ -87,11 +91,15 @@ def timed(work: Callable[[], Certificate]) -> tuple[float, Certificate]:
     return time.process_time() - began, result
 
 
-def compared(found: Certificate, predicted: Array, truth: Array) -> Results:
-    """Compare estimated and true errors."""
+def compared(
+    model: surrogate.Surrogate, found: Certificate, force: Array, predicted: Array, truth: Array
+) -> Results:
+    """Compare estimated and true errors, and those after one and two corrections by them."""
     true = sample_errors(predicted, truth)
     effectivity = found.mean_error / true
-    left = sample_errors(predicted - found.error, truth)
+    once = predicted - found.error
+    left = sample_errors(once, truth)
+    twice = sample_errors(once - model.certify(force, once).error, truth)
     return {
         "mean_error": float(true.mean()),
         "settled": float(found.settled.mean()),
@@ -102,6 +110,7 @@ def compared(found: Certificate, predicted: Array, truth: Array) -> Results:
         "spearman": float(spearmanr(true, found.mean_error)[0]),
         "median_error_before": float(np.median(true)),
         "median_error_without_estimate": float(np.median(left)),
+        "median_error_after_two": float(np.median(twice)),
         "raised": int((left > true).sum()),
     }
 
@@ -128,59 +137,28 @@ def corrected(model: surrogate.Surrogate, force: Array, predicted: Array, truth:
     return results
 
 
-def alarms(
-    model: surrogate.Surrogate, dataset: Dataset, inside: Certificate, samples: int
-) -> Results:
-    """AUROC of the certificate for every kind of load unlike those of the training."""
-    force = dataset.nodal_test.force[:samples]
-    limit = np.array(dataset.info.force.max_abs)
-    rng = np.random.default_rng(0)
-    free = np.flatnonzero(~dataset.geometry.clamped)
-    never = np.setdiff1d(free, np.flatnonzero(dataset.geometry.loadable))
-    most = model.description.data.loads
-    several = 3 * (1 if most is None else most.most)
-    at_limit = force / (np.abs(force) / limit).max(axis=(1, 2), keepdims=True)
-    kinds = {
-        "twice the range": 2 * at_limit,  # by the largest component
-        "four times the range": 4 * at_limit,
-        "three times as many loads": random_loads(rng, free, several, limit, force.shape),
+def fast(model: surrogate.Surrogate, dataset: Dataset, force: Array, truth: Array) -> Results:
+    """Coverage, width and time of the fast certificate; on new loads, against the full estimate."""
+    found, predicted = fit_fast_certificate(model, dataset, 1, 0), model.predict(force)
+    seconds = []
+    for number in range(min(len(force), 200)):
+        one = slice(number, number + 1)
+        began = time.perf_counter()
+        found.estimate(force[one], predicted[one])
+        seconds.append(time.perf_counter() - began)
+    results: Results = {
+        "test_split": found.measures(force, predicted, truth),
+        "median_milliseconds": 1e3 * float(np.median(seconds)),
+        "least_milliseconds": 1e3 * min(seconds),
     }
-    if len(never):
-        kinds["untrained places"] = random_loads(rng, never, 1, limit, force.shape)
-    found = {name: model.certify(loads) for name, loads in kinds.items()}
-    softer = model.description.data.material.model_copy(update={"young_modulus": 400.0})
-    other = Equilibrium(dataset.geometry, softer)
-    found["another material"] = certify(other, force, model.predict(force))
-    measures: dict[str, Callable[[Certificate], Array]] = {
-        "mean_error": lambda one: one.mean_error,
-        "relative_error": lambda one: one.relative_error,
-        "out_of_balance": lambda one: one.out_of_balance,
-    }
-    return {
-        kind: {name: auroc(of(inside), of(one)) for name, of in measures.items()}
-        for kind, one in found.items()
-    }
-
-
-def auroc(inside: Array, outside: Array) -> float:
-    """Probability that a score outside is above one inside; infinite ones are the highest."""
-    scores = np.minimum(np.concatenate([inside, outside]), 1e9)
-    return float(roc_auc_score(np.repeat([0, 1], [len(inside), len(outside)]), scores))
-
-
-def random_loads(
-    rng: np.random.Generator,
-    nodes: NDArray[np.int64],
-    count: int,
-    limit: Array,
-    shape: tuple[int, ...],
-) -> Array:
-    """Load cases with `count` random forces within the range, at some of the nodes."""
-    force = np.zeros(shape)
-    for one in force:
-        chosen = rng.choice(nodes, min(count, len(nodes)), replace=False)
-        one[chosen] = rng.uniform(-limit, limit, (len(chosen), shape[2]))
-    return force
+    if truth.shape[2] == 2:
+        data = model.description.data
+        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.loads)
+        new = family.draw(NEW_LOADS, np.random.default_rng(0))
+        u = model.predict(new)
+        results["new_loads"] = found.measures(new, u, u - model.certify(new, u).error)
+        results["new_loads"]["loads"] = NEW_LOADS
+    return results
 
 
 @styled
@@ -223,6 +201,7 @@ def table(results: Results) -> str:
             "median error less its estimate, 10⁻³ m",
             f"{1e3 * estimate['median_error_without_estimate']:.3g}",
         ],
+        ["the same once more, 10⁻³ m", f"{1e3 * estimate['median_error_after_two']:.3g}"],
         ["samples whose error that raises", str(estimate["raised"])],
         ["certificate, ms of CPU time", f"{results['milliseconds']:.3g}"],
     ]
@@ -232,6 +211,17 @@ def table(results: Results) -> str:
             [f"correction from {name}: Newton iterations", f"{one['mean_iterations']:.2f}"],
             [f"correction from {name}: ms of CPU time", f"{one['milliseconds']:.3g}"],
         ]
+    fast = results["fast"]
+    rows.append(["fast certificate, ms of wall time", f"{fast['median_milliseconds']:.3g}"])
+    for where in ("test_split", "new_loads"):
+        for bound in fast.get(where, {}).get("mean", []):
+            rows.append(
+                [
+                    f"fast bound of {bound['level']:.0%}, {where.replace('_', ' ')}: coverage, "
+                    "median ratio to the error",
+                    f"{bound['coverage']:.1%}, {bound['median_width']:.3g}",
+                ]
+            )
     for kind, values in results["auroc"].items():
         rows += [[f"AUROC of {name}, {kind}", f"{value:.4f}"] for name, value in values.items()]
     return "\n".join(

@@ -129,8 +129,8 @@ def footer(results: Results) -> str:
     )
     return (
         f"{m['processor']}, {m['cores']} cores, load average {before:.1f} before and {after:.1f} "
-        f"after;\n{software}. Made by\n\n"
-        f"```\n{results['command']}\n```\n"
+        f"after;\n{software}. Made by\n\n<!-- not run: takes minutes -->\n"
+        f"```sh\n{results['command']}\n```\n"
     )
 
 

@@ -42,7 +42,9 @@ class SmallDisk:
         assert self._holder.stdout is not None
         if self._holder.stdout.readline() != "made\n":
             pytest.skip(f"no mounting here: {self._holder.communicate()[1].strip()}")
-        self._enter = ["nsenter", "--target", str(self._holder.pid), *user[:1], "--mount"]
+        namespaces = [*user[:1], "--mount"]
+        kept = ["--root", "--wd"]  # in a chroot, a new mount namespace alone would leave it
+        self._enter = ["nsenter", "--target", str(self._holder.pid), *namespaces, *kept]
         self._enter += ["--preserve-credentials"] if user else []
         self.seen = Path(f"/proc/{self._holder.pid}/root{folder}")
 

@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
+from datagen.cases.case import SHIPPED, read_case
 from datagen.command_line import main
 from tests.datagen.refusal import refusal
 
@@ -174,3 +175,19 @@ def test_wrong_input_is_exit_2_and_one_line(
     assert captured.err.startswith("datagen: error: ") or arguments[0] == "check"
     assert "Traceback" not in captured.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_list_has_a_line_for_each_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Names of cases work from any folder."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["list"]) == 0
+    _, *lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
+    (line,) = (line for line in lines if line.startswith("beam2d_any "))
+    assert " 15 × 3 " in line
+    assert " 6000 " in line
+    assert "one to four random nodal forces" in line
+    for name in ("beam2d", "finger3d"):
+        assert read_case(name).name == name

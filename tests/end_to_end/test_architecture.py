@@ -27,9 +27,11 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules, from the lowest layer upwards
     "shared_schema": [
         "common",
+        "keys",
         "cells",
         "material",
         "layout",
+        "unfinished",
         "manifest",
         "shard_problems",
         "shard_reader",
@@ -37,6 +39,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "grid",
         "grid_arrays",
         "stiffness",
+        "load_cases",
         "checker",
         "dataset_reader",
         "drawing",
@@ -52,6 +55,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "farm",
         "structure",
         "output",
+        "commands",
         "command_line",
     ],
     "surrogate": [
@@ -71,7 +75,9 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "training",
         "evaluation",
         "presentation",
+        "page",
         "studies",
+        "commands",
         "command_line",
     ],
 }

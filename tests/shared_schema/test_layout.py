@@ -5,7 +5,7 @@ import pytest
 
 from shared_schema.layout import LAYOUTS, ArrayLayout, FileKind, shape_problem
 
-KINDS: list[FileKind] = ["nodal", "structured", "stiffness"]
+KINDS: list[FileKind] = ["nodal", "structured", "stiffness", "loads"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

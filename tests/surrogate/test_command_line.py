@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def assert_refused(
-    arguments: list[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
+    arguments: Sequence[object], part: str, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(out.rglob("*"))
     capsys.readouterr()
@@ -65,6 +65,22 @@ def test_train_stop_and_go_on(
     assert main([*command, "--device", "cpu"]) == 0
     assert "trained, 2 of 2 epochs" in capsys.readouterr().out
     assert (out / "run" / "model.safetensors").is_file()
+
+
+def test_changed_keys_are_those_of_the_run(
+    config: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = out / "run"
+    command = ["train", str(config), "--data", str(data), "--out", str(run), "--device", "cpu"]
+    wrong = [*command, "--set", "training.epochs=none"]
+    assert_refused(wrong, f"{config} --set training.epochs=none: key", out, capsys)
+    assert_refused([*command, "--set", "training.epoch=1"], "unknown key", out, capsys)
+    changes = ["--set", "training.epochs=1", "--set", "training.schedule={name: linear}"]
+    assert main([*command, *changes]) == 0
+    kept = yaml.safe_load((run / "config.yaml").read_text())["run"]
+    assert kept["training"]["epochs"] == 1
+    assert kept["training"]["schedule"]["name"] == "linear"
+    assert kept["recipe"] == "custom"
 
 
 @pytest.mark.slow
@@ -176,6 +192,51 @@ def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFix
     assert captured.out.endswith(", not certified\n")
     assert captured.err.startswith("surrogate: not certified: estimated error")
     assert captured.err.endswith("> 1 mm\n")
+
+
+def test_fast_certificate(
+    make_run: Callable[..., Path], data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """17 held-out samples: enough for bounds of 90 %, not of 95 %."""
+    run = make_run(epochs=2, calibration_fraction=0.25)
+    assert predict_code(run, out, "--certify", "fast") == 2
+    assert "no fast certificate in the run" in capsys.readouterr().err
+    assert main(["evaluate", str(run), "--data", str(data), "--certify"]) == 0
+    assert ": fast bounds cover " in capsys.readouterr().out
+    assert predict_code(run, out, "--certify", "fast") == 2
+    assert "--level 0.95: 17 calibration samples, expected at least 19" in capsys.readouterr().err
+    fast = ("--certify", "fast", "--level", "0.9")
+    code, fields = predict_at_corner(run, out, *fast)
+    assert code == 0
+    assert "at any node, each with probability 0.9" in capsys.readouterr().out
+    assert fields["estimated_error"].shape == fields["displacement"].shape
+    code, _ = predict_at_corner(run, out, *fast, "--tolerance", "1e-6")
+    assert code == 3
+    assert "not certified: bound of the error" in capsys.readouterr().err
+
+
+def predict_code(run: Path, out: Path, *options: str) -> int:
+    load = ["--load", "3.5,1.5:0.5,-1", "--out", f"{out}/u.npz"]
+    return main(["predict", str(run), *load, *options])
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (("--level", "0.9"), "--level 0.9: expected beside --certify fast"),
+        (("--certify", "fast", "--correct"), "expected 'full' beside --correct"),
+    ],
+)
+def test_fast_certificate_refusals(
+    trained: Path,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    part: str,
+) -> None:
+    assert predict_code(trained, out, *options) == 2
+    assert part in capsys.readouterr().err
+    assert not (out / "u.npz").exists()
 
 
 def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from surrogate.studies.beyond import (
+    certificates,
     coverage,
     force_sizes,
     loads_by_number,
@@ -21,6 +22,7 @@ STUDIES: tuple[Study, ...] = (
     training_samples.STUDY,
     coverage.STUDY,
     uncertainty_outside.STUDY,
+    certificates.STUDY,
     times.STUDY,
 )
 BEYOND = Report("beyond", "Beyond the paper", STUDIES, Path(__file__).parent / "scales")

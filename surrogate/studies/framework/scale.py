@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import NodeOrder
@@ -206,7 +207,7 @@ def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, A
     return result
 
 
-def read_scale(name: str, shipped: Path = SCALES) -> Scale:
+def read_scale(name: str, shipped: Path = SCALES, changes: Sequence[str] = ()) -> Scale:
     """Read a scale: ``smoke``, ``laptop``, ``paper``, or a YAML file.
 
     Parameters
@@ -214,11 +215,13 @@ def read_scale(name: str, shipped: Path = SCALES) -> Scale:
     name : str
     shipped : Path
         Folder of the shipped scales of a report; by default those of the reproduction.
+    changes : sequence of str
+        New values of keys, such as ``passes=20`` (`changed`).
 
     Raises
     ------
     InputError
         If there is no such scale, or a key or value in it is wrong.
     """
-    content, source = read_named(name, shipped, "--scale")
-    return validate(Scale, content, source)
+    content, file = read_named(name, shipped, "--scale")
+    return validate(Scale, changed(content, changes), source_of(file, changes))

@@ -90,6 +90,19 @@ def test_replacements() -> None:
     assert case.digest() != read_case("beam2d").digest()
 
 
+def test_changed_keys() -> None:
+    """The manifest stores what `plain` returns; --samples goes before --set."""
+    changes = ("material.young_modulus=1e3", "supports.0.x=4", "dataset.samples=5")
+    case = read_case("beam2d", samples=12, changes=changes)
+    assert case.plain()["material"]["young_modulus"] == 1000
+    assert case.supports[0].x == 4
+    assert case.dataset.samples == 12
+    with pytest.raises(
+        InputError, match=r"--set material\.young_modulus=soft: key 'material\.young"
+    ):
+        read_case("beam2d", changes=["material.young_modulus=soft"])
+
+
 @pytest.mark.parametrize(
     ("keys", "value", "said"),
     [

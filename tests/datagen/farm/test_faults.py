@@ -32,7 +32,9 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
+from tests.datagen.refusal import refusal
 from tests.datagen.small_disk import SmallDisk
+from tests.open_mpi import without_launcher
 
 DiskMaker = Callable[[str], SmallDisk]
 
@@ -116,7 +118,7 @@ def test_a_full_disk(make_disk: DiskMaker, case_file: Path, whole: Path, ranks: 
     failed = finish(disk.words(command(ranks, case_file, out)))
     assert failed.returncode == 1
     said = rf"datagen: failed: \[Errno 28\] No space left on device: '{re.escape(str(out))}/.+'\n"
-    assert re.fullmatch(said, failed.stderr), failed.stderr
+    assert re.fullmatch(said, without_launcher(failed.stderr)), failed.stderr
     assert not list(seen.rglob(".partial-*"))
     kept = finished(seen)
     assert 10 <= len(kept) <= 22
@@ -183,7 +185,7 @@ def test_a_read_only_disk(
     option = "--figure" if step == "info" else "--out"
     result = finish(disk.words(datagen(step, source, *load, option, out, ranks=ranks)))
     said = f"datagen: error: {option} '{out}': cannot be written to (Read-only file system)\n"
-    assert (result.returncode, result.stderr) == (2, said)
+    assert (result.returncode, without_launcher(result.stderr)) == (2, said)
     assert list(disk.seen.iterdir()) == []
 
 
@@ -218,7 +220,7 @@ def test_a_folder_that_becomes_read_only(case_file: Path, whole: Path, tmp_path:
         _, said = process.communicate(timeout=60)
     assert process.returncode == 1
     line = rf"datagen: failed: \[Errno 13\] Permission denied: '{re.escape(str(out))}/.+'\n"
-    assert re.fullmatch(line, said), said
+    assert re.fullmatch(line, without_launcher(said)), said
     for folder in folders:
         folder.chmod(0o755)
     kept = finished(out)
@@ -312,6 +314,16 @@ def stopped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
         *(f"shard-0000{shard}.json" for shard in range(3)),
     ]
     return folder
+
+
+def test_it_is_called_unfinished(stopped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Three of five shards, as the fixture says; all commands that read a dataset refuse it."""
+    before = sorted(stopped.rglob("*"))
+    text = f"{stopped}: unfinished, 3 of 5 shards; run the same `datagen run … --out {stopped}`"
+    out = str(stopped.parent / "structured")
+    for arguments in (["check"], ["info"], ["structure", "--out", out]):
+        assert text in refusal([*arguments, str(stopped)], capsys)
+    assert sorted(stopped.rglob("*")) == before
 
 
 @pytest.mark.parametrize("content", [None, b"", b"half", b'{"a": 1', b"[1]", b"\xff\xfe\x00"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from mpi4py import MPI
 
 from datagen.cases.case import Case, read_case
+from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.farm.shard_job import ShardJob
 from datagen.structure.noise import add_noise
@@ -95,6 +97,20 @@ def test_it_goes_on_and_says_what_it_was(
     again = run(case_of(case_file, 100), grown, MPI.COMM_SELF)
     assert [stage.samples for stage in again.history] == [45, 95]
     assert check_dataset(grown) == []
+
+
+def test_unfinished_growth_is_said(
+    case_file: str, grown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The smaller dataset is whole; a journal beside it is that of a run that has not ended."""
+    (grown / ".journal").mkdir()
+    case = case_of(case_file, 95).plain()
+    (grown / ".journal" / "case.json").write_text(json.dumps(case))
+    for command in ("check", "info"):
+        assert main([command, str(grown)]) == 0
+        printed = capsys.readouterr().out
+        text = f"grows to 95 samples, unfinished; run the same `datagen run … --out {grown}` again"
+        assert text in printed
 
 
 @pytest.mark.mpi

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from datagen.cases.body import Body
+from datagen.cases.case import read_case
+from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 
 SETTINGS = SolverSettings()
+MATERIAL = read_case("beam2d").material
 NODES = np.array([63])  # the corner (4, 1) of the beam
 FORCES = np.array([[0.5, -2.0]])
 
@@ -97,3 +100,19 @@ def test_files_of_starts(beam: Body, truth: np.ndarray, tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(InputError, match=r"expected a file \.npz"):
             read_start(path, x)
+
+
+def test_multigrid_goes_no_further_than_the_tolerance(beam: Body, truth: np.ndarray) -> None:
+    """From rest it goes on to a hundredth of the tolerance; afterwards it does so again."""
+    settings = SolverSettings(linear_solver="multigrid")
+    problem = EquilibriumProblem(beam.mesh, MATERIAL, beam.clamped, settings)
+    x = beam.mesh.coordinates
+    start = truth + 1e-3 * (x[:, :1] / 4) ** 2
+    report, used = solve_from(start, problem, NODES, FORCES, settings)
+    assert used
+    assert 1e-2 * settings.tolerance < report.residual_norm <= settings.tolerance
+    np.testing.assert_allclose(problem.displacement(), truth, atol=1e-7)
+    from_rest = solve_load_case(problem, NODES, FORCES, settings)
+    assert from_rest.residual_norm <= 1e-2 * settings.tolerance
+    assert report.newton_iterations < from_rest.newton_iterations
+    problem.close()

@@ -19,6 +19,7 @@ from shared_schema.manifest import MANIFEST
 from surrogate.command_line import main
 from surrogate.presentation.trained_list import Row
 from surrogate.runs import shelf
+from surrogate.runs.configuration import SHIPPED
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
 
@@ -105,13 +106,32 @@ def test_a_load_alone_and_in_a_batch(name: str) -> None:
 
 def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
-    head, *lines = capsys.readouterr().out.splitlines()
+    networks, configurations = capsys.readouterr().out.split("\n\n")
+    head, *lines = networks.splitlines()
     assert tuple(head.split()) == Row._fields
     assert [line.split()[0] for line in lines] == NAMES
     (line,) = (line for line in lines if line.startswith("beam2d_any "))
     evaluation = RunFolder(find_run("beam2d_any")).read_evaluation()
     assert " 4 × 1 m  64 " in line
     assert f"{evaluation['test']['mean_error']:.2e} m" in line
+    _, *lines = configurations.splitlines()
+    assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
+    (line,) = (line for line in lines if line.startswith("beam2d-det-fast "))
+    assert "U-Net, 3 levels, c = 32" in line
+    assert line.endswith("Our recipe for two CPU cores")
+
+
+def test_a_network_says_what_it_is(elsewhere: Path) -> None:
+    """The name of a network of the package works from any folder; 0.472 M as in its evaluation."""
+    model = surrogate.load("beam2d_any")
+    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M, ē 0.14 mm)"
+    model.mean_error = None
+    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M)"
+
+
+def test_an_error_on_other_data_is_not_the_network_s(evaluated: Path) -> None:
+    run = RunFolder(evaluated)
+    assert run.mean_error() == run.read_evaluation()["test"]["mean_error"]
 
 
 # --- finding them ---------------------------------------------------------------------------------

@@ -1,31 +1,39 @@
-"""Bounds by energy norms on a small body with made-up errors of very different sizes."""
+"""Bounds of made-up errors of very different sizes on a small body, and those of a run."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shared_schema.common.errors import InputError
+from surrogate.data.dataset import read_dataset
+from surrogate.evaluation.evaluate import evaluate
+from surrogate.inference.prediction import load
 from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.fast_estimate import FastEstimate
 from surrogate.mechanics.newton import correct
-from surrogate.uncertainty.fast_certificate import FastCertificate
+from surrogate.presentation.run_figures import write_evaluation
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.split import split_training
+from surrogate.uncertainty.fast_certificate import (
+    FastCertificate,
+    load_fast_certificate,
+    sizes,
+)
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 
 @pytest.fixture(scope="module")
-def equilibrium() -> Equilibrium:
-    return Equilibrium(box("quad"), MATERIAL)
+def estimate() -> FastEstimate:
+    return FastEstimate(box("quad"), MATERIAL, Equilibrium(box("quad"), MATERIAL))
 
 
-def test_energy_norm_is_that_of_the_load(equilibrium: Equilibrium) -> None:
-    """r · K⁻¹ r, with u = K⁻¹ r: twice the strain energy of linear elasticity, E ≈ r · u / 2."""
-    r = end_load(box("quad"), 1e-4, -2e-4)[None]
-    u = equilibrium.linear_response(r)
-    twice = 2 * (equilibrium.potential(u, r) + (r * u).sum())
-    assert equilibrium.energy_norm(r) ** 2 == pytest.approx(twice, rel=1e-3)
-
-
-def test_coverage_on_new_samples(equilibrium: Equilibrium) -> None:
+def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
     """Errors from 1e-5 to 1e-2 m; coverage is 90 % within three standard deviations."""
+    equilibrium = Equilibrium(box("quad"), MATERIAL)
     rng, n = np.random.default_rng(0), 400
     force = end_load(box("quad"), 1.0, 1.0)[None] * rng.uniform(-3, 3, (n, 1, 2))
     truth = np.stack([correct(equilibrium, f, 0 * f).displacement for f in force])
@@ -34,25 +42,75 @@ def test_coverage_on_new_samples(equilibrium: Equilibrium) -> None:
     shape = x[..., :1] ** 2 * rng.normal(size=(n, 1, 2)) + x[..., :1] * rng.normal(size=(n, 1, 2))
     predicted = truth + size * shape
     half = n // 2
-    known = force[:half], predicted[:half], truth[:half]
-    fitted = FastCertificate.fit(equilibrium, *known, level=0.9)
-    bounds = fitted.bounds(force[half:], predicted[half:])
-    errors = np.abs(predicted - truth).mean(axis=(1, 2))[half:]
-    assert abs((errors <= bounds).mean() - 0.9) < 3 * np.sqrt(2 * 0.9 * 0.1 / half)
-    assert np.median(bounds / errors) < 3  # as wide as each load needs
-    assert bounds.max() / bounds.min() > 100
+    fitted = FastCertificate.fit(estimate, force[:half], predicted[:half], truth[:half])
+    bounds = fitted.bounds(estimate(force[half:], predicted[half:]), 0.9)
+    true = sizes((predicted - truth)[half:])
+    for name in ("mean", "largest"):
+        assert abs((true[name] <= bounds[name]).mean() - 0.9) < 3 * np.sqrt(2 * 0.9 * 0.1 / half)
+        assert np.median(bounds[name] / true[name]) < 1.5  # as wide as each load needs
+        assert bounds[name].max() / bounds[name].min() > 100
+    measured = fitted.measures(force[half:], predicted[half:], truth[half:])
+    assert measured["samples"] == half
+    assert measured["mean"][0] == {
+        "level": 0.9,
+        "coverage": pytest.approx((true["mean"] <= bounds["mean"]).mean()),
+        "median_width": pytest.approx(np.median(bounds["mean"] / true["mean"])),
+    }
 
 
-def test_inverted_predictions_have_no_bound(equilibrium: Equilibrium) -> None:
+def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
     force = np.stack([end_load(box("quad"), 1.0, 1.0)] * 2)
     predicted = np.zeros_like(force)
     predicted[0, -1, 0] = -0.9
-    bounds = FastCertificate(0.9, 1.0, equilibrium).bounds(force, predicted)
-    assert bounds[0] == np.inf
-    assert 0 < bounds[1] < 1
+    fast = FastCertificate(estimate, {name: np.ones(10) for name in ("mean", "largest")})
+    bounds = fast.bounds(estimate(force, predicted), 0.9)
+    assert bounds["mean"][0] == bounds["largest"][0] == np.inf
+    assert 0 < bounds["mean"][1] < bounds["largest"][1] < 1
+    alone = fast.certify(force[0], predicted[0], 0.9)
+    assert alone.refusal(1.0) == "bound of the error inf mm > 1e+03 mm"
 
 
-def test_too_few_samples(equilibrium: Equilibrium) -> None:
+def test_too_few_samples(estimate: FastEstimate) -> None:
     zeros = np.zeros((5, 28, 2))
+    fast = FastCertificate.fit(estimate, zeros, zeros, zeros)
     with pytest.raises(ValueError, match="5 calibration samples, expected at least 9"):
-        FastCertificate.fit(equilibrium, zeros, zeros, zeros, 0.9)
+        fast.factor(0.9)
+    assert fast.measures(zeros, zeros, zeros) == {"samples": 5, "mean": [], "largest": []}
+
+
+def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) -> None:
+    """12 calibration and 5 validation samples of 48: the 90 % quantile is the 17th ratio."""
+    folder = make_run(epochs=8, calibration_fraction=0.25)
+    run, surrogate, dataset = RunFolder(folder), load(folder), read_dataset(data)
+    with pytest.raises(InputError, match="no fast certificate in the run"):
+        load_fast_certificate(surrogate, run.fast_certificate)
+    evaluation = evaluate(folder, data, certify=True)
+    write_evaluation(evaluation, run)
+    run.seal.require_intact(run.fast_certificate)
+    content = evaluation.content["fast_certificate"]
+    assert content["samples"] == 17
+    assert [entry["level"] for entry in content["mean"]] == [0.9]
+    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    split = split_training(dataset.train, surrogate.description.run)
+    largest = []
+    for rows in (split.validation_rows, split.calibration_rows):
+        samples = dataset.nodal_train(rows)
+        predicted = surrogate.predict(samples.force)
+        error = fast.estimate(samples.force, predicted)
+        true = np.abs(predicted - samples.displacement).mean(axis=(1, 2))
+        largest.append((true / np.abs(error).mean(axis=(1, 2))).max())
+    assert fast.factor(0.9) == pytest.approx(max(largest), rel=1e-4)
+
+
+def test_early_stopping_has_seen_the_validation_samples(
+    make_run: Callable[..., Path], data: Path
+) -> None:
+    folder = make_run(epochs=3, calibration_fraction=0.25, early_stopping={"patience": 2})
+    content = evaluate(folder, data, certify=True).content
+    assert content["fast_certificate"]["samples"] == 12
+
+
+def test_without_held_out_samples(make_run: Callable[..., Path], data: Path) -> None:
+    folder = make_run(epochs=1, validation_fraction=0.0)
+    with pytest.raises(InputError, match="no held-out samples"):
+        evaluate(folder, data, certify=True)

@@ -1,0 +1,1 @@
+"""The keys of configurations, from their models: type, unit, default and meaning of each."""

@@ -1,0 +1,87 @@
+"""Load cases in a file of their own: those that `surrogate` proposes and `datagen` solves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+from shared_schema.layout import NO_NODE
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoadCases:
+    """Load cases on one mesh.
+
+    Attributes
+    ----------
+    coordinates : array, (n_nodes, d)
+        Undeformed positions of all nodes of the mesh in m.
+    nodes : array of int, (n, most)
+        Loaded nodes of every load case, padded with -1.
+    forces : array, (n, most, d)
+        Force vector at each of them in N, padded with 0.
+    """
+
+    coordinates: Array
+    nodes: NDArray[np.int64]
+    forces: Array
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @classmethod
+    def of(cls, coordinates: Array, forces: Array) -> LoadCases:
+        """Make load cases from forces at all nodes, (n, n_nodes, d) in N."""
+        loaded = forces.any(axis=2)
+        most = max(1, int(loaded.sum(axis=1).max(initial=0)))
+        nodes = np.full((len(forces), most), NO_NODE, dtype=np.int64)
+        padded = np.zeros((len(forces), most, forces.shape[2]))
+        for row, where in enumerate(loaded):
+            (found,) = np.nonzero(where)
+            nodes[row, : len(found)], padded[row, : len(found)] = found, forces[row, found]
+        return cls(coordinates, nodes, padded)
+
+    def load(self, number: int) -> tuple[NDArray[np.int64], Array]:
+        """Return loaded nodes and force vectors of one load case: (n_loads,), (n_loads, d)."""
+        loaded = self.nodes[number] != NO_NODE
+        return self.nodes[number][loaded], self.forces[number][loaded]
+
+
+def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: str) -> str:
+    """Write a file of load cases atomically; return its SHA-256."""
+    arrays = {
+        "mesh/coordinates": cases.coordinates,
+        "loads/loaded_nodes": cases.nodes,
+        "loads/force": cases.forces,
+    }
+    return write_shard(path, "loads", arrays, case_digest, cell_type)
+
+
+def read_load_cases(path: Path) -> LoadCases:
+    """Read a file of load cases.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or no file of load cases.
+    """
+    arrays = read_shard(path, "loads")
+    cases = LoadCases(
+        arrays["mesh/coordinates"], arrays["loads/loaded_nodes"], arrays["loads/force"]
+    )
+    nodes = cases.nodes
+    if len(cases) == 0:
+        raise InputError(f"{path}: no load cases in it")
+    if nodes.min() < NO_NODE or nodes.max() >= len(cases.coordinates):
+        raise InputError(
+            f"{path}: 'loads/loaded_nodes' names a node outside 0 … {len(cases.coordinates) - 1}"
+        )
+    return cases

@@ -1,0 +1,101 @@
+"""Arguments that several commands have, and the warning that all of them give."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shared_schema.common.command_line import Parser
+
+RUN = "run folder, or a trained network of the package (surrogate list)"
+
+
+def add_device(parser: Parser) -> None:
+    """Add --device."""
+    parser.add_argument(
+        "--device",
+        choices=("auto", "cpu", "cuda"),
+        default="auto",
+        help="processor; auto (default) takes a GPU if there is one",
+    )
+
+
+def add_passes(parser: Parser, what: str) -> None:
+    """Add --passes, with what it means to the command, and --seed."""
+    parser.add_argument("--passes", type=int, metavar="T", help=what)
+    parser.add_argument("--seed", type=int, metavar="S", help="seed of the passes (default 0)")
+
+
+def add_family(parser: Parser) -> None:
+    """Add --family, of random load cases."""
+    parser.add_argument(
+        "--family",
+        default="trained",
+        metavar="FAMILY",
+        help="random loads: 'trained', those of the training (default), or such as "
+        "'loads=1-8,reach=2,places=free' (trained, surface or free)",
+    )
+
+
+def given_passes(options: argparse.Namespace) -> dict[str, int]:
+    """Return the given options among --passes and --seed."""
+    given = {"passes": options.passes, "seed": options.seed}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def positive(text: str) -> float:
+    """Read a positive number.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is no positive finite number.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
+    return value
+
+
+def whole(text: str) -> int:
+    """Read a number of things, from 1 to 10 millions.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none.
+    """
+    if not (text.isdigit() and 0 < int(text) <= 10**7):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number from 1 to 10000000")
+    return int(text)
+
+
+def share(text: str) -> float:
+    """Read a number between 0 and 1.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number between 0 and 1")
+    return value
+
+
+def warn_unsealed(folder: Path) -> None:
+    """Warn if a run folder has no manifest."""
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+
+    remark = RunFolder(find_run(folder)).unsealed
+    if remark:
+        print(f"surrogate: warning: {remark}", file=sys.stderr)

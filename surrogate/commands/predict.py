@@ -1,0 +1,168 @@
+"""surrogate predict: predict one load case; certify or correct it; write the fields."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.command_line import Commands, add_command
+from surrogate.commands.options import (
+    RUN,
+    add_device,
+    add_passes,
+    given_passes,
+    positive,
+    share,
+    warn_unsealed,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from surrogate.inference.prediction import Surrogate
+    from surrogate.mechanics.certificate import Certificate
+    from surrogate.uncertainty.fast_certificate import Bounds
+
+    Array = NDArray[np.float64]
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = add_command(
+        commands,
+        "predict",
+        "predict one load case and write the fields",
+        "surrogate predict beam2d_any --load 4,1:0,-1.5 --certify --out prediction.vtu",
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    parser.add_argument(
+        "--load",
+        action="append",
+        required=True,
+        metavar="X,Y[,Z]:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m; repeatable",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.(npz|vtu|xdmf)",
+        help="fields at the nodes: force, displacement, standard deviations",
+    )
+    add_passes(parser, "number of passes of a stochastic network (default 300)")
+    add_device(parser)
+    parser.add_argument(
+        "--conformal",
+        choices=("marginal", "simultaneous"),
+        help="add the bounds of the run's conformal intervals: 'lower' and 'upper'",
+    )
+    parser.add_argument(
+        "--certify",
+        nargs="?",
+        const="full",
+        choices=("full", "fast"),
+        help="estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds",
+    )
+    parser.add_argument(
+        "--level", type=share, metavar="P", help="probability of the fast bounds (default 0.95)"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=positive,
+        metavar="M",
+        help="with --certify: largest error of a node in m (estimate, or fast bound), else exit "
+        "code 3",
+    )
+    parser.add_argument(
+        "--correct",
+        action="store_true",
+        help="go on to the finite elements' equilibrium; add the network's as 'predicted'",
+    )
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Predict, and write the fields."""
+    from shared_schema.common.errors import InputError, NotCertifiedError
+    from shared_schema.common.point_load import nodal_forces
+    from shared_schema.common.solution_file import require_suffix, write_solution
+    from surrogate.device import choose_device
+    from surrogate.inference.prediction import load
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+    from surrogate.uncertainty.intervals import load_intervals
+
+    require_suffix(options.out)
+    require_writable(options.out)
+    if options.tolerance is not None and not options.certify:
+        raise InputError(f"--tolerance {options.tolerance}: expected beside --certify")
+    if options.level is not None and options.certify != "fast":
+        raise InputError(f"--level {options.level}: expected beside --certify fast")
+    if options.correct and options.certify == "fast":
+        raise InputError("--certify fast: bounds predictions, expected 'full' beside --correct")
+    warn_unsealed(options.run)
+    intervals = None
+    if options.conformal:
+        run = RunFolder(find_run(options.run))
+        run.seal.require_intact(run.intervals)
+        intervals = load_intervals(run.intervals)
+    surrogate = load(options.run, choose_device(options.device).type)
+    certify: Callable[[Array, Array], Certificate | Bounds] = surrogate.certify
+    if options.certify == "fast":
+        certify = _fast_certificate(options, surrogate)
+    surrogate.require_stochastic(**given_passes(options))
+    geometry = surrogate.geometry
+    forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
+    predicted = surrogate.predict_distribution(forces, **given_passes(options))
+    fields = predicted.fields() if surrogate.is_probabilistic else {"displacement": predicted.mean}
+    if intervals is not None:
+        ends = intervals.bounds(options.conformal, surrogate, predicted)
+        fields |= dict(zip(("lower", "upper"), ends, strict=True))
+    for warning in surrogate.training_range.exceeded(forces).values():
+        print(f"surrogate: warning: {warning}", file=sys.stderr)
+    notes, refusal = ["predicted"], None
+    if options.correct:
+        correction = surrogate.correct(forces, predicted.mean)
+        fields = {"displacement": correction.displacement, "predicted": predicted.mean}
+        notes.append(correction.summary())
+    if options.certify:
+        certificate = certify(forces, fields["displacement"])
+        fields["estimated_error"] = certificate.error
+        notes.append(certificate.summary())
+        if options.tolerance is not None:
+            refusal = certificate.refusal(options.tolerance)
+            notes.append("certified" if refusal is None else "not certified")
+    write_solution(
+        options.out,
+        geometry.coordinates,
+        geometry.cells,
+        geometry.cell_type,
+        {"force": forces, **fields},
+    )
+    print(f"{options.out}: {', '.join(notes)}")
+    if refusal is not None:
+        raise NotCertifiedError(refusal)
+
+
+def _fast_certificate(
+    options: argparse.Namespace, surrogate: Surrogate
+) -> Callable[[Array, Array], Bounds]:
+    """Read the fast certificate of a run, and check that it has the level."""
+    from shared_schema.common.errors import InputError
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.shelf import find_run
+    from surrogate.uncertainty.fast_certificate import load_fast_certificate
+
+    run, level = RunFolder(find_run(options.run)), options.level or 0.95
+    run.seal.require_intact(run.fast_certificate)
+    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    try:
+        fast.factor(level)
+    except ValueError as error:
+        raise InputError(f"--level {level:g}: {error}") from None
+    return lambda forces, predicted: fast.certify(forces, predicted, level)

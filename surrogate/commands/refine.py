@@ -1,0 +1,51 @@
+"""surrogate refine: train on by the potential energy of random loads, without solutions."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.command_line import Commands, add_command
+from surrogate.commands.options import RUN, add_device, add_family, positive, warn_unsealed, whole
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = add_command(
+        commands,
+        "refine",
+        "train a network on by the potential energy of random loads, unsolved",
+        "surrogate refine runs/beam2d --steps 1000 --out runs/beam2d-refined",
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    add_family(parser)
+    parser.add_argument("--steps", type=whole, required=True, metavar="N", help="training steps")
+    parser.add_argument(
+        "--learning-rate",
+        type=positive,
+        default=1e-4,
+        metavar="R",
+        help="first one (default 1e-4)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
+    parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="new run folder")
+    add_device(parser)
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Train on, in a new run folder."""
+    from shared_schema.common.configuration import validate
+    from surrogate.device import choose_device
+    from surrogate.runs.description import Refinement
+    from surrogate.runs.folder import RunFolder
+    from surrogate.training.refine import refine
+
+    require_writable(options.out)
+    warn_unsealed(options.run)
+    given = {name: getattr(options, name) for name in ("family", "steps", "learning_rate", "seed")}
+    refinement = validate(Refinement, given, "options")
+    device = choose_device(options.device)
+    found = refine(options.run, RunFolder(options.out), refinement, device)
+    print(f"{options.out}: {options.steps} steps, forces out of balance by {found:.2g} of the load")

@@ -1,0 +1,38 @@
+"""surrogate report: write a run's results as one HTML page."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.command_line import Commands, add_command
+from surrogate.commands.options import RUN, warn_unsealed
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = add_command(
+        commands,
+        "report",
+        "write a run's results as one HTML page",
+        "surrogate report runs/beam2d --nodal data/beam2d/nodal --out report.html",
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help=f"an evaluated {RUN}")
+    parser.add_argument(
+        "--nodal", type=Path, metavar="DIR", help="nodal dataset; the page shows its solve times"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.html", help="page to write"
+    )
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Write the page, and print its path."""
+    from surrogate.presentation.report import write_report
+
+    require_writable(options.out)
+    warn_unsealed(options.run)
+    write_report(options.run, options.nodal, options.out)
+    print(options.out.resolve())

@@ -1,0 +1,129 @@
+"""The page of a run: body, network, mechanics and script in one HTML file.
+
+The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
+Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh and material and
+factorises it, in the order of `surrogate.mechanics.band_matrix`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.errors import InputError
+from shared_schema.common.solution_file import require_suffix
+from surrogate.inference.export import require_packages
+from surrogate.inference.prediction import Surrogate, load
+from surrogate.page.body import drawn, mechanics_of
+from surrogate.page.bundle import read_bundle
+from surrogate.page.inlined import in_base64, inlined, packed
+from surrogate.page.page_network import page_network
+from surrogate.probabilistic.moments import Moments
+
+LARGEST = 25_000_000  # bytes of a page
+BASE64 = 4 / 3  # its characters a byte
+
+PAGES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined
+)
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of the page.
+    passes : int or None
+        Number of passes of a stochastic network.
+    estimates : bool
+        True if the page estimates errors.
+    """
+
+    size: int
+    passes: int | None
+    estimates: bool
+
+
+def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
+    """Write the page of a run.
+
+    Parameters
+    ----------
+    run : Path
+        Run folder, or the name of a network that comes with the package.
+    path : Path
+        Ending in .html.
+    largest : int
+        Bytes that the page may have.
+
+    Raises
+    ------
+    InputError
+        If there is no finished run, the file's name is wrong, the page's script is not built, the
+        mesh has no surface, or body or network are too large for a page.
+    """
+    require_suffix(path, (".html",))
+    require_packages("onnx")
+    bundle, surrogate = read_bundle(), load(run)
+    mechanics = mechanics_of(surrogate)
+    table, block = packed(drawn(surrogate.geometry) | mechanics.arrays)
+    content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
+    parts = {
+        "style": bundle.style,
+        "script": bundle.script,
+        "arrays": inlined(block),
+        "runtime": in_base64(bundle.runtime),
+    }
+    left = largest - sum(len(part.encode()) for part in parts.values())
+    network = page_network(surrogate, int(left / BASE64))
+    content["passes"] = network.passes
+    page = PAGES.get_template("page.html.j2").render(
+        title=content["case"],
+        content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
+        network=inlined(network.content),
+        **parts,
+    )
+    size = len(page.encode())
+    if size > largest:
+        raise InputError(f"page: {size / 1e6:.1f} MB, expected {largest / 1e6:.1f} MB at most")
+    write_text(path, page)
+    return Written(size, network.passes, mechanics.material is not None)
+
+
+def described(surrogate: Surrogate, run: Path) -> dict[str, Any]:
+    """Names, kinds and training range, as plain data."""
+    config, data = surrogate.description.run, surrogate.description.data
+    return {
+        "case": config.case,
+        "network": config.architecture,
+        "run": str(run),
+        "cellType": surrogate.geometry.cell_type,
+        "needsResponse": surrogate.network.linear is not None,
+        "deviations": deviations(surrogate),
+        "limit": list(data.info.force.max_abs),
+        "loads": None if data.loads is None else data.loads.model_dump(),
+    }
+
+
+def deviations(surrogate: Surrogate) -> dict[str, str]:
+    """Outputs of the network that are standard deviations: kind, "epistemic" or "aleatoric"."""
+    config = surrogate.description.run
+    if not surrogate.is_probabilistic:
+        return {}
+    if surrogate.network.members == 1 and not surrogate.is_stochastic:
+        unit = torch.ones(1)
+        only_noise = config.distribution(Moments(1, unit, 0 * unit, unit))
+        return {"std": "aleatoric" if bool(only_noise.std_aleatoric) else "epistemic"}
+    kinds = ["epistemic"]
+    if config.likelihood != "deterministic":
+        kinds.append("aleatoric")
+    return {f"std_{kind}": kind for kind in kinds}

@@ -1,0 +1,132 @@
+"""What of a mesh is drawn: triangles, lines of the mesh, feature lines, supports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from shared_schema.cells import FACETS, boundary_facets
+from shared_schema.common.errors import InputError
+from surrogate.data.geometry import Geometry
+
+SMOOTH = np.cos(np.radians(30))  # facets at a larger angle meet in an edge
+Integers = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The drawn part of a body, by node numbers; in the plane it is the whole body.
+
+    Attributes
+    ----------
+    vertices : array of int, (n_vertices,)
+        Node of every vertex of the triangles; a node at a sharp edge has several, one for each of
+        the smooth faces that meet there.
+    triangles : array of int, (n_triangles, 3)
+        Vertex numbers, seen from outside.
+    lines : array of int, (n_lines, 2)
+        Edges of the drawn cells or faces.
+    features : array of int, (n_features, 2)
+        Those of them that show the body's shape: the boundary, in space the sharp edges.
+    supports : array of int, (n_supports, d)
+        Boundary edges (in space: triangles) whose nodes are all clamped.
+    """
+
+    vertices: Integers
+    triangles: Integers
+    lines: Integers
+    features: Integers
+    supports: Integers
+
+
+def surface_of(geometry: Geometry) -> Surface:
+    """Find the drawn part of a body.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no cells of a known type.
+    """
+    if geometry.cell_type not in FACETS or len(geometry.cells) == 0:
+        raise InputError(
+            f"page: the run's mesh has {len(geometry.cells)} cells of type "
+            f"'{geometry.cell_type}', expected some of {', '.join(FACETS)}, for a surface"
+        )
+    facets = boundary_facets(geometry.cells, geometry.cell_type)
+    faces = geometry.cells if geometry.dimension == 2 else facets
+    around = np.sort(edges(faces), axis=1)
+    pairs = smooth_pairs(geometry, faces, around)
+    vertices, corners = smooth_vertices(faces, around, pairs)
+    lines = np.unique(around, axis=0)
+    sharp = facets if geometry.dimension == 2 else without(lines, around[pairs[:, 0]])
+    held = facets[geometry.clamped[facets].all(axis=1)]
+    return Surface(
+        vertices=vertices.astype(np.int32),
+        triangles=triangulated(corners).astype(np.int32),
+        lines=lines.astype(np.int32),
+        features=sharp.astype(np.int32),
+        supports=(held if geometry.dimension == 2 else triangulated(held)).astype(np.int32),
+    )
+
+
+def edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges of all faces, going round each of them: (n, corners) → (n · corners, 2)."""
+    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Split quadrilaterals into two triangles each: (n, 3 or 4) → (n or 2n, 3)."""
+    if faces.shape[1] == 3:
+        return faces
+    return faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+
+
+def smooth_pairs(
+    geometry: Geometry, faces: NDArray[np.int64], around: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pairs of equal edges, by their rows in `around`, whose two faces meet at 30° at most."""
+    _, number, count = np.unique(around, axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    order = np.argsort(number, kind="stable")
+    order = order[count[number[order]] == 2].reshape(-1, 2)
+    if geometry.dimension == 2:
+        return order
+    x = geometry.coordinates[faces]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    first, second = (normal[rows // faces.shape[1]] for rows in order.T)
+    return order[np.einsum("ij,ij->i", first, second) >= SMOOTH]
+
+
+def smooth_vertices(
+    faces: NDArray[np.int64], around: NDArray[np.int64], pairs: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Join the corners of faces that meet smoothly.
+
+    Returns
+    -------
+    vertices : array of int, (n_vertices,)
+        Node of every vertex.
+    corners : array of int, (n_faces, n_corners)
+        Vertices of every face.
+    """
+    size = faces.shape[1]
+    place = np.arange(faces.size)
+    ends = np.stack([place, place - place % size + (place + 1) % size], axis=1)  # of every edge
+    ordered = np.where((faces.ravel()[ends[:, :1]] == around[:, :1]), ends, ends[:, ::-1])
+    rows, columns = ordered[pairs[:, 0]].ravel(), ordered[pairs[:, 1]].ravel()
+    joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    count, vertex = connected_components(joined, directed=False)
+    vertices = np.empty(count, dtype=np.int64)
+    vertices[vertex] = faces.ravel()
+    return vertices, vertex.reshape(faces.shape)
+
+
+def without(lines: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows of `lines` that are no rows of `others`, both (n, 2)."""
+    size = int(lines.max()) + 1
+    return lines[~np.isin(lines @ [size, 1], others @ [size, 1])]

@@ -1,0 +1,17 @@
+import eslint from "@eslint/js";
+import typescript from "typescript-eslint";
+
+export default typescript.config(
+  eslint.configs.recommended,
+  {
+    files: ["src/**/*.ts"],
+    extends: [typescript.configs.strictTypeChecked, typescript.configs.stylisticTypeChecked],
+    languageOptions: { parserOptions: { projectService: true } },
+    rules: {
+      "@typescript-eslint/restrict-template-expressions": ["error", { allowNumber: true }],
+      "@typescript-eslint/no-non-null-assertion": "off",
+      "max-lines": ["error", 400],
+    },
+  },
+  { files: ["*.mjs"], languageOptions: { globals: { URL: "readonly", process: "readonly" } } },
+);

@@ -1,0 +1,98 @@
+/** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
+
+import type { CellType } from "./mechanics/elements";
+import type { Body } from "./mechanics/messages";
+import type { Material } from "./mechanics/solid";
+import type { TrainingRange } from "./training_range";
+
+/** Plain data of the page (`surrogate/page/page.py`). */
+interface Text {
+  case: string;
+  network: string;
+  run: string;
+  cellType: CellType;
+  needsResponse: boolean;
+  deviations: Record<string, "epistemic" | "aleatoric">;
+  limit: number[];
+  loads: TrainingRange["loads"];
+  material: Material | null;
+  passes: number | null;
+  arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
+}
+
+/** All that is known of the body before the network is read. */
+export interface Content extends Text {
+  d: number;
+  nodes: number;
+  /** (nodes, d) in m. */
+  coordinates: Float64Array;
+  cells: Int32Array;
+  clamped: Uint8Array;
+  loadable: Uint8Array;
+  /** Node of every vertex of the triangles. */
+  vertices: Int32Array;
+  triangles: Int32Array;
+  lines: Int32Array;
+  features: Int32Array;
+  supports: Int32Array;
+  order: Int32Array | null;
+  spread: Body["spread"];
+  trained: TrainingRange;
+}
+
+const VIEWS = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array } as const;
+
+/** Read text and arrays. */
+export async function readContent(): Promise<Content> {
+  const text = JSON.parse(element("content").textContent) as Text;
+  const block = (await bytes("arrays")).buffer;
+  const array = (name: string): Float64Array | Int32Array | Uint8Array | null => {
+    const entry = text.arrays[name];
+    if (!entry) return null;
+    const length = entry.shape.reduce((product, n) => product * n, 1);
+    return new VIEWS[entry.type as keyof typeof VIEWS](block, entry.offset, length);
+  };
+  const starts = array("spreadStarts") as Int32Array | null;
+  const [nodes, d] = text.arrays.coordinates!.shape;
+  const loadable = array("loadable") as Uint8Array;
+  return {
+    ...text,
+    nodes,
+    d,
+    coordinates: array("coordinates") as Float64Array,
+    cells: array("cells") as Int32Array,
+    clamped: array("clamped") as Uint8Array,
+    loadable,
+    trained: { limit: text.limit, loadable, loads: text.loads },
+    vertices: array("vertices") as Int32Array,
+    triangles: array("triangles") as Int32Array,
+    lines: array("lines") as Int32Array,
+    features: array("features") as Int32Array,
+    supports: array("supports") as Int32Array,
+    order: array("order") as Int32Array | null,
+    spread: starts && {
+      starts,
+      nodes: array("spreadNodes") as Int32Array,
+      weights: array("spreadWeights") as Float64Array,
+    },
+  };
+}
+
+/** Read and unpack the bytes of an element, base64 of a gzip file. */
+export async function bytes(id: string): Promise<Uint8Array<ArrayBuffer>> {
+  const packed = fromBase64(element(id).textContent);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+function element(id: string): Element & { textContent: string } {
+  return document.getElementById(id) as unknown as Element & { textContent: string };
+}
+
+function fromBase64(text: string): Uint8Array<ArrayBuffer> {
+  const modern = Uint8Array as unknown as {
+    fromBase64?: (text: string) => Uint8Array<ArrayBuffer>;
+  };
+  if (modern.fromBase64) return modern.fromBase64(text);
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}

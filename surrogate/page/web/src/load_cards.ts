@@ -1,0 +1,173 @@
+/** A card for every load: its place, its components and size to type in, its removal. */
+
+import { make } from "./elements";
+import { size, type Load } from "./loads";
+import type { State } from "./state";
+import { digits } from "./units";
+import { loadableNodes } from "./view/body_mesh";
+
+interface Card {
+  element: HTMLElement;
+  name: HTMLElement;
+  inputs: { field: HTMLInputElement; read: () => number }[];
+}
+
+export class LoadCards {
+  readonly element = make("div");
+  private readonly list = make("div");
+  private readonly none = make("p", { class: "none" }, "None yet. Press on the body and drag.");
+  private readonly clear: HTMLButtonElement;
+  private readonly cards = new Map<Load, Card>();
+
+  constructor(
+    private readonly state: State,
+    private readonly changed: () => void,
+  ) {
+    const click = (): void => {
+      state.loads.clear();
+      changed();
+    };
+    this.clear = make("button", { type: "button", click }, "Remove all");
+    this.element.append(
+      this.list,
+      this.none,
+      make("div", { class: "row" }, this.adder(), this.clear),
+    );
+  }
+
+  /** Show the loads. */
+  update(): void {
+    const { all, selected } = this.state.loads;
+    for (const [load, card] of this.cards) {
+      if (all.includes(load)) continue;
+      card.element.remove();
+      this.cards.delete(load);
+    }
+    this.none.hidden = all.length > 0;
+    this.clear.disabled = all.length === 0;
+    const { limit, loadable } = this.state.content.trained;
+    all.forEach((load, number) => {
+      let card = this.cards.get(load);
+      if (!card) {
+        card = this.card(load);
+        this.cards.set(load, card);
+        this.list.append(card.element);
+      }
+      card.name.firstChild!.textContent = `${number + 1}: `;
+      card.element.classList.toggle("selected", load === selected);
+      const beyond = load.force.some((value, i) => Math.abs(value) > limit[i] * (1 + 1e-6));
+      card.element.classList.toggle("beyond", beyond || !loadable[load.node]);
+      for (const { field, read } of card.inputs) {
+        if (document.activeElement !== field) field.value = String(Number(read().toPrecision(4)));
+      }
+    });
+  }
+
+  private card(load: Load): Card {
+    const { loads, content } = this.state;
+    const inputs: Card["inputs"] = [];
+    const number = (
+      label: string,
+      read: () => number,
+      write: (value: number) => void,
+    ): HTMLElement => {
+      const field = make("input", { type: "number", step: "any" });
+      field.addEventListener("input", () => {
+        if (!Number.isFinite(field.valueAsNumber)) return;
+        loads.selected = load;
+        write(field.valueAsNumber);
+        this.changed();
+      });
+      field.addEventListener("blur", () => {
+        this.update();
+      });
+      inputs.push({ field, read });
+      return make("label", { class: "number" }, label, field);
+    };
+    const components = load.force.map((_, i) =>
+      number(
+        `F${"xyz"[i]} in N`,
+        () => load.force[i],
+        (value) => (load.force[i] = value),
+      ),
+    );
+    const magnitude = number(
+      "Size in N",
+      () => size(load.force),
+      (value) => {
+        const now = size(load.force);
+        const direction = now > 0 ? load.force.map((f) => f / now) : downwards(content.d);
+        load.force = direction.map((f) => f * Math.abs(value));
+      },
+    );
+    const angle = number(
+      "Angle in °",
+      () => degrees(load),
+      (value) => {
+        const [length, radians] = [size(load.force), (value * Math.PI) / 180];
+        load.force = [length * Math.cos(radians), length * Math.sin(radians)];
+      },
+    );
+    const { coordinates, d } = content;
+    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) =>
+      digits(x),
+    );
+    const click = (): void => {
+      loads.selected = load;
+      this.changed();
+    };
+    const remove = (): void => {
+      loads.remove(load);
+      this.changed();
+    };
+    const name = make(
+      "button",
+      { type: "button", class: "name", click },
+      "",
+      `Node (${place.join(", ")})`,
+    );
+    const cross = make(
+      "button",
+      { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" },
+      "✕",
+    );
+    const element = make(
+      "div",
+      { class: "load" },
+      make("div", { class: "head" }, name, cross),
+      make("div", { class: "numbers" }, ...components, magnitude, ...(d === 2 ? [angle] : [])),
+    );
+    return { element, name, inputs };
+  }
+
+  /** A choice of nodes for those who do not use a pointer. */
+  private adder(): HTMLElement {
+    const { content, loads } = this.state;
+    const { coordinates, d } = content;
+    const options = loadableNodes(content).map((node) => {
+      const place = Array.from(coordinates.subarray(node * d, node * d + d), (x) => digits(x));
+      return make("option", { value: String(node) }, `(${place.join(", ")})`);
+    });
+    const change = (): void => {
+      if (list.value === "") return;
+      const load = loads.at(Number(list.value));
+      if (size(load.force) === 0) {
+        const half = Number((content.limit.at(-1)! / 2).toPrecision(2));
+        load.force = downwards(d).map((part) => part * half);
+      }
+      list.value = "";
+      this.changed();
+    };
+    const list = make("select", { change }, make("option", { value: "" }, "choose …"), ...options);
+    return make("label", { class: "number" }, "Load the node at", list);
+  }
+}
+
+/** Unit vector against the last axis. */
+function downwards(d: number): number[] {
+  return Array.from({ length: d }, (_, i) => (i === d - 1 ? -1 : 0));
+}
+
+function degrees(load: Load): number {
+  return (Math.atan2(load.force[1], load.force[0]) * 180) / Math.PI;
+}

@@ -1,0 +1,198 @@
+/** The page: a body on which one drags a load. */
+
+import { bytes, readContent } from "./content";
+import type { Curve } from "./curve";
+import { size } from "./loads";
+import { Mechanics } from "./mechanics/mechanics";
+import { Network } from "./network";
+import { Panel } from "./panel";
+import { listen } from "./pointer";
+import { asCsv, asNpz, asPng, download } from "./save";
+import { State } from "./state";
+import { Scene } from "./view/scene";
+
+const REST = 150; // ms without a change, before the error of a large body is estimated
+const LARGE = 2000; // degrees of freedom
+
+/** What scripts may use, from the console or a talk's notes. */
+interface Handle {
+  /** Resolves when the network is ready. */
+  ready: Promise<void>;
+  state: State;
+  scene: Scene;
+  curve: Curve;
+  /** Resolves when body and panel show the present loads. */
+  settled: () => Promise<void>;
+  /** Times in ms from an event to its drawn frame, once `measure` is true. */
+  times: number[];
+  measure: boolean;
+}
+
+async function start(): Promise<void> {
+  const content = await readContent();
+  const state = new State(content);
+  const root = document.getElementById("page")!;
+  const panel = new Panel(root, state, {
+    changed: (what) => {
+      if (what === "loads") change(null);
+      else show();
+    },
+    save: (kind) => void save(kind),
+  });
+  const scene = new Scene(state, panel.stage, panel.canvas, panel.labels);
+  let network: Network | null = null;
+  let mechanics: Mechanics | null = null;
+  let isBusy = false;
+  let isStale = false;
+  let isComplete = true;
+  let isPanelDue = false;
+  let eventTime: number | null = null;
+  let idle: (() => void)[] = [];
+  let timer = 0;
+
+  /** Draw the body now, and the panel with the browser's next frame. */
+  const show = (): void => {
+    scene.show();
+    if (isPanelDue) return;
+    isPanelDue = true;
+    requestAnimationFrame(() => {
+      isPanelDue = false;
+      panel.update(scene.largest);
+    });
+  };
+
+  /** The loads have changed, by an event at a time in ms. */
+  const change = (time: number | null): void => {
+    eventTime = time;
+    isStale = true;
+    if (!isBusy) void predict();
+  };
+
+  /** Predict and draw until nothing has changed meanwhile. */
+  const predict = async (): Promise<void> => {
+    isBusy = true;
+    while (isStale) {
+      isStale = false;
+      const time = eventTime;
+      isComplete = await predictOnce();
+      show();
+      if (isComplete && handle.measure && time !== null) {
+        scene.finish();
+        handle.times.push(performance.now() - time);
+      }
+    }
+    isBusy = false;
+    if (!isComplete) return;
+    for (const resolve of idle) resolve();
+    idle = [];
+  };
+
+  /** Predict the fields of the present loads; false while something is missing. */
+  const predictOnce = async (): Promise<boolean> => {
+    const acting = state.loads.all.filter((load) => size(load.force) > 0);
+    state.certificate = null;
+    mechanics?.forget();
+    clearTimeout(timer);
+    if (acting.length === 0) {
+      state.fields = null;
+      return true;
+    }
+    const length = content.nodes * content.d;
+    const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
+    const isReady = network !== null && (response !== null || !content.needsResponse);
+    panel.tell(isReady ? "" : "Preparing: the body follows in a moment …");
+    if (!isReady) {
+      for (const load of acting) mechanics?.request(load.node);
+      return false;
+    }
+    const force = state.loads.nodal(content.nodes);
+    state.fields = await network!.predict(Float32Array.from(force), response);
+    const { selected } = state.loads;
+    if (selected) {
+      const u = size(state.displacementAt(selected.node));
+      const deviation = state.deviationAlong(selected.node);
+      panel.curve.add(selected.node, size(selected.force), u, deviation);
+    }
+    timer = setTimeout(estimate, (content.order?.length ?? 0) > LARGE ? REST : 0);
+    return true;
+  };
+
+  const estimate = (): void => {
+    if (!mechanics || !state.displacement) return;
+    const force = state.loads.nodal(content.nodes);
+    mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
+      state.certificate = certificate;
+      show();
+    });
+  };
+
+  const save = async (kind: "png" | "csv" | "npz"): Promise<void> => {
+    scene.draw();
+    const file =
+      kind === "csv"
+        ? asCsv(state)
+        : kind === "npz"
+          ? asNpz(state)
+          : await asPng(state, scene.canvas, scene.largest);
+    download(file, `${content.case}.${kind}`);
+  };
+
+  listen(scene, state, {
+    pressed: (load) => {
+      panel.curve.clear();
+      if (content.needsResponse) mechanics?.request(load.node);
+    },
+    moved: change,
+    pointed: show,
+  });
+  new ResizeObserver(() => {
+    scene.resize();
+    show();
+  }).observe(panel.stage);
+
+  const prepare = async (): Promise<void> => {
+    const { order, material } = content;
+    if (order && material) {
+      const { coordinates, cells, cellType, spread } = content;
+      const body = { coordinates, cells, cellType, order, material, spread };
+      mechanics = new Mechanics(body, () => {
+        change(null);
+      });
+    }
+    if (document.readyState === "loading") {
+      await new Promise((resolve) => {
+        document.addEventListener("DOMContentLoaded", resolve, { once: true });
+      });
+    }
+    const [model, runtime] = await Promise.all([bytes("network"), bytes("runtime")]);
+    network = await Network.start(model, runtime, content.nodes, content.d);
+    performance.mark("ready");
+    panel.tell("Press on the body and drag.");
+    if (state.loads.all.length > 0) change(null);
+  };
+
+  const handle: Handle = {
+    ready: Promise.resolve(),
+    state,
+    scene,
+    curve: panel.curve,
+    settled: async () => {
+      if (isBusy || !isComplete) await new Promise<void>((resolve) => idle.push(resolve));
+      while (isPanelDue) await new Promise(requestAnimationFrame);
+    },
+    times: [],
+    measure: false,
+  };
+  panel.tell("Reading the network …");
+  show();
+  performance.mark("first frame");
+  handle.ready = prepare();
+  Object.assign(window, { surrogatePage: handle });
+  await handle.ready;
+}
+
+start().catch((error: unknown) => {
+  const text = error instanceof Error ? error.message : String(error);
+  document.getElementById("page")!.textContent = `The page cannot be shown: ${text}`;
+  throw error;
+});

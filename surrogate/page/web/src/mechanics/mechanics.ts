@@ -1,0 +1,79 @@
+/** The page's side of its two workers: one answers at once, one may be long at an estimate. */
+
+import script from "worker-script";
+import type { Certificate } from "./certificate";
+import type { Body, Reply, Request } from "./messages";
+
+export class Mechanics {
+  private readonly responding: Worker;
+  private readonly estimating: Worker;
+  private readonly columns = new Map<number, Float64Array[]>();
+  private readonly requested = new Set<number>();
+  private number = 0;
+  private receive: (certificate: Certificate) => void = () => undefined;
+
+  /**
+   * @param body - what to compute with
+   * @param onColumns - called when columns of a node have arrived
+   */
+  constructor(body: Body, onColumns: () => void) {
+    const url = URL.createObjectURL(new Blob([script], { type: "text/javascript" }));
+    this.responding = new Worker(url);
+    this.estimating = new Worker(url);
+    this.responding.onmessage = ({ data }: MessageEvent<Reply>) => {
+      if (data.kind !== "columns") return;
+      this.columns.set(data.node, data.columns);
+      onColumns();
+    };
+    this.estimating.onmessage = ({ data }: MessageEvent<Reply>) => {
+      if (data.kind !== "certificate" || data.number !== this.number || !data.certificate) return;
+      this.receive(data.certificate);
+    };
+    this.send(this.responding, { kind: "body", body });
+    this.send(this.estimating, { kind: "body", body });
+  }
+
+  /** Ask for the columns of a node, once. */
+  request(node: number): void {
+    if (this.requested.has(node)) return;
+    this.requested.add(node);
+    this.send(this.responding, { kind: "columns", node });
+  }
+
+  /** The linear response in m to forces at some nodes; null until all of their columns are there. */
+  response(
+    loads: readonly { node: number; force: readonly number[] }[],
+    size: number,
+  ): Float32Array | null {
+    const sum = new Float64Array(size);
+    for (const { node, force } of loads) {
+      const columns = this.columns.get(node);
+      if (!columns) return null;
+      columns.forEach((column, component) => {
+        const newtons = force[component];
+        if (newtons !== 0) for (let i = 0; i < size; i++) sum[i] += newtons * column[i];
+      });
+    }
+    return Float32Array.from(sum);
+  }
+
+  /** Estimate the error of a prediction, and forget the estimates asked for before. */
+  estimate(
+    force: Float64Array,
+    displacement: Float64Array,
+    receive: (certificate: Certificate) => void,
+  ): void {
+    this.receive = receive;
+    this.number++;
+    this.send(this.estimating, { kind: "certificate", force, displacement, number: this.number });
+  }
+
+  /** Forget the estimate that was asked for last. */
+  forget(): void {
+    this.number++;
+  }
+
+  private send(worker: Worker, request: Request): void {
+    worker.postMessage(request);
+  }
+}

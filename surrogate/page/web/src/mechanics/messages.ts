@@ -1,0 +1,25 @@
+/** Messages between the page and its worker. */
+
+import type { CellType } from "./elements";
+import type { Material } from "./solid";
+import type { Certificate } from "./certificate";
+
+/** The body of the page's mechanics. */
+export interface Body {
+  coordinates: Float64Array;
+  cells: Int32Array;
+  cellType: CellType;
+  order: Int32Array;
+  material: Material;
+  /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
+  spread: { starts: Int32Array; nodes: Int32Array; weights: Float64Array } | null;
+}
+
+export type Request =
+  | { kind: "body"; body: Body }
+  | { kind: "columns"; node: number }
+  | { kind: "certificate"; force: Float64Array; displacement: Float64Array; number: number };
+
+export type Reply =
+  | { kind: "columns"; node: number; columns: Float64Array[] }
+  | { kind: "certificate"; number: number; certificate: Certificate | null };

@@ -1,0 +1,178 @@
+/**
+ * A Neo-Hookean solid of finite elements, as `surrogate/mechanics/solid.py` and `neo_hookean.py`:
+ *
+ *   F = I + Σ_a u_a ⊗ G_a,  P = μ (F − F^{-T}) + J U' F^{-T},  f_a = Σ_q w_q P_q G_a,
+ *   K_ab = Σ_q w_q [μ (G_a·G_b) I + (μ − J U') g_b ⊗ g_a + (J U' + J² U'') g_a ⊗ g_b],
+ *   g_a = F^{-T} G_a.
+ */
+
+import { cellGradients, invert, type CellGradients, type CellType } from "./elements";
+
+/** Lamé parameters in Pa, and the name of the volumetric term U(J). */
+export interface Material {
+  lambda: number;
+  mu: number;
+  volumetric: "paper" | "quadratic";
+}
+
+export class Solid {
+  readonly d: number;
+  readonly volume: number;
+  readonly corners: number;
+  private readonly parts: CellGradients;
+  private readonly f: Float64Array;
+  private readonly inverse: Float64Array;
+
+  constructor(
+    coordinates: Float64Array,
+    readonly cells: Int32Array,
+    type: CellType,
+    readonly material: Material,
+  ) {
+    this.parts = cellGradients(coordinates, cells, type);
+    this.corners = this.parts.corners;
+    this.d = type === "triangle" || type === "quad" ? 2 : 3;
+    this.volume = this.parts.volumes.reduce((sum, v) => sum + v, 0);
+    this.f = new Float64Array(this.d * this.d);
+    this.inverse = new Float64Array(this.d * this.d);
+  }
+
+  get cellCount(): number {
+    return this.cells.length / this.corners;
+  }
+
+  /** Compute F at a quadrature point, and its inverse; returns J. */
+  private deform(u: Float64Array, cell: number, point: number): number {
+    const { d, f, corners } = this;
+    const { gradients } = this.parts;
+    for (let i = 0; i < d * d; i++) f[i] = i % (d + 1) === 0 ? 1 : 0;
+    for (let a = 0; a < corners; a++) {
+      const node = this.cells[cell * corners + a] * d;
+      const g = (point * corners + a) * d;
+      for (let i = 0; i < d; i++) {
+        const value = u[node + i];
+        for (let j = 0; j < d; j++) f[i * d + j] += value * gradients[g + j];
+      }
+    }
+    return invert(f, d, this.inverse);
+  }
+
+  /** J U' and J U' + J² U'' in Pa. */
+  private volumetric(j: number): [number, number] {
+    const { lambda, volumetric } = this.material;
+    if (volumetric === "paper") return [(lambda / 2) * (j * j - 1), lambda * j * j];
+    return [lambda * j * (j - 1), lambda * j * (2 * j - 1)];
+  }
+
+  /** Number of cells with J ≤ 0, or no number, at a point. */
+  inverted(u: Float64Array): number {
+    const { points } = this.parts;
+    let count = 0;
+    for (let cell = 0; cell < this.cellCount; cell++) {
+      for (let q = 0; q < points; q++) {
+        const j = this.deform(u, cell, cell * points + q);
+        if (!(j > 0 && j < Infinity)) {
+          count++;
+          break;
+        }
+      }
+    }
+    return count;
+  }
+
+  /** Strain energy E(u) in J, infinite if a cell is inverted. */
+  energy(u: Float64Array): number {
+    const { points, volumes } = this.parts;
+    const { lambda, mu, volumetric } = this.material;
+    let energy = 0;
+    for (let point = 0; point < volumes.length; point++) {
+      const j = this.deform(u, Math.floor(point / points), point);
+      if (!(j > 0)) return Infinity;
+      const logarithm = Math.log(j);
+      const square = this.f.reduce((sum, value) => sum + value * value, 0);
+      const bulk =
+        volumetric === "paper"
+          ? (lambda / 4) * (j * j - 1 - 2 * logarithm)
+          : (lambda / 2) * (j - 1) ** 2;
+      energy += volumes[point] * ((mu / 2) * (square - this.d - 2 * logarithm) + bulk);
+    }
+    return energy;
+  }
+
+  /** f_int = ∂E/∂u in N, (nodes, d); no meaning if a cell is inverted. */
+  internalForces(u: Float64Array): Float64Array {
+    const { d, corners } = this;
+    const { points, gradients, volumes } = this.parts;
+    const forces = new Float64Array(u.length);
+    const p = new Float64Array(d * d);
+    for (let point = 0; point < volumes.length; point++) {
+      const cell = Math.floor(point / points);
+      const j = this.deform(u, cell, point);
+      const [pressure] = this.volumetric(j);
+      const { mu } = this.material;
+      for (let i = 0; i < d; i++) {
+        for (let k = 0; k < d; k++) {
+          p[i * d + k] =
+            volumes[point] * (mu * this.f[i * d + k] + (pressure - mu) * this.inverse[k * d + i]);
+        }
+      }
+      for (let a = 0; a < corners; a++) {
+        const node = this.cells[cell * corners + a] * d;
+        const g = (point * corners + a) * d;
+        for (let i = 0; i < d; i++) {
+          let sum = 0;
+          for (let k = 0; k < d; k++) sum += p[i * d + k] * gradients[g + k];
+          forces[node + i] += sum;
+        }
+      }
+    }
+    return forces;
+  }
+
+  /** K of one cell in N/m into `k`, (corners · d)², rows and columns numbered corner · d + component. */
+  cellTangent(u: Float64Array, cell: number, k: Float64Array): void {
+    const { d, corners } = this;
+    const { points, gradients, volumes } = this.parts;
+    const size = corners * d;
+    const g = new Float64Array(size);
+    const { mu } = this.material;
+    k.fill(0);
+    for (let q = 0; q < points; q++) {
+      const point = cell * points + q;
+      const j = this.deform(u, cell, point);
+      const w = volumes[point];
+      const [pressure, squared] = this.volumetric(j);
+      const crossed = w * (mu - pressure);
+      const direct = w * squared;
+      const first = point * size;
+      for (let a = 0; a < corners; a++) {
+        for (let i = 0; i < d; i++) {
+          let sum = 0;
+          for (let m = 0; m < d; m++) sum += this.inverse[m * d + i] * gradients[first + a * d + m];
+          g[a * d + i] = sum;
+        }
+      }
+      for (let a = 0; a < corners; a++) {
+        for (let b = 0; b <= a; b++) {
+          let dot = 0;
+          for (let m = 0; m < d; m++) {
+            dot += gradients[first + a * d + m] * gradients[first + b * d + m];
+          }
+          dot *= w * mu;
+          for (let i = 0; i < d; i++) {
+            const row = (a * d + i) * size + b * d;
+            const left = direct * g[a * d + i];
+            const right = crossed * g[b * d + i];
+            for (let m = 0; m < d; m++) k[row + m] += left * g[b * d + m] + right * g[a * d + m];
+            k[row + i] += dot;
+          }
+        }
+      }
+    }
+    for (let row = 0; row < size; row++) {
+      for (let column = row + 1; column < size; column++) {
+        k[row * size + column] = k[column * size + row]!;
+      }
+    }
+  }
+}

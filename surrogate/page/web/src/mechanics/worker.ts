@@ -1,0 +1,63 @@
+/** The worker: columns of K⁻¹ of loaded nodes, and estimated errors of predictions. */
+
+import { certify } from "./certificate";
+import { Equilibrium } from "./equilibrium";
+import type { Body, Reply, Request } from "./messages";
+import { Solid } from "./solid";
+
+let body: Body;
+let equilibrium: Equilibrium;
+let latest = 0;
+
+function reply(message: Reply): void {
+  self.postMessage(message);
+}
+
+/** Let messages arrive that wait. */
+function pause(): Promise<void> {
+  return new Promise((resolve) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = () => {
+      port1.close();
+      resolve();
+    };
+    port2.postMessage(null);
+  });
+}
+
+/** Linear responses in m/N to unit forces at a node, one for every component. */
+function columns(node: number): Float64Array[] {
+  const d = equilibrium.solid.d;
+  const found: Float64Array[] = [];
+  for (let component = 0; component < d; component++) {
+    const force = new Float64Array(body.coordinates.length);
+    if (body.spread) {
+      const { starts, nodes, weights } = body.spread;
+      for (let i = starts[node]; i < starts[node + 1]; i++) {
+        force[nodes[i] * d + component] = weights[i]!;
+      }
+    } else {
+      force[node * d + component] = 1;
+    }
+    found.push(equilibrium.linearResponse(force));
+  }
+  return found;
+}
+
+self.onmessage = async ({ data }: MessageEvent<Request>) => {
+  if (data.kind === "body") {
+    body = data.body;
+    const solid = new Solid(body.coordinates, body.cells, body.cellType, body.material);
+    equilibrium = new Equilibrium(solid, body.order, body.coordinates.length);
+  } else if (data.kind === "columns") {
+    reply({ kind: "columns", node: data.node, columns: columns(data.node) });
+  } else {
+    latest = data.number;
+    const wanted = async (): Promise<boolean> => {
+      await pause();
+      return latest === data.number;
+    };
+    const certificate = await certify(equilibrium, data.force, data.displacement, wanted);
+    reply({ kind: "certificate", number: data.number, certificate });
+  }
+};

@@ -1,0 +1,78 @@
+/** What the page shows at a moment: loads, predicted fields, the estimate of their error. */
+
+import { lengths, type FieldName } from "./colours";
+import type { Content } from "./content";
+import { Loads, size } from "./loads";
+import type { Certificate } from "./mechanics/certificate";
+import type { Fields } from "./network";
+import { exceeded, type Kind } from "./training_range";
+
+export class State {
+  readonly loads: Loads;
+  /** Outputs of the network; null for a body at rest. */
+  fields: Fields | null = null;
+  /** Estimate of the error of `fields`; null while there is none. */
+  certificate: Certificate | null = null;
+  field: FieldName = "displacement";
+  /** Node under the pointer, or under the keyboard's cursor. */
+  node: number | null = null;
+
+  constructor(readonly content: Content) {
+    this.loads = new Loads(content.d);
+  }
+
+  /** Colour fields that this page can show. */
+  get choices(): FieldName[] {
+    const kinds = Object.values(this.content.deviations);
+    return ["displacement", ...kinds, ...(this.content.order ? (["error"] as const) : [])];
+  }
+
+  get isLoaded(): boolean {
+    return this.loads.all.some((load) => size(load.force) > 0);
+  }
+
+  get displacement(): Float32Array | null {
+    return this.fields?.displacement ?? null;
+  }
+
+  /** Displacement of a node in m, d components. */
+  displacementAt(node: number): number[] {
+    const { d } = this.content;
+    const u = this.displacement;
+    return u ? Array.from(u.subarray(node * d, node * d + d)) : new Array<number>(d).fill(0);
+  }
+
+  /** Nodal vectors behind a colour field; null while there are none. */
+  vectors(name: FieldName): ArrayLike<number> | null {
+    if (name === "displacement") return this.displacement;
+    if (name === "error") return this.certificate?.error ?? null;
+    const output = Object.entries(this.content.deviations).find(([, kind]) => kind === name);
+    return (output && this.fields?.[output[0]]) ?? null;
+  }
+
+  /** Lengths of the vectors of the chosen colour field in m, (nodes,). */
+  values(): Float64Array | null {
+    const vectors = this.vectors(this.field);
+    return vectors && lengths(vectors, this.content.d);
+  }
+
+  /** Standard deviation in m of the displacement of a node along its direction; null without one. */
+  deviationAlong(node: number): number | null {
+    const { d, deviations } = this.content;
+    const u = this.displacementAt(node);
+    const outputs = Object.keys(deviations).map((name) => this.fields?.[name]);
+    if (outputs.length === 0) return null;
+    const length = size(u) || 1;
+    let variance = 0;
+    for (const output of outputs) {
+      for (let i = 0; i < d; i++)
+        variance += ((u[i] / length) * (output?.[node * d + i] ?? 0)) ** 2;
+    }
+    return Math.sqrt(variance);
+  }
+
+  /** How the loads leave the training data. */
+  warnings(): Map<Kind, string> {
+    return exceeded(this.loads.all, this.content.trained);
+  }
+}

@@ -1,0 +1,249 @@
+/** The scene: body, supports, arrows, camera; it draws when something has changed. */
+
+import {
+  MOUSE,
+  OrthographicCamera,
+  PerspectiveCamera,
+  Plane,
+  Raycaster,
+  Scene as ThreeScene,
+  TOUCH,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { COLOUR_FIELDS } from "../colours";
+import type { State } from "../state";
+import { ceiling } from "../units";
+import { Arrows } from "./arrows";
+import { BodyMesh } from "./body_mesh";
+import { supportMarks } from "./supports";
+
+const REACH = 0.25; // of the body's diagonal: the arrow of the largest force of the training
+const NEAR = 16; // pixels around a node
+const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
+
+export class Scene {
+  readonly body: BodyMesh;
+  /** Newtons per metre of an arrow. */
+  readonly stiffness: number;
+  /** Largest value of the colours in m. */
+  largest = 1;
+  private readonly three = new ThreeScene();
+  private readonly renderer: WebGLRenderer;
+  private readonly camera: OrthographicCamera | PerspectiveCamera;
+  private readonly controls: OrbitControls;
+  private readonly arrows: Arrows;
+  private readonly raycaster = new Raycaster();
+  private readonly centre: Vector3;
+  private readonly extent: Vector3;
+  private readonly diagonal: number;
+  private readonly pickable: number[];
+
+  constructor(
+    private readonly state: State,
+    private readonly place: HTMLElement,
+    readonly canvas: HTMLCanvasElement,
+    overlay: HTMLElement,
+  ) {
+    const { content } = state;
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware(), alpha: true });
+    this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.body = new BodyMesh(content);
+    const { lower, upper } = bounds(this.body.positions);
+    this.extent = upper.clone().sub(lower);
+    this.centre = lower.clone().add(upper).multiplyScalar(0.5);
+    this.diagonal = this.extent.length();
+    this.stiffness = Math.max(...content.limit) / (REACH * this.diagonal);
+    this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
+    this.pickable = [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
+    this.three.add(this.body.group, supportMarks(content, this.diagonal), this.arrows.group);
+
+    const far = 50 * this.diagonal;
+    this.camera =
+      content.d === 2
+        ? new OrthographicCamera(-1, 1, 1, -1, -far, far)
+        : new PerspectiveCamera(32, 1, 0.01 * this.diagonal, far);
+    if (content.d === 3) this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = false;
+    this.controls.zoomToCursor = content.d === 2;
+    this.controls.enableRotate = content.d === 3;
+    if (content.d === 2) {
+      this.controls.mouseButtons = { LEFT: MOUSE.PAN, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
+      this.controls.touches = { ONE: TOUCH.PAN, TWO: TOUCH.DOLLY_PAN };
+    } else {
+      this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
+      this.controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_ROTATE };
+    }
+    this.resize();
+    this.controls.addEventListener("change", () => {
+      this.draw();
+    });
+  }
+
+  /** Fit the camera to the body. */
+  home(): void {
+    const { camera, extent, centre, diagonal } = this;
+    const aspect = this.place.clientWidth / Math.max(this.place.clientHeight, 1);
+    if (camera instanceof OrthographicCamera) {
+      const width = extent.x / 2 + 0.14 * diagonal;
+      const height = extent.y / 2 + 0.27 * diagonal;
+      const half = Math.max(height, width / aspect);
+      Object.assign(camera, {
+        top: half,
+        bottom: -half,
+        left: -half * aspect,
+        right: half * aspect,
+      });
+      camera.zoom = 1;
+      camera.position.set(centre.x, centre.y, diagonal);
+    } else {
+      const narrow = Math.min(1, aspect) * Math.tan((camera.fov * Math.PI) / 360);
+      const away = (0.6 * diagonal) / Math.sin(Math.atan(narrow));
+      camera.position.copy(new Vector3(0.45, -1, 0.5).setLength(away).add(centre));
+      camera.aspect = aspect;
+    }
+    this.controls.target.copy(centre);
+    camera.updateProjectionMatrix();
+    this.controls.update();
+  }
+
+  /** Take over the size of the page, with the whole body in view. */
+  resize(): void {
+    this.renderer.setSize(this.place.clientWidth, this.place.clientHeight, false);
+    this.body.fineLines(this.place.clientWidth < NARROW);
+    this.home();
+  }
+
+  /** Come nearer by a factor. */
+  zoom(factor: number): void {
+    if (this.camera instanceof OrthographicCamera) {
+      this.camera.zoom *= factor;
+      this.camera.updateProjectionMatrix();
+    } else {
+      this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
+    }
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Take over loads, displacements and colours, and draw. */
+  show(): void {
+    const { state, body } = this;
+    const values = state.values();
+    const most = values ? values.reduce((a, b) => Math.max(a, b), 0) : 0;
+    this.largest = most > 0 ? ceiling(most) : 1;
+    body.move(state.displacement);
+    body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
+    body.mark(state.node);
+    this.draw();
+  }
+
+  draw(): void {
+    const { state } = this;
+    const { limit, loadable } = state.content;
+    this.arrows.draw(
+      state.loads.all,
+      state.loads.selected,
+      (node) => this.body.at(node),
+      1 / this.stiffness,
+      (load) =>
+        !loadable[load.node] || load.force.some((f, i) => Math.abs(f) > limit[i] * (1 + 1e-6)),
+      (point) => this.project(point),
+    );
+    this.renderer.render(this.three, this.camera);
+  }
+
+  /** Wait until the graphics processor has drawn. */
+  finish(): void {
+    const gl = this.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  }
+
+  /** Pixels of a position, from the upper left corner of the canvas. */
+  project(point: Vector3): { x: number; y: number } {
+    const { x, y } = point.clone().project(this.camera);
+    return {
+      x: ((1 + x) / 2) * this.place.clientWidth,
+      y: ((1 - y) / 2) * this.place.clientHeight,
+    };
+  }
+
+  /** The node that a pointer means: near it if it was loaded in training, else the nearest of the face. */
+  pick(x: number, y: number): number | null {
+    this.aim(x, y);
+    const face = this.raycaster.intersectObject(this.body.surface)[0]?.face;
+    const { loadable, clamped, d, vertices } = this.state.content;
+    if (!face || d === 2) {
+      const near = this.pickable.filter((node) => this.distance(node, x, y) < NEAR);
+      const trained = near.filter((node) => loadable[node]);
+      if (trained.length > 0 || near.length > 0) {
+        return this.nearest(trained.length > 0 ? trained : near, x, y);
+      }
+    }
+    if (!face) return null;
+    const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]);
+    return this.nearest(
+      corners.filter((node) => !clamped[node]),
+      x,
+      y,
+    );
+  }
+
+  /** Where a pointer is in the plane through a point that faces the camera. */
+  inPlane(x: number, y: number, through: Vector3): Vector3 {
+    this.aim(x, y);
+    const plane = new Plane().setFromNormalAndCoplanarPoint(this.axis(2), through);
+    return this.raycaster.ray.intersectPlane(plane, new Vector3()) ?? through.clone();
+  }
+
+  /** Unit vector to the right (0), upwards (1) or towards the camera (2). */
+  axis(column: number): Vector3 {
+    return new Vector3().setFromMatrixColumn(this.camera.matrixWorld, column);
+  }
+
+  private aim(x: number, y: number): void {
+    const { clientWidth, clientHeight } = this.place;
+    const pointer = new Vector2((2 * x) / clientWidth - 1, 1 - (2 * y) / clientHeight);
+    this.camera.updateMatrixWorld();
+    this.raycaster.setFromCamera(pointer, this.camera);
+  }
+
+  private distance(node: number, x: number, y: number): number {
+    const place = this.project(this.body.at(node));
+    return Math.hypot(place.x - x, place.y - y);
+  }
+
+  private nearest(nodes: number[], x: number, y: number): number | null {
+    let found: number | null = null;
+    let least = Infinity;
+    for (const node of nodes) {
+      const distance = this.distance(node, x, y);
+      if (distance < least) [found, least] = [node, distance];
+    }
+    return found;
+  }
+}
+
+/** True if a processor draws, for which smoothed edges are too slow. */
+function isSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? String(gl!.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
+function bounds(positions: Float32Array): { lower: Vector3; upper: Vector3 } {
+  const lower = new Vector3(Infinity, Infinity, Infinity);
+  const upper = lower.clone().negate();
+  const point = new Vector3();
+  for (let place = 0; place < positions.length; place += 3) {
+    point.fromArray(positions, place);
+    lower.min(point);
+    upper.max(point);
+  }
+  return { lower, upper };
+}

@@ -1,0 +1,5 @@
+declare module "worker-script" {
+  /** The bundled script of the worker (bundle.mjs). */
+  const script: string;
+  export default script;
+}

@@ -1,0 +1,163 @@
+"""Alarms: how well a score tells loads unlike those of the training from the test split.
+
+An alarm is rated by the area under its receiver operating characteristic (AUROC): the probability
+that the score of an unusual load is above that of a load of the test split. 0.5 is chance. No
+solutions are needed for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.metrics import roc_auc_score
+
+from surrogate.data.random_loads import RandomLoads
+from surrogate.inference.prediction import Surrogate
+from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.equilibrium import Equilibrium, norms
+from surrogate.uncertainty.fast_certificate import fast_estimate
+
+Array = NDArray[np.float64]
+SOFTER = 0.8  # Young's modulus of the other material, over that of the training
+MORE = 3  # times as many loads
+HIGHEST = 1e9  # scores that are infinite count as this
+PLACE, SEVERAL, TWICE, FOUR_TIMES, MATERIAL = KINDS = (
+    "untrained place",
+    f"{MORE} × as many loads",
+    "2 × range",
+    "4 × range",
+    "another material",
+)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Loads with their predictions, and the scores of alarms.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    scores : dict of str to array, (N,)
+        By the name of the alarm; higher ones are more unusual.
+    """
+
+    certificate: Certificate
+    scores: dict[str, Array]
+
+
+def judge(
+    surrogate: Surrogate, force: Array, passes: int, equilibrium: Equilibrium | None = None
+) -> Judged:
+    """Predict some loads and judge the predictions.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+    force : array, (N, n_nodes, d)
+        In N.
+    passes : int
+    equilibrium : Equilibrium, optional
+        Of a body of another material.
+    """
+    predicted = surrogate.predict_distribution(force, passes)
+    u = predicted.mean
+    found = certify(equilibrium or surrogate.equilibrium, force, u)
+    scores = {
+        "estimated error over displacement": found.relative_error,
+        "estimated error": found.mean_error,
+        "out-of-balance force over load": found.out_of_balance,
+    }
+    if equilibrium is None:
+        scores["fast estimate over displacement"] = norms(fast_estimate(surrogate)(force, u)) / (
+            norms(u)
+        )
+    if surrogate.is_probabilistic:
+        free = ~surrogate.geometry.clamped
+        scores["predicted σ"] = predicted.std[:, free].mean(axis=(1, 2))
+        scores["predicted σ over displacement"] = norms(predicted.std) / norms(u)
+    capped = {
+        name: np.minimum(np.nan_to_num(score, nan=HIGHEST), HIGHEST)
+        for name, score in scores.items()
+    }
+    return Judged(found, capped)
+
+
+def unusual_loads(surrogate: Surrogate, force: Array, seed: int = 0) -> dict[str, Array]:
+    """Loads outside the training of a network, by kind, as many as `force`, (N, n_nodes, d).
+
+    Each load of 2 or 4 × range is one of `force`, scaled until its largest component is 2 or 4
+    times the largest in training. Untrained places are nodes that the training never loaded. They,
+    and more loads than in training, are drawn at random within the range. A kind that the body has
+    no nodes for is left out.
+    """
+    geometry, data = surrogate.geometry, surrogate.description.data
+    limit, random = np.array(data.info.force.max_abs), np.random.default_rng(seed)
+    most = 1 if data.loads is None else data.loads.most
+    free = np.flatnonzero(~geometry.clamped)
+    trained = np.flatnonzero(geometry.loadable)
+    never = np.setdiff1d(free, trained)
+    kinds = {}
+    if len(never) >= most:
+        kinds[PLACE] = _drawn(never, most, limit, force, random)
+    places = trained if len(trained) >= MORE * most else free
+    if len(places) >= MORE * most:
+        kinds[SEVERAL] = _drawn(places, MORE * most, limit, force, random)
+    at_limit = force / (np.abs(force) / limit).max(axis=(1, 2), keepdims=True)
+    return kinds | {TWICE: 2 * at_limit, FOUR_TIMES: 4 * at_limit}
+
+
+def _drawn(
+    nodes: NDArray[np.int64],
+    count: int,
+    limit: Array,
+    like: Array,
+    random: np.random.Generator,
+) -> Array:
+    family = RandomLoads(nodes, count, count, limit, like.shape[1])
+    return family.draw(len(like), random)
+
+
+def alarms(
+    surrogate: Surrogate, force: Array, passes: int, inside: Judged | None = None
+) -> dict[str, dict[str, float]]:
+    """AUROC by kind of unusual load and by alarm.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+    force : array, (N, n_nodes, d)
+        Loads of the test split in N.
+    passes : int
+    inside : Judged, optional
+        Of these loads, if they are judged already.
+    """
+    inside = inside or judge(surrogate, force, passes)
+    found = {
+        kind: judge(surrogate, loads, passes)
+        for kind, loads in unusual_loads(surrogate, force).items()
+    }
+    softer = surrogate.description.data.material
+    softer = softer.model_copy(update={"young_modulus": SOFTER * softer.young_modulus})
+    found[MATERIAL] = judge(surrogate, force, passes, Equilibrium(surrogate.geometry, softer))
+    return {
+        kind: {
+            name: auroc(inside.scores[name], score)
+            for name, score in one.scores.items()
+            if kind != MATERIAL or "σ" not in name  # a network knows of no other material
+        }
+        for kind, one in found.items()
+    }
+
+
+def auroc(inside: Array, outside: Array) -> float:
+    """Probability that a score outside is above one inside; ties count half."""
+    labels = np.repeat([0, 1], [len(inside), len(outside)])
+    return float(roc_auc_score(labels, np.concatenate([inside, outside])))
+
+
+def auroc_of_errors(error: Array, score: Array, tolerance: float) -> float | None:
+    """AUROC of a score as an alarm for errors above a tolerance in m; None if all are alike."""
+    wrong = error > tolerance
+    return None if wrong.all() or not wrong.any() else auroc(score[~wrong], score[wrong])

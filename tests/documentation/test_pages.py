@@ -1,0 +1,66 @@
+"""Every code block of the README and of the site is run, or says why not."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.documentation.page import Block, blocks_of
+from tests.end_to_end.commands import ROOT
+
+LONG = {"beam", "your-body", "any-load", "trust", "samples", "datasets", "export", "baselines"}
+ELSEWHERE = (
+    "CONTRIBUTING.md",
+    "README.md",
+    "SECURITY.md",
+    "docker/README.md",
+    "shared_schema/README.md",
+)
+PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
+RUN = [
+    page
+    for page in PAGES
+    if any(not example.parsed.values("not run") for example in blocks_of(page))
+]
+
+
+def marks_of(page: Path) -> list[pytest.MarkDecorator]:
+    """Pages with many commands are slow, those with mpirun need MPI."""
+    marks = [pytest.mark.slow] if page.stem in LONG else []
+    return [*marks, pytest.mark.mpi] if "mpirun" in page.read_text() else marks
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=str(page.relative_to(ROOT)), marks=marks_of(page))
+        for page in sorted(RUN, key=lambda page: page.stem not in LONG)
+    ],
+)
+def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for example in blocks_of(page):
+        example.evaluate()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_reasons_are_reasons(page: Path) -> None:
+    """What is not run says why in more than a word, and is changed by no other comment."""
+    for example in blocks_of(page):
+        block: Block = example.parsed
+        reasons = block.values("not run")
+        assert all(len(reason.split()) > 1 for reason in reasons)
+        assert not reasons or len(block.comments) == 1, (page, example.line)
+
+
+def test_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    text = (ROOT / "website" / "mkdocs.yml").read_text()
+    listed = set(re.findall(r": ([\w/.-]+\.md)$", text, re.MULTILINE))
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    assert pages <= listed | {p for p in pages if p.startswith(("beyond/", "reproduction/"))}

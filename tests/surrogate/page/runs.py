@@ -1,0 +1,46 @@
+"""Run folders of networks with random weights, on any cells, for pages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from surrogate.data.dataset import Dataset
+from surrogate.data.geometry import Geometry
+from surrogate.runs.description import describe
+from surrogate.runs.folder import RunFolder
+from tests.surrogate.mechanics.bodies import TETRAHEDRA, TRIANGLES
+from tests.surrogate.unet_configs import unet_config
+
+LINEAR = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
+
+
+def as_simplices(geometry: Geometry) -> Geometry:
+    """The same body with triangles in place of quadrilaterals, tetrahedra of hexahedra."""
+    name, parts = ("triangle", TRIANGLES) if geometry.dimension == 2 else ("tetra", TETRAHEDRA)
+    cells = geometry.cells[:, parts].reshape(-1, parts.shape[1])
+    return replace(geometry, cells=cells, cell_type=name)
+
+
+def untrained(
+    folder: Path, dataset: Dataset, geometry: Geometry, network: dict[str, Any], **content: Any
+) -> Path:
+    """Write a run of U-Nets with random weights, those of a likelihood or an ensemble too."""
+    config = unet_config(
+        name="small",
+        case=dataset.manifest.name,
+        network={"levels": 2, "channels": 4, "padding": 1, **network},
+        **content,
+    )
+    described = describe(config, dataset)
+    data = described.data.model_copy(update={"cell_type": geometry.cell_type})
+    description = described.model_copy(update={"data": data})
+    torch.manual_seed(0)
+    model = config.build(geometry, data.info, data.material if config.needs_material else None)
+    run = RunFolder(folder)
+    run.start(description)
+    run.write_tensors({**model.state_dict(), **geometry.tensors()})
+    return folder

@@ -1,0 +1,129 @@
+"""Pages of every cell type and kind of network give what `surrogate predict` gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from surrogate.data.dataset import Dataset
+from surrogate.inference.prediction import load
+from surrogate.page.page import write_page
+from tests.surrogate.inference.test_export import embedded
+from tests.surrogate.page.browser import OpenPage
+from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
+
+RELATIVE = 1e-4
+RANDOM = {"variational": {"initial_std": 0.05}}
+NETWORKS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+    "hexahedra": ("3d", LINEAR, {}),
+    "tetrahedra": ("3d simplices", LINEAR, {}),
+    "triangles, embedded grid": ("2d simplices embedded", LINEAR, {}),
+    "maximum likelihood": ("2d", {}, {"likelihood": "maximum_likelihood"}),
+    "variational Bayes": ("2d", LINEAR, {"likelihood": "variational_bayes", **RANDOM}),
+    "ensemble": ("2d", LINEAR, {"ensemble": 3}),
+    "dropout": ("2d", {"dropout": 0.2}, {}),
+}
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_page_predicts_what_the_program_does(
+    name: str,
+    dataset: Dataset,
+    dataset_3d: Dataset,
+    open_page: Callable[..., OpenPage],
+    tmp_path: Path,
+) -> None:
+    body, network, content = NETWORKS[name]
+    data = dataset_3d if body.startswith("3d") else dataset
+    geometry = as_simplices(data.geometry) if "simplices" in body else data.geometry
+    if "embedded" in body:
+        geometry = embedded(geometry)
+    run = untrained(tmp_path / "run", data, geometry, network, **content)
+    written = write_page(run, tmp_path / "page.html")
+    model = load(run)
+
+    page = open_page(tmp_path / "page.html")
+    nodes = np.flatnonzero(model.geometry.loadable)
+    page.drag(int(nodes[-1]), right=25, up=45)
+    page.load(int(nodes[0]), *[0.7, -0.4, 0.3][: model.geometry.dimension])
+    forces = page.forces
+    assert set(np.flatnonzero(forces.any(axis=1))) == {nodes[0], nodes[-1]}
+
+    passes = {} if written.passes is None else {"passes": written.passes}
+    expected = model.predict_distribution(forces, **passes)
+    fields = {"displacement": expected.mean}
+    if model.is_probabilistic:
+        fields |= {"std": expected.std}
+    for field, values in fields.items():
+        assert np.abs(values).max() > 0
+        found = page.field(field)
+        assert np.abs(found - values).max() < RELATIVE * np.abs(values).max(), field
+    choices = page.page.evaluate("surrogatePage.state.choices")
+    has = {kind for kind in ("epistemic", "aleatoric") if getattr(expected, f"std_{kind}").any()}
+    assert set(choices) == {"displacement", "error", *has}
+    assert written.passes == (30 if model.is_stochastic else None)
+
+
+def test_three_dimensional_estimate_is_that_of_the_program(
+    dataset_3d: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """A network that starts as linear elasticity, under a load that it is nearly right for."""
+    geometry = as_simplices(dataset_3d.geometry)
+    run = untrained(tmp_path / "run", dataset_3d, geometry, LINEAR)
+    write_page(run, tmp_path / "page.html")
+    model = load(run)
+    page = open_page(tmp_path / "page.html")
+    page.load(int(np.flatnonzero(geometry.loadable)[-1]), 0.5, 0.4, -2.0)
+    error, settled = page.certificate()
+    expected = model.certify(page.forces, page.field("displacement"))
+    assert settled == bool(expected.settled)
+    np.testing.assert_allclose(error, expected.error, atol=1e-6 * expected.max_error)
+
+
+def test_page_without_material_has_no_estimate(
+    dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    case = {key: value for key, value in dataset.manifest.case.items() if key != "material"}
+    nameless = replace(dataset, manifest=dataset.manifest.model_copy(update={"case": case}))
+    run = untrained(tmp_path / "run", nameless, dataset.geometry, {})
+    assert not write_page(run, tmp_path / "page.html").estimates
+    page = open_page(tmp_path / "page.html")
+    page.load(int(np.flatnonzero(dataset.geometry.loadable)[0]), 0.5, 0.5)
+    expected = load(run).predict_distribution(page.forces).mean
+    assert np.abs(page.field("displacement") - expected).max() < RELATIVE * np.abs(expected).max()
+    assert page.page.evaluate("surrogatePage.state.choices") == ["displacement"]
+
+
+def test_loads_unlike_those_of_the_training_are_warned_of(
+    dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """The page warns where `TrainingRange.exceeded` does; one load a sample was trained on."""
+    geometry = dataset.geometry
+    run = untrained(tmp_path / "run", dataset, geometry, {})
+    write_page(run, tmp_path / "page.html")
+    model = load(run)
+    page = open_page(tmp_path / "page.html")
+    trained = [int(node) for node in np.flatnonzero(geometry.loadable)]
+    elsewhere = np.flatnonzero(~geometry.loadable & ~geometry.clamped)
+
+    def kinds() -> set[str]:
+        found = set(page.page.evaluate("[...surrogatePage.state.warnings().keys()]"))
+        assert found == set(model.training_range.exceeded(page.forces))
+        return found
+
+    page.load(trained[0], 0.5, 2.0)
+    assert kinds() == set()
+    page.load(trained[1], 0.5, 0.2)
+    assert kinds() == {"number"}
+    page.load(trained[1], 0.5, 2.0)
+    assert kinds() == {"number", "resultant"}
+    page.page.get_by_text("Remove all").click()
+    lowest = int(elsewhere[geometry.coordinates[elsewhere].sum(axis=1).argmax()])
+    page.drag(lowest, right=0, up=30)
+    assert kinds() == {"places"}
+    assert "never loaded in training" in page.text("#warnings")
