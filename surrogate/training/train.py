@@ -34,12 +34,12 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.runs.split import TrainingSplit, split_training
 from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
-from surrogate.training.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.training.memory_estimate import training_memory
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard

@@ -14,7 +14,7 @@ from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.load_paths import FOLDER, IN_A_FILE, compute_missing, read_paths
+from surrogate.runs.load_paths import FOLDER, IN_A_FILE, compute_missing, read_paths
 from surrogate.training.train import train
 from tests.surrogate.resuming import CPU, assert_resumes
 
