@@ -1,4 +1,4 @@
-"""Script for an environment with pyplaid: read samples of a PLAID dataset, and write them as .npz."""
+"""Script for an environment with pyplaid: read a PLAID dataset, and write its samples as .npz."""
 
 from __future__ import annotations
 
