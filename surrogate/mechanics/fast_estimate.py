@@ -72,7 +72,7 @@ class FastEstimate:
         self._cells = geometry.cells
         self._weights: Values = volumes.ravel().astype(self.dtype)[:, None]
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
-        self._slopes_of: Values = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
         self._summed: Any
         self._averaged: Any
         self._summed, self._averaged = (
