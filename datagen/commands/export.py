@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from datagen.commands.options import add_nodal
+from shared_schema.bodies.load_options import STRESSES
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.errors import InputError
@@ -31,6 +32,7 @@ def add_to(commands: Commands) -> None:
         help="file for ParaView, or folder of the PLAID dataset",
     )
     parser.add_argument("--samples", metavar="A:B", help="A to B - 1 instead of the first 100")
+    parser.add_argument("--stresses", action="store_true", help=STRESSES)
     parser.add_argument(
         "--format",
         choices=("paraview", "plaid"),
@@ -64,7 +66,7 @@ def run(options: argparse.Namespace) -> None:
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
-    numbers = export(options.nodal, options.out, options.samples)
+    numbers = export(options.nodal, options.out, options.samples, options.stresses)
     print(f"{options.out}: {len(numbers)} samples, {numbers[0]} to {numbers[-1]}")
 
 
