@@ -60,7 +60,8 @@ def write_shard(
     with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(attributes)
         for layout in layout_for(kind, arrays):
-            _create(file, layout, arrays[layout.path])
+            if layout.path in arrays:
+                _create(file, layout, arrays[layout.path])
         file.flush()
         content: bytes = file.id.get_file_image()
     with complete_or_absent(path) as partial:

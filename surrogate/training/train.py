@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -46,6 +47,8 @@ from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
 from surrogate.training.warm_start import warm_start
 from surrogate.uncertainty.recalibration import recalibrate
+
+OVERFITTED = 2.0  # ratio of validation and training errors from which on more samples help
 
 
 def all_finite(network: torch.nn.Module) -> bool:
@@ -254,6 +257,7 @@ def _train(
         trainer.resume_after(start)
         if description.went_on_from and start == description.went_on_from[-1] and ranks.is_first:
             print(f"surrogate: {going_on(config, start, trainer.steps_per_epoch)}", file=sys.stderr)
+    start_epoch = start
     progress = Progress(
         trainer.steps,
         start * trainer.steps_per_epoch,
@@ -262,6 +266,7 @@ def _train(
         silent=not ranks.is_first,
     )
     epoch, saved = start, time.perf_counter()
+    largest = max(dataset.info.displacement.max_abs)
     last = stop_after or config.training.epochs
     late = False
     with closing(TrainingLog(run, start, tensorboard, silent=not ranks.is_first)) as log:
@@ -278,6 +283,7 @@ def _train(
             measures |= ranks.from_first(trainer.validate)
             epoch += 1
             trainer.finish_epoch(epoch, measures)
+            trainer.note = epoch_note(epoch, measures, largest)
             now = time.perf_counter()
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
@@ -290,7 +296,11 @@ def _train(
                         run.checkpoint, epoch, seconds, trainer.states(), trainer.optimisers
                     )
                 start, saved = epoch, time.perf_counter()
-    progress.close(f"{seconds:.0f} s")
+    progress.close(", ".join(filter(None, (trainer.note, f"{seconds:.0f} s"))))
+    if ranks.is_first and trainer.is_over(epoch) and epoch > start_epoch:
+        said = advice(trainer, measures)
+        if said:
+            print(f"surrogate: advice: {said}", file=sys.stderr)
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
@@ -298,6 +308,47 @@ def _train(
             recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
         write_model(run, trainer.device, tensors)
+
+
+def epoch_note(epoch: int, measures: Mapping[str, float], largest: float) -> str:
+    """Describe an epoch for the progress line.
+
+    Parameters
+    ----------
+    epoch : int
+    measures : mapping of str to float
+        Its line of measures; errors in m.
+    largest : float
+        Largest displacement component of the training samples in m.
+    """
+    note = f"epoch {epoch}, loss {measures['train_loss']:.3g}"
+    if "validation_error" not in measures:
+        return note
+    error = measures["validation_error"]
+    relative = f" ({error / largest:.2%} of the largest displacement)" if largest > 0 else ""
+    return f"{note}, validation error {error:.2e} m{relative}"
+
+
+def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
+    """Say if the validation samples show that there are too few training samples.
+
+    Parameters
+    ----------
+    trainer : Trainer
+        Trainer of a training that is over.
+    measures : mapping of str to float
+        Measures of the last epoch.
+    """
+    if "validation_error" not in measures:
+        return None
+    error, on_training = measures["validation_error"], trainer.training_error()
+    if not error > OVERFITTED * on_training:
+        return None
+    return (
+        f"the error on validation samples is {error:.2e} m, on training samples "
+        f"{on_training:.2e} m; more than {len(trainer.train)} training samples would help "
+        "(`datagen run CASE --samples K` lets a dataset grow)"
+    )
 
 
 def _finish_fit(

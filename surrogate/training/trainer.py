@@ -51,6 +51,8 @@ class Trainer:
     train, validation : Samples or SamplesOnDisk
     ranks : Ranks
         Processes that train the network together.
+    note : str
+        Remark of the progress line: loss and validation error of the last epoch.
     paths : SamplePaths, optional
         Load paths of the training samples, from which the batches are then drawn.
     """
@@ -77,6 +79,7 @@ class Trainer:
             prepared_store(samples, self.network, training.samples_on, self.device)
             for samples in (self.train, self.validation)
         )
+        self.note = ""
         if self.paths is not None:
             self.train_store = AlongPaths(
                 self.train_store, prepared_paths(self.paths, self.network)
@@ -148,7 +151,7 @@ class Trainer:
         total = torch.zeros((), device=self.device)
         for step, samples, whole in self._batches(epoch):
             total = total + self._take(step, samples, whole) * whole
-            progress.update(step + 1)
+            progress.update(step + 1, self.note)
         self.ranks.add_up(total)
         means = [value / len(self.train) for value in total.tolist()]
         rate = self.learning_rate((epoch + 1) * self.steps_per_epoch - 1)
@@ -207,6 +210,11 @@ class Trainer:
     def validate(self) -> dict[str, float]:
         """Return loss and mean absolute error on the validation samples."""
         return validate(self.config, self.model, self.validation_store, len(self.validation))
+
+    def training_error(self) -> float:
+        """Return the mean absolute error in m on as many training samples as for validation."""
+        count = min(len(self.validation), len(self.train))
+        return validate(self.config, self.model, self.train_store, count)["validation_error"]
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
         """Pass the measures of an epoch (counted from 1) to early stopping."""
