@@ -70,7 +70,8 @@ def shard_content(
     with h5py.File(name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(attributes)
         for layout in layout_for(kind, arrays):
-            _create(file, layout, arrays[layout.path])
+            if layout.path in arrays:
+                _create(file, layout, arrays[layout.path])
         file.flush()
         content: bytes = file.id.get_file_image()
     return content

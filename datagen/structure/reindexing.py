@@ -37,7 +37,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.material import NeoHookean
+from shared_schema.material import materials_of
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 
@@ -82,7 +82,7 @@ def structure(
         raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
-    settings, material = _settings(manifest, str(source / MANIFEST))
+    settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
     grid = _grid_of(reader, shape, order, order_seed)
@@ -91,20 +91,12 @@ def structure(
         return made
     with locked(folder):
         made = _already_made(folder, manifest, grid, order, order_seed)  # by a run just before
-        return made or _make(reader, folder, grid, order, order_seed, settings, material)
+        return made or _make(reader, folder, grid, order, order_seed, settings)
 
 
-def _settings(manifest: Manifest, source: str) -> tuple[DatasetSettings, NeoHookean]:
-    """Settings of a dataset and its material; no other part of its case is looked at or imported.
-
-    Raises
-    ------
-    InputError
-        If a key of either is missing or wrong.
-    """
-    settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{source}: case.dataset")
-    material = validate(NeoHookean, manifest.case.get("material"), f"{source}: case.material")
-    return settings, material
+def _settings(manifest: Manifest, source: str) -> DatasetSettings:
+    """Settings of a dataset; InputError if a key is missing or wrong. Nothing is imported."""
+    return validate(DatasetSettings, manifest.case.get("dataset"), f"{source}: case.dataset")
 
 
 def _make(
@@ -114,7 +106,6 @@ def _make(
     order: NodeOrder,
     order_seed: int,
     settings: DatasetSettings,
-    material: NeoHookean,
 ) -> Manifest:
     """Write the structured dataset into its locked folder."""
     manifest, cell_type = reader.manifest, reader.cell_type
@@ -142,7 +133,12 @@ def _make(
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
     else:  # written by a version whose `datagen run` did not assemble it
-        stiffness = stiffness_of(_mesh(reader), material)
+        source = f"{reader.folder / MANIFEST}: case.material"
+        stiffness = stiffness_of(
+            _mesh(reader),
+            materials_of(manifest.case.get("material"), source),
+            reader.body.get("mesh/material"),
+        )
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,

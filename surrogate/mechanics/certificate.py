@@ -104,7 +104,7 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     """
     shape = predicted.shape
     f, u = (field.reshape(-1, *shape[-2:]) for field in (forces, predicted))
-    held = np.where(equilibrium.free[:, None], u, 0.0)
+    held = np.where(equilibrium.free, u, 0.0)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, norms(r), np.inf)
@@ -114,7 +114,7 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     error = np.full(u.shape, np.inf)
     error[sound] = u[sound] - truth[sound]
     return Certificate(
-        out_of_balance=_ratio(residual, norms(f * equilibrium.free[:, None])).reshape(shape[:-2]),
+        out_of_balance=_ratio(residual, norms(f * equilibrium.free)).reshape(shape[:-2]),
         error=error.reshape(shape),
         relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),

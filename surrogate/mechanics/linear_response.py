@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
@@ -31,7 +31,7 @@ class LinearResponse(nn.Module):
     Parameters
     ----------
     geometry : Geometry
-    material : NeoHookean
+    material : ShippedMaterial, or tuple of some
     gradient : bool
         Also compute the gradient.
 
@@ -44,7 +44,7 @@ class LinearResponse(nn.Module):
 
     gradient_rms: Tensor
 
-    def __init__(self, geometry: Geometry, material: NeoHookean, gradient: bool = True) -> None:
+    def __init__(self, geometry: Geometry, material: Materials, gradient: bool = True) -> None:
         super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
@@ -96,7 +96,8 @@ class LinearResponse(nn.Module):
         free = self.compliance.free_nodes
         at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
         u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        return u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        return nodal
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
@@ -106,7 +107,7 @@ class LinearResponse(nn.Module):
         return grid[:, :d], grid[:, d:]
 
 
-def required(material: NeoHookean | None) -> NeoHookean:
+def required(material: Materials | None) -> Materials:
     """Return the material; InputError if there is none."""
     if material is None:
         raise InputError("the linear response expects the material of the body, found none")

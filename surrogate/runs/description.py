@@ -7,10 +7,10 @@ from typing import Any, Literal, cast
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from shared_schema.common.configuration import Frozen, validate
+from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials, materials_of
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model, TrainedModel
@@ -52,9 +52,9 @@ class DataFingerprint(Frozen):
         return int(count[0]), int(count[1])
 
     @property
-    def material(self) -> NeoHookean:
-        """Material of the body; InputError if the case does not name it."""
-        return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
+    def material(self) -> Materials:
+        """Material of the body, or those of its parts; InputError if they are not shipped ones."""
+        return materials_of(self.case.get("material"), "material of the run's case")
 
 
 class Origin(Frozen):

@@ -79,7 +79,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
         raise InputError(f"--out '{out.folder}': refined already, expected a new folder")
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
-    descent = Descent(surrogate.equilibrium, family, refinement)
+    descent = Descent(surrogate.balanced(), family, refinement)
     optimiser = config.training.optimiser
     optimisers = make_optimisers(surrogate.network.train(), optimiser)
     progress = Progress(refinement.steps, 0, "steps", f"surrogate refine {config.name}")

@@ -75,7 +75,7 @@ def measure(options: argparse.Namespace) -> Results:
         draw(options.figure, model, force, truth, predicted, found)
     return {
         "case": model.description.data.case["name"],
-        "degrees_of_freedom": int(model.equilibrium.free.sum() * truth.shape[2]),
+        "degrees_of_freedom": int(model.equilibrium.free.sum()),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
         "estimate": compared(model, found, force, predicted, truth),

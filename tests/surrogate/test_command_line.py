@@ -345,7 +345,7 @@ def test_report_refusals(
         assert_refused(["report", *arguments], part, out, capsys)
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run", "--out", "a"]])
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run"]])
 def test_wrong_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(arguments)
