@@ -17,8 +17,15 @@ RUN ?= runs/$(CASE)-$(MODEL)-$(RECIPE)$(if $(SAMPLES),-$(SAMPLES))
 DEBIAN_PYTHON := /usr/bin/python3
 DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-matplotlib \
 	python3-meshio python3-venv python3-yaml
+NODE_PACKAGES := nodejs npm
+BROWSER_PACKAGES := chromium
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
+WEB := surrogate/page/web
+BUNDLE := surrogate/page/bundle/page.js
+# `make page` uses the trained network of the package for CASE, where there is one.
+SHIPPED = $(if $(filter det,$(MODEL)),$(if $(SAMPLES),,$(wildcard surrogate/trained/$(CASE)/config.yaml)))
+SHOWN = $(if $(SHIPPED),$(CASE),$(RUN))
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
 # Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
@@ -35,8 +42,9 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report shelve reproduce beyond test lint clean debian-packages \
-	docs images compose-demo test-images test-debian test-datagen test-surrogate
+.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test lint dist clean \
+	debian-packages node-packages browser-packages docs images compose-demo test-images test-debian \
+	test-datagen test-surrogate
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -63,12 +71,16 @@ evaluate: train ## evaluate the run on the test split and draw its figures
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
 
+page: $(if $(SHIPPED),.venv-surrogate/.installed,train) $(BUNDLE) ## write a page on which one drags a load
+	@mkdir -p build
+	$(SURROGATE) page $(SHOWN) --out build/$(notdir $(SHOWN)).html
+
 shelve: CERTIFY = --certify
 shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE
 	$(SURROGATE) shelve $(RUN) $(CASE)
 
 reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
-beyond: ## do the studies beyond the paper at SCALE=smoke|laptop
+beyond: ## do the studies beyond the paper at SCALE=smoke|laptop|day
 reproduce beyond: setup
 	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
@@ -77,17 +89,29 @@ reproduce beyond: setup
 
 test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 
-test-datagen: setup
+test-datagen: setup .venv-plaid/.installed
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
-test-surrogate: setup
+test-surrogate: setup $(BUNDLE) | browser-packages
 	.venv-surrogate/bin/python $(PYTEST) tests/end_to_end tests/documentation tests/surrogate \
 		tests/shared_schema tests/docker $(T)
 
-lint: .venv-surrogate/.installed ## check style and types
+lint: .venv-surrogate/.installed $(WEB)/node_modules/.package-lock.json ## check style and types
 	.venv-surrogate/bin/ruff format --check .
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
+	cd $(WEB) && npm run --silent lint
+
+# From copies, so that nothing is left among the sources; each with the licence.
+dist: .venv-surrogate/.installed ## build wheels of the three distributions in dist/
+	@rm -rf build/dist dist && mkdir -p build/dist
+	@for part in shared_schema datagen surrogate; do \
+		cp -R $$part LICENSE build/dist && mv build/dist/LICENSE build/dist/$$part \
+			&& rm -rf build/dist/$$part/*.egg-info; \
+	done
+	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/shared_schema \
+		build/dist/datagen build/dist/surrogate
+	@ls dist
 
 docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links
 	.venv-datagen/bin/python -m website.reference datagen
@@ -110,25 +134,37 @@ test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trix
 		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
-	rm -rf .venv-datagen .venv-surrogate .venv-docs data runs build
+	rm -rf .venv-datagen .venv-plaid .venv-surrogate .venv-docs data runs build dist \
+		$(WEB)/node_modules $(dir $(BUNDLE))
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
 
 # --- environments -----------------------------------------------------------------------------
 
-debian-packages:
+debian-packages: PACKAGES = $(DEBIAN_PACKAGES)
+node-packages: PACKAGES = $(NODE_PACKAGES)
+browser-packages: PACKAGES = $(BROWSER_PACKAGES)
+debian-packages node-packages browser-packages:
 	@missing=""; \
-	for package in $(DEBIAN_PACKAGES); do \
-		dpkg-query -W -f='$${Status}' $$package 2>/dev/null | grep -q 'ok installed' \
+	for package in $(PACKAGES); do \
+		command -v $$package >/dev/null \
+			|| dpkg-query -W -f='$${Status}' $$package 2>/dev/null | grep -q 'ok installed' \
 			|| missing="$$missing $$package"; \
 	done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if ! command -v apt-get >/dev/null; then \
-		echo "make: this needs Debian 12 or 13, for the package python3-dolfinx" >&2; exit 2; fi; \
+		echo "make: this needs Debian 12 or 13, for the packages$$missing" >&2; exit 2; fi; \
 	if [ "$$(id -u)" != 0 ]; then \
 		echo "make: packages are missing; install them by: sudo apt-get install$$missing" >&2; \
 		exit 2; fi; \
 	apt-get update -q && \
 		DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $$missing
+
+# The page's script, for checkouts; wheels contain it.
+$(WEB)/node_modules/.package-lock.json: $(WEB)/package-lock.json | node-packages
+	cd $(WEB) && npm ci --no-audit --no-fund
+
+$(BUNDLE): $(WEB)/node_modules/.package-lock.json $(WEB)/bundle.mjs $(shell find $(WEB)/src -type f)
+	cd $(WEB) && npm run --silent build
 
 # Debian's dolfinx, NumPy and h5py are built for Debian's own interpreter; pip must not replace them.
 .venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml \
@@ -137,6 +173,13 @@ debian-packages:
 	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
 	.venv-datagen/bin/pip install -q -r datagen/requirements.txt
 	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
+	touch $@
+
+# For the tests of `datagen export --format plaid`; without pyplaid for this Python they are skipped.
+.venv-plaid/.installed: | debian-packages
+	rm -rf .venv-plaid
+	$(DEBIAN_PYTHON) -m venv .venv-plaid
+	-.venv-plaid/bin/pip install -q 'pyplaid==1.0.*'
 	touch $@
 
 .venv-surrogate/.installed: shared_schema/pyproject.toml surrogate/pyproject.toml | debian-packages

@@ -40,12 +40,12 @@ class LoadCases:
     @classmethod
     def of(cls, coordinates: Array, forces: Array) -> LoadCases:
         """Make load cases from forces at all nodes, (n, n_nodes, d) in N."""
-        loaded = forces.any(axis=2)
-        most = max(1, int(loaded.sum(axis=1).max(initial=0)))
+        loaded = np.any(forces, axis=2)
+        most = max(1, int(np.sum(loaded, axis=1).max(initial=0)))
         nodes = np.full((len(forces), most), NO_NODE, dtype=np.int64)
         padded = np.zeros((len(forces), most, forces.shape[2]))
-        for row, where in enumerate(loaded):
-            (found,) = np.nonzero(where)
+        for row in range(len(forces)):
+            found = np.flatnonzero(forces[row].any(axis=1))
             nodes[row, : len(found)], padded[row, : len(found)] = found, forces[row, found]
         return cls(coordinates, nodes, padded)
 

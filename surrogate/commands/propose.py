@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     warn_unsealed(options.run)
     surrogate = load(options.run, choose_device(options.device).type)
     geometry, data = surrogate.geometry, surrogate.description.data
-    family = random_loads(options.family, geometry, data.info.force.max_abs, data.loads)
+    family = random_loads(options.family, geometry, data.info.force.max_abs, data.load_numbers)
     among = 20 * options.count if options.among is None else options.among
     if among < options.count:
         raise InputError(f"--among {among}: expected {options.count} at least, the number proposed")

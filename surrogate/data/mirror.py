@@ -10,6 +10,8 @@ where a' is the mirror image of node a.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -84,20 +86,24 @@ def with_mirror_images(
     InputError
         If the body is not symmetric, or its grid is embedded.
     """
+    both = fields_with_mirror_images((samples.force, samples.displacement), geometry, axes, key)
+    return Samples(*both)
+
+
+def fields_with_mirror_images(
+    fields: Sequence[Tensor], geometry: Geometry, axes: tuple[str, ...], key: str
+) -> list[Tensor]:
+    """Add the mirror images of fields (N, d, nx, ny[, nz]), as `with_mirror_images` does."""
     if axes and not geometry.grid.points_are_nodes:
         raise InputError(
             f"{key} = {list(axes)}: the dataset's grid is embedded on its mesh, expected one whose "
             "points are nodes"
         )
+    both = list(fields)
     for axis in axes:
         image = mirror_images(geometry, axis, key)
-        samples = Samples(
-            *(
-                _with_images(field, geometry, image, AXES.index(axis))
-                for field in (samples.force, samples.displacement)
-            )
-        )
-    return samples
+        both = [_with_images(field, geometry, image, AXES.index(axis)) for field in both]
+    return both
 
 
 def _with_images(field: Tensor, geometry: Geometry, image: NDArray[np.int64], axis: int) -> Tensor:

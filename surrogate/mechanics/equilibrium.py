@@ -16,9 +16,9 @@ Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -132,9 +132,21 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
+        return self._response(self.undeformed, f)
+
+    def response_at(self, u: Array) -> Callable[[Array], Array] | None:
+        """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
+
+        It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
+        d).
+        """
+        factor = BandCholesky.of(self._bands(u[None])[0])
+        return None if factor is None else partial(self._response, factor)
+
+    def _response(self, factor: BandCholesky, f: Array) -> Array:
         response = np.zeros((len(f), self._size))
         forces = f.reshape(response.shape)[:, self.layout.dofs]
-        response[:, self.layout.dofs] = self.undeformed.solve(forces.T).T
+        response[:, self.layout.dofs] = factor.solve(forces.T).T
         return response.reshape(f.shape)
 
     @cached_property

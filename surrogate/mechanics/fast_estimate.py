@@ -70,9 +70,11 @@ class FastEstimate:
         count, points, corners, d = gradients.shape
         self._shape = count, points
         self._cells = geometry.cells
-        self._weights = volumes.ravel().astype(self.dtype)[:, None]
+        self._weights: Values = volumes.ravel().astype(self.dtype)[:, None]
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
-        self._slopes_of: Values = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._summed: Any
+        self._averaged: Any
         self._summed, self._averaged = (
             operator.astype(self.dtype) if large else operator.toarray()
             for operator in sums_at_nodes(geometry.cells, len(self.free))
@@ -94,7 +96,7 @@ class FastEstimate:
         return error
 
     def _estimated(self, forces: Array, predicted: Array) -> Array:
-        held = predicted * self.free
+        held: Array = predicted * self.free
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

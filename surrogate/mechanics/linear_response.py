@@ -96,7 +96,8 @@ class LinearResponse(nn.Module):
         free = self.compliance.free_nodes
         at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
         u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        return u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        return nodal
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""

@@ -179,8 +179,10 @@ class FieldNetwork(nn.Module):
         """Inputs of `learned`, and the linear response that its output is added to."""
         if self.linear is None:
             return force, None
-        known = response is not None
-        displacement, gradient = self.linear.on_grid(response) if known else self.linear(force)
+        if response is None:
+            displacement, gradient = self.linear(force)
+        else:
+            displacement, gradient = self.linear.on_grid(response)  # type: ignore[operator]
         fields = {"force": force / self.force_scale, "linear_gradient": gradient}
         inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
         return inputs, displacement if self.skip else None

@@ -82,7 +82,8 @@ def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Split quadrilaterals into two triangles each: (n, 3 or 4) → (n or 2n, 3)."""
     if faces.shape[1] == 3:
         return faces
-    return faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    found: NDArray[np.int64] = faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return found
 
 
 def smooth_pairs(
@@ -91,7 +92,7 @@ def smooth_pairs(
     """Pairs of equal edges, by their rows in `around`, whose two faces meet at 30° at most."""
     _, number, count = np.unique(around, axis=0, return_inverse=True, return_counts=True)
     number = number.ravel()
-    order = np.argsort(number, kind="stable")
+    order: NDArray[np.int64] = np.argsort(number, kind="stable")
     order = order[count[number[order]] == 2].reshape(-1, 2)
     if geometry.dimension == 2:
         return order
@@ -99,7 +100,8 @@ def smooth_pairs(
     normal = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     first, second = (normal[rows // faces.shape[1]] for rows in order.T)
-    return order[np.einsum("ij,ij->i", first, second) >= SMOOTH]
+    smooth = np.einsum("ij,ij->i", first, second) >= SMOOTH
+    return np.asarray(order[smooth])
 
 
 def smooth_vertices(

@@ -43,6 +43,15 @@ class DataFingerprint(Frozen):
     loads: LoadRange | None = None
 
     @property
+    def load_numbers(self) -> tuple[int, int]:
+        """Smallest and largest number of loaded nodes; of older files, as the case says, else 1."""
+        if self.loads is not None:
+            return max(1, self.loads.fewest), max(1, self.loads.most)
+        load = self.case.get("load")
+        count = load.get("count", (1, 1)) if isinstance(load, Mapping) else (1, 1)
+        return int(count[0]), int(count[1])
+
+    @property
     def material(self) -> Materials:
         """Material of the body, or those of its parts; InputError if they are not shipped ones."""
         return materials_of(self.case.get("material"), "material of the run's case")

@@ -22,6 +22,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
 from surrogate.data.mirror import with_mirror_images
+from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import DeviceStore
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
@@ -34,6 +35,7 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.runs.split import TrainingSplit, split_training
 from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
@@ -132,7 +134,9 @@ def train(
         else:
             start.apply(network)
         if isinstance(config, TrainedModel):
-            trainer = make_trainer(config, network, split, dataset, device, ranks)
+            ranks.from_first(lambda: require_paths(config, dataset, split.train_rows))
+            paths = paths_of(config, dataset, split.train_rows)
+            trainer = make_trainer(config, network, split, dataset, device, ranks, paths)
             ranks.from_first(lambda: run.start(description))
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
@@ -176,6 +180,26 @@ def mirrored(
     return with_mirror_images(train, dataset.geometry, axes, key)
 
 
+def require_paths(config: TrainedModel, dataset: Dataset, rows: Tensor) -> None:
+    """Compute the load paths of the training samples that are not there; check the memory."""
+    count, key = config.training.load_paths, f"config '{config.name}': key 'training.load_paths'"
+    if count and isinstance(dataset.training, SamplesOnDisk):
+        raise InputError(f"{key} = {count}: expected 0 of samples on disk")
+    if count:
+        images = 2 ** len(config.training.mirrors)
+        require_path_memory(dataset, count, images * len(rows), key)
+        compute_missing(dataset, rows, count)
+
+
+def paths_of(config: TrainedModel, dataset: Dataset, rows: Tensor) -> SamplePaths | None:
+    """Load paths of the training samples and their mirror images; None without them."""
+    training, key = config.training, f"config '{config.name}': key 'training.mirrors'"
+    if not training.load_paths:
+        return None
+    paths = read_paths(dataset, rows, training.load_paths)
+    return paths.with_mirror_images(dataset.geometry, training.mirrors, key)
+
+
 def first_samples(split: TrainingSplit[Samples | SamplesOnDisk], seed: int) -> Samples:
     """Training samples that a network starts from: all, or random ones of those on disk."""
     if isinstance(split.train, Samples):
@@ -203,6 +227,7 @@ def make_trainer(
     dataset: Dataset,
     device: torch.device,
     ranks: Ranks = ALONE,
+    paths: SamplePaths | None = None,
 ) -> Trainer:
     """Move a network to the device and make its trainer."""
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
@@ -212,7 +237,7 @@ def make_trainer(
             f"process on cuda, here {ranks.count} on {device.type}; training continues without it",
             file=sys.stderr,
         )
-    return Trainer(config, network, split.train, split.validation, ranks)
+    return Trainer(config, network, split.train, split.validation, ranks, paths)
 
 
 def _train(

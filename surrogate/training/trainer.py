@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.command_line import Progress
+from surrogate.data.sample_paths import AlongPaths, SamplePaths
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast, convolutions
@@ -32,7 +33,7 @@ from surrogate.training.compilation import compiled
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
 from surrogate.training.gauss_newton import EVERY, GaussNewtonStd
-from surrogate.training.prepared_store import prepared_store
+from surrogate.training.prepared_store import prepared_paths, prepared_store
 from surrogate.training.validation import loss_per_datum, validate
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
@@ -52,6 +53,8 @@ class Trainer:
         Processes that train the network together.
     note : str
         Remark of the progress line: loss and validation error of the last epoch.
+    paths : SamplePaths, optional
+        Load paths of the training samples, from which the batches are then drawn.
     """
 
     config: TrainedModel
@@ -59,6 +62,7 @@ class Trainer:
     train: Samples | SamplesOnDisk
     validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
+    paths: SamplePaths | None = None
 
     def __post_init__(self) -> None:
         training, self.device = self.config.training, self.network.displacement_rms.device
@@ -76,6 +80,10 @@ class Trainer:
             for samples in (self.train, self.validation)
         )
         self.note = ""
+        if self.paths is not None:
+            self.train_store = AlongPaths(
+                self.train_store, prepared_paths(self.paths, self.network)
+            )
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
         learned = self.network.learned

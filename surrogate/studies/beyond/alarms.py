@@ -95,7 +95,7 @@ def unusual_loads(surrogate: Surrogate, force: Array, seed: int = 0) -> dict[str
     """
     geometry, data = surrogate.geometry, surrogate.description.data
     limit, random = np.array(data.info.force.max_abs), np.random.default_rng(seed)
-    most = 1 if data.loads is None else data.loads.most
+    _, most = data.load_numbers
     free = np.flatnonzero(~geometry.clamped)
     trained = np.flatnonzero(geometry.loadable)
     never = np.setdiff1d(free, trained)

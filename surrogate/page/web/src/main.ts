@@ -23,8 +23,11 @@ interface Handle {
   curve: Curve;
   /** Resolves when body and panel show the present loads. */
   settled: () => Promise<void>;
-  /** Times in ms from an event to its drawn frame, once `measure` is true. */
-  times: number[];
+  /**
+   * Times in ms to a drawn frame, once `measure` is true: from the delivery of the event to the
+   * page, and from the event itself.
+   */
+  times: [number, number][];
   measure: boolean;
 }
 
@@ -46,7 +49,7 @@ async function start(): Promise<void> {
   let isStale = false;
   let isComplete = true;
   let isPanelDue = false;
-  let eventTime: number | null = null;
+  let event: { at: number; delivered: number } | null = null;
   let idle: (() => void)[] = [];
   let timer = 0;
 
@@ -63,7 +66,7 @@ async function start(): Promise<void> {
 
   /** The loads have changed, by an event at a time in ms. */
   const change = (time: number | null): void => {
-    eventTime = time;
+    event = time === null ? null : { at: time, delivered: performance.now() };
     isStale = true;
     if (!isBusy) void predict();
   };
@@ -73,12 +76,13 @@ async function start(): Promise<void> {
     isBusy = true;
     while (isStale) {
       isStale = false;
-      const time = eventTime;
+      const cause = event;
       isComplete = await predictOnce();
       show();
-      if (isComplete && handle.measure && time !== null) {
+      if (isComplete && handle.measure && cause !== null) {
         scene.finish();
-        handle.times.push(performance.now() - time);
+        const drawn = performance.now();
+        handle.times.push([drawn - cause.delivered, drawn - cause.at]);
       }
     }
     isBusy = false;
