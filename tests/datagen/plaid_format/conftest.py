@@ -16,7 +16,11 @@ PYTHON = Path(__file__).parents[3] / ".venv-plaid" / "bin" / "python"
 @pytest.fixture(scope="session")
 def plaid() -> Path:
     """Interpreter of an environment with pyplaid, as the Makefile makes it."""
-    has: list[str | Path] = [PYTHON, "-c", "import importlib.util as u, sys; sys.exit(u.find_spec('plaid') is None)"]
+    has: list[str | Path] = [
+        PYTHON,
+        "-c",
+        "import importlib.util as u, sys; sys.exit(u.find_spec('plaid') is None)",
+    ]
     if not PYTHON.exists() or subprocess.run(has, check=False).returncode != 0:
         pytest.skip("there is no pyplaid for this Python")
     return PYTHON
