@@ -15,7 +15,7 @@ import numpy as np
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.plaid_format.interpreter import require_interpreter, run_script
-from datagen.structure.reindexing import nodal_forces_of, split
+from datagen.structure.reindexing import nodal_forces_of, split_of
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -82,13 +82,14 @@ def export_plaid(
     if manifest.samples < 2:
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
     settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")
-    is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    is_test = split_of(manifest, settings)
+    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
     about = {
         "dimension": manifest.dimension,
         "element": ELEMENTS[reader.cell_type],
         "backend": backend,
-        "train": np.flatnonzero(~is_test).tolist(),
-        "test": np.flatnonzero(is_test).tolist(),
+        "train": train.tolist(),
+        "test": test.tolist(),
         "owner": owner,
         "license": licence,
         **described(manifest),
@@ -100,7 +101,7 @@ def export_plaid(
         _write_arrays(reader, arrays)
         run_script(interpreter, "write_plaid.py", arrays, made)
         made.rename(out)
-    return len(about["train"]), len(about["test"])
+    return len(train), len(test)
 
 
 def described(manifest: Manifest) -> dict[str, str]:

@@ -28,7 +28,9 @@ def add_to(commands: Commands) -> None:
         help="number of random load cases that they are chosen from (default 20 K)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
-    parser.add_argument("--out", type=Path, required=True, metavar="LOADS.h5")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="LOADS.h5", help="load cases for `datagen run`"
+    )
     add_device(parser)
     parser.set_defaults(command=run)
 

@@ -70,7 +70,7 @@ class FastEstimate:
         count, points, corners, d = gradients.shape
         self._shape = count, points
         self._cells = geometry.cells
-        self._weights: Values = volumes.ravel().astype(self.dtype)[:, None]
+        self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
         self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
         self._summed: Any

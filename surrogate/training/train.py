@@ -168,6 +168,15 @@ def going_on(config: TrainedModel, before: int, steps_per_epoch: int) -> str:
     return f"config '{config.name}': going on from epoch {before} to {epochs}; {rate}"
 
 
+def beginning_anew(config: TrainedModel, other: str) -> str:
+    """Say what happens to the learning rate of a training from the weights of another run."""
+    peak = config.training.optimiser.learning_rate
+    return (
+        f"config '{config.name}': starting from the weights of '{other}'; the learning rate begins "
+        f"its schedule anew, with a peak of {peak:g}; a smaller one stays closer to them"
+    )
+
+
 def mirrored(
     train: Samples | SamplesOnDisk, config: TrainedModel, dataset: Dataset
 ) -> Samples | SamplesOnDisk:
@@ -257,6 +266,9 @@ def _train(
         trainer.resume_after(start)
         if description.went_on_from and start == description.went_on_from[-1] and ranks.is_first:
             print(f"surrogate: {going_on(config, start, trainer.steps_per_epoch)}", file=sys.stderr)
+    elif description.start_from is not None and ranks.is_first:
+        said = beginning_anew(config, description.start_from.run)
+        print(f"surrogate: {said}", file=sys.stderr)
     start_epoch = start
     progress = Progress(
         trainer.steps,

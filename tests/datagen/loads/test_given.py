@@ -64,7 +64,7 @@ def test_dataset_knows_the_file_by_its_checksum(file: Path, tmp_path: Path) -> N
 
 
 def test_wrong_files(file: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such shard"):
+    with pytest.raises(InputError, match="no such file of load cases"):
         read_case("beam2d", loads=tmp_path / "none.h5")
     damaged = tmp_path / "damaged.h5"
     damaged.write_bytes(file.read_bytes()[:-300])

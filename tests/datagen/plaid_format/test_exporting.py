@@ -44,7 +44,7 @@ def test_reading_it_back_gives_the_same_numbers(
     structured = DatasetReader(_structured(nodal, tmp_path), "structured")
     splits = structured.joined(("samples/number", "samples/is_test"))
     is_test, numbers = splits["samples/is_test"], splits["samples/number"]
-    arrays: dict[int, tuple[Any, Any]] = {}
+    arrays: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for _, shard in DatasetReader(nodal, "nodal"):
         fields = zip(nodal_forces_of(shard), shard["samples/displacement"], strict=True)
         arrays |= dict(zip(shard["samples/number"].tolist(), fields, strict=True))
