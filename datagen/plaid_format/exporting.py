@@ -27,6 +27,7 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "tetra": "TETRA_4",
     "hexahedron": "HEXA_8",
 }
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
 BACKENDS = ("hf_datasets", "cgns", "zarr")
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
@@ -79,6 +80,12 @@ def export_plaid(
     if reader.cell_type not in ELEMENTS:
         expected = ", ".join(ELEMENTS)
         raise InputError(f"{folder}: cells are {reader.cell_type}, expected one of {expected}")
+    left_out = [name for name in NOT_CARRIED if name in reader.body]
+    if left_out:
+        raise InputError(
+            f"{folder}: has '{left_out[0]}', expected a dataset of one material, clamped nodes and "
+            "dead loads"
+        )
     if manifest.samples < 2:
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
     settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")

@@ -310,9 +310,9 @@ def _train(
                 start, saved = epoch, time.perf_counter()
     progress.close(", ".join(filter(None, (trainer.note, f"{seconds:.0f} s"))))
     if ranks.is_first and trainer.is_over(epoch) and epoch > start_epoch:
-        said = advice(trainer, measures)
-        if said:
-            print(f"surrogate: advice: {said}", file=sys.stderr)
+        advised = advice(trainer, measures)
+        if advised:
+            print(f"surrogate: advice: {advised}", file=sys.stderr)
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:

@@ -86,6 +86,7 @@ def test_unfit_energies(
     [
         ({"model": "rubber"}, "key 'material.model' = 'rubber': expected one of neo_hookean, "),
         ({"model": "gel.py:Gel", "shear": 1.0}, "key 'material.first' is missing"),
+        ({"model": [1]}, "key 'material.model' = [1]: expected one of neo_hookean, "),
         ({"model": "none.py:Gel"}, "none.py cannot be read"),
         ({"model": "gel.py:Jelly"}, "has no class 'Jelly'"),
         ({"model": "gel.py:OwnMaterial", "shear": 1}, "material"),
