@@ -54,7 +54,7 @@ def _named(action: argparse.Action) -> str:
 
 def _meaning(action: argparse.Action) -> str:
     text = _sentence(action.help or "")
-    unsaid = action.default in (None, False, argparse.SUPPRESS) or action.default == float("inf")
+    unsaid = action.default in (None, False, "", [], float("inf"), argparse.SUPPRESS)
     if not unsaid and "default" not in text:
         text = f"{text} Default: `{action.default}`.".strip()
     return _cell(f"{text} Required.".strip() if action.required and action.option_strings else text)
