@@ -42,7 +42,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test lint clean \
+.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test lint dist clean \
 	debian-packages node-packages browser-packages docs images compose-demo test-images test-debian \
 	test-datagen test-surrogate
 
@@ -80,7 +80,7 @@ shelve: evaluate ## put the evaluated run among the trained networks of the pack
 	$(SURROGATE) shelve $(RUN) $(CASE)
 
 reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
-beyond: ## do the studies beyond the paper at SCALE=smoke|laptop
+beyond: ## do the studies beyond the paper at SCALE=smoke|laptop|day
 reproduce beyond: setup
 	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
@@ -89,7 +89,7 @@ reproduce beyond: setup
 
 test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 
-test-datagen: setup
+test-datagen: setup .venv-plaid/.installed
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
 test-surrogate: setup $(BUNDLE) | browser-packages
@@ -101,6 +101,15 @@ lint: .venv-surrogate/.installed $(WEB)/node_modules/.package-lock.json ## check
 	.venv-surrogate/bin/ruff check .
 	.venv-surrogate/bin/mypy
 	cd $(WEB) && npm run --silent lint
+
+# From copies, so that nothing is left among the sources; each with the licence.
+dist: .venv-surrogate/.installed ## build wheels of the three distributions in dist/
+	@rm -rf build/dist dist && mkdir -p build/dist
+	@tar -c --exclude node_modules --exclude __pycache__ --exclude '*.egg-info' \
+		shared_schema datagen surrogate | tar -x -C build/dist
+	@for part in build/dist/*; do cp LICENSE $$part; done
+	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/*
+	@ls dist
 
 docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links
 	.venv-datagen/bin/python -m website.reference datagen
@@ -123,7 +132,8 @@ test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trix
 		python3 docker/test_debian.py
 
 clean: ## remove environments, datasets and runs
-	rm -rf .venv-datagen .venv-surrogate .venv-docs data runs build $(WEB)/node_modules $(dir $(BUNDLE))
+	rm -rf .venv-datagen .venv-plaid .venv-surrogate .venv-docs data runs build dist \
+		$(WEB)/node_modules $(dir $(BUNDLE))
 	find . -name __pycache__ -o -name '*.egg-info' -o -name '.*_cache' | xargs rm -rf
 
 # --- environments -----------------------------------------------------------------------------
@@ -161,6 +171,13 @@ $(BUNDLE): $(WEB)/node_modules/.package-lock.json $(WEB)/bundle.mjs $(shell find
 	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
 	.venv-datagen/bin/pip install -q -r datagen/requirements.txt
 	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
+	touch $@
+
+# For the tests of `datagen export --format plaid`; without pyplaid for this Python they are skipped.
+.venv-plaid/.installed: | debian-packages
+	rm -rf .venv-plaid
+	$(DEBIAN_PYTHON) -m venv .venv-plaid
+	-.venv-plaid/bin/pip install -q 'pyplaid==1.0.*'
 	touch $@
 
 .venv-surrogate/.installed: shared_schema/pyproject.toml surrogate/pyproject.toml | debian-packages

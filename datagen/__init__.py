@@ -1,3 +1,3 @@
 """Data factory: solves Neo-Hookean equilibria under families of nodal loads, writes datasets."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -8,8 +8,9 @@ from pydantic import Field
 
 LARGEST_SEED = 2**63 - 1
 LARGEST_MAGNITUDE = 1e12
+LARGEST_LENGTH = 1e9
 
-Length = Annotated[float, Field(ge=-1e9, le=1e9)]  # m, also a coordinate
+Length = Annotated[float, Field(ge=-LARGEST_LENGTH, le=LARGEST_LENGTH)]  # m, also a coordinate
 Size = Annotated[float, Field(ge=1e-9, le=1e9)]  # m, of a body or a part of it
 Magnitude = Annotated[float, Field(ge=-LARGEST_MAGNITUDE, le=LARGEST_MAGNITUDE)]  # N, or Pa
 Count = Annotated[int, Field(gt=0, le=10**9)]

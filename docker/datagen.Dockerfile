@@ -28,7 +28,7 @@ ENV PATH=/opt/venv/bin:$PATH
 COPY docker/constraints.txt /opt/
 ARG PIP_CONSTRAINT=/opt/constraints.txt
 RUN /usr/bin/python3 -m venv --system-site-packages /opt/venv \
-    && pip install --no-cache-dir --constraint /opt/constraints.txt pydantic tqdm
+    && pip install --no-cache-dir --constraint /opt/constraints.txt pydantic shtab tqdm
 
 COPY shared_schema /opt/source/shared_schema
 COPY datagen /opt/source/datagen
@@ -46,6 +46,6 @@ HEALTHCHECK --interval=5m --timeout=1m CMD ["datagen", "--version"]
 ARG REVISION=unknown
 LABEL org.opencontainers.image.title="datagen" \
     org.opencontainers.image.description="Neo-Hookean equilibria under random nodal loads, written as datasets" \
-    org.opencontainers.image.version="0.1.0" \
+    org.opencontainers.image.version="0.2.0" \
     org.opencontainers.image.licenses="MIT" \
     org.opencontainers.image.revision="$REVISION"

@@ -26,7 +26,7 @@ ARG TORCH=torch==2.13.0
 RUN python3 -m venv /opt/venv \
     && pip install --no-cache-dir --constraint /opt/constraints.txt "$TORCH"
 RUN pip install --no-cache-dir --constraint /opt/constraints.txt \
-    h5py jinja2 matplotlib meshio numpy pydantic pyyaml safetensors scikit-learn scipy tqdm \
+    h5py jinja2 matplotlib meshio numpy pydantic pyyaml safetensors scikit-learn scipy shtab tqdm \
     onnx onnxruntime onnxscript tensorboard
 
 COPY shared_schema /opt/source/shared_schema
@@ -43,6 +43,6 @@ HEALTHCHECK --interval=5m --timeout=1m CMD ["surrogate", "--version"]
 ARG REVISION=unknown
 LABEL org.opencontainers.image.title="surrogate" \
     org.opencontainers.image.description="U-Net surrogates of large-deformation solids, trained and judged" \
-    org.opencontainers.image.version="0.1.0" \
+    org.opencontainers.image.version="0.2.0" \
     org.opencontainers.image.licenses="MIT" \
     org.opencontainers.image.revision="$REVISION"

@@ -4,4 +4,4 @@ The two programs share nothing but files; this package defines their content and
 code that both import. It needs h5py and numpy, and meshio for VTU files; no solver, no torch.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -50,7 +50,36 @@ def boundary_facets(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int6
     array of int, (n_facets, n_facet_corners)
         Node numbers, going round each facet, in space as seen from outside.
     """
-    facets = np.concatenate([cells[:, facet] for facet in FACETS[cell_type]])
+    return _of_one_cell(np.concatenate([cells[:, facet] for facet in FACETS[cell_type]]))
+
+
+def outward_facets(
+    coordinates: NDArray[np.float64], cells: NDArray[np.int64], cell_type: str
+) -> NDArray[np.int64]:
+    """Find the facets that belong to one cell only, going round each as seen from outside.
+
+    In the plane the body is on the left. Cells may be numbered in either direction.
+
+    Parameters
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+
+    Returns
+    -------
+    array of int, (n_facets, n_facet_corners)
+    """
+    first = coordinates[cells[:, list(NEIGHBOURS[cell_type][0])]] - coordinates[cells[:, [0]]]
+    turned = np.linalg.det(first)[:, None] < 0
+    facets = [cells[:, facet] for facet in FACETS[cell_type]]
+    return _of_one_cell(np.concatenate([np.where(turned, f[:, ::-1], f) for f in facets]))
+
+
+def _of_one_cell(facets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Facets that occur once, whatever the order of their corners."""
     _, first, count = np.unique(
         np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
     )

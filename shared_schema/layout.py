@@ -3,7 +3,8 @@
 Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``corner`` (of a cell),
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
 ``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
-``entry``, ``pointer`` (of a sparse matrix).
+``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
+``surface`` (of the body's surface under pressure).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -41,6 +42,8 @@ class ArrayLayout:
     description : str
     sparse : bool
         True if most values are zero; such a dataset is stored compressed.
+    optional : bool
+        True if a shard may lack it.
     """
 
     path: str
@@ -49,6 +52,7 @@ class ArrayLayout:
     units: str
     description: str
     sparse: bool = False
+    optional: bool = False
 
 
 MESH = (
@@ -62,6 +66,42 @@ MESH = (
         "mesh/clamped", "bool", ("node",), "1", "nodes whose displacement is prescribed as zero"
     ),
     ArrayLayout("mesh/loadable", "bool", ("node",), "1", "nodes that the load family may load"),
+    ArrayLayout(
+        "mesh/held",
+        "bool",
+        ("node", "dim"),
+        "1",
+        "components of displacement prescribed as zero, if not all or none of a node's are",
+        optional=True,
+    ),
+    ArrayLayout(
+        "mesh/material",
+        "int64",
+        ("cell",),
+        "1",
+        "position of each cell's material in the case, if it has several",
+        optional=True,
+    ),
+    ArrayLayout("mesh/group_names", "str", ("group",), "1", "names of the groups", optional=True),
+    ArrayLayout(
+        "mesh/groups", "bool", ("group", "node"), "1", "nodes of the mesh's groups", optional=True
+    ),
+    ArrayLayout(
+        "mesh/pressed",
+        "int64",
+        ("facet", "facet_corner"),
+        "1",
+        "facets under a pressure that follows the surface, seen from outside",
+        optional=True,
+    ),
+    ArrayLayout(
+        "mesh/pressed_surface",
+        "int64",
+        ("facet",),
+        "1",
+        "number of the surface that each of them belongs to",
+        optional=True,
+    ),
 )
 
 NODAL = (
@@ -106,6 +146,14 @@ NODAL = (
         "samples/residual_norm", "float64", ("sample",), "N", "2-norm of the last residual"
     ),
     ArrayLayout("samples/wall_time", "float64", ("sample",), "s", "time that the solve took"),
+    ArrayLayout(
+        "samples/pressure",
+        "float64",
+        ("sample", "surface"),
+        "Pa",
+        "pressure on each surface; `force` includes its forces on the undeformed body",
+        optional=True,
+    ),
     ArrayLayout("failed/number", "int64", ("failed",), "1", "sample number of unsolved load cases"),
     ArrayLayout(
         "failed/loaded_nodes", "int64", ("failed", "load"), "1", "loaded nodes, padded with -1"
@@ -121,6 +169,14 @@ NODAL = (
         "part of the load under which an equilibrium was still found",
     ),
     ArrayLayout("failed/reason", "str", ("failed",), "1", "why the load case was given up"),
+    ArrayLayout(
+        "failed/pressure",
+        "float64",
+        ("failed", "surface"),
+        "Pa",
+        "pressure on each surface",
+        optional=True,
+    ),
 )
 
 

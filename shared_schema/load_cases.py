@@ -1,19 +1,26 @@
-"""Load cases in a file of their own: those that `surrogate` proposes and `datagen` solves."""
+"""Load cases in a file of their own: those that `surrogate` proposes and `datagen` solves.
+
+No manifest has the checksum of such a file. So it ends with one: the SHA-256, in 64 hexadecimal
+digits, of all that is before it. HDF5 does not read that far.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE
 from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard_writer import shard_content
 
 Array = NDArray[np.float64]
+DIGITS = 64  # of the checksum at the end
 
 
 @dataclass(frozen=True)
@@ -40,12 +47,12 @@ class LoadCases:
     @classmethod
     def of(cls, coordinates: Array, forces: Array) -> LoadCases:
         """Make load cases from forces at all nodes, (n, n_nodes, d) in N."""
-        loaded = forces.any(axis=2)
-        most = max(1, int(loaded.sum(axis=1).max(initial=0)))
+        loaded = np.any(forces, axis=2)
+        most = max(1, int(np.sum(loaded, axis=1).max(initial=0)))
         nodes = np.full((len(forces), most), NO_NODE, dtype=np.int64)
         padded = np.zeros((len(forces), most, forces.shape[2]))
-        for row, where in enumerate(loaded):
-            (found,) = np.nonzero(where)
+        for row in range(len(forces)):
+            found = np.flatnonzero(forces[row].any(axis=1))
             nodes[row, : len(found)], padded[row, : len(found)] = found, forces[row, found]
         return cls(coordinates, nodes, padded)
 
@@ -56,13 +63,17 @@ class LoadCases:
 
 
 def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: str) -> str:
-    """Write a file of load cases atomically; return its SHA-256."""
+    """Write a file of load cases atomically; return the SHA-256 at its end."""
     arrays = {
         "mesh/coordinates": cases.coordinates,
         "loads/loaded_nodes": cases.nodes,
         "loads/force": cases.forces,
     }
-    return write_shard(path, "loads", arrays, case_digest, cell_type)
+    content = shard_content(path.name, "loads", arrays, case_digest, cell_type)
+    digest = hashlib.sha256(content).hexdigest()
+    with complete_or_absent(path) as partial:
+        partial.write_bytes(content + digest.encode())
+    return digest
 
 
 def read_load_cases(path: Path) -> LoadCases:
@@ -73,6 +84,11 @@ def read_load_cases(path: Path) -> LoadCases:
     InputError
         If the file is missing, damaged or no file of load cases.
     """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file of load cases")
+    content = path.read_bytes()
+    if hashlib.sha256(content[:-DIGITS]).hexdigest().encode() != content[-DIGITS:]:
+        raise InputError(f"{path}: damaged or no file of load cases, its checksum does not match")
     arrays = read_shard(path, "loads")
     cases = LoadCases(
         arrays["mesh/coordinates"], arrays["loads/loaded_nodes"], arrays["loads/force"]

@@ -35,7 +35,8 @@ def array_problems(
     problems = [f"unknown dataset '{name}'" for name in sorted(set(arrays) - known)]
     for layout in layouts:
         if layout.path not in arrays:
-            problems.append(f"dataset '{layout.path}' is missing")
+            if not layout.optional:
+                problems.append(f"dataset '{layout.path}' is missing")
             continue
         array = arrays[layout.path]
         if array.dtype != np.dtype(object if layout.dtype == "str" else layout.dtype):
@@ -79,6 +80,8 @@ def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
         return problems
     for layout in layouts:
         dataset = file.get(layout.path)
+        if dataset is None and layout.optional:
+            continue
         if not isinstance(dataset, h5py.Dataset):
             problems.append(f"dataset '{layout.path}' is missing")
         elif dataset.external or dataset.is_virtual:

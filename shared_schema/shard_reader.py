@@ -54,10 +54,11 @@ def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None
         As `read_shard`, except for wrong shapes, types and values.
     """
     with _open(path, kind) as file, _damage_named(path):
+        paths = dataset_paths(file)
         return {
             layout.path: _read(file[layout.path])
-            for layout in layout_for(kind, dataset_paths(file))
-            if names is None or layout.path in names
+            for layout in layout_for(kind, paths)
+            if layout.path in paths and (names is None or layout.path in names)
         }
 
 

@@ -48,24 +48,33 @@ def write_shard(
     OSError
         If the file cannot be written.
     """
-    problems = array_problems(kind, {name: np.asarray(a) for name, a in arrays.items()}, {})
+    content = shard_content(path.name, kind, arrays, case_digest, cell_type)
+    with complete_or_absent(path) as partial:
+        partial.write_bytes(content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def shard_content(
+    name: str, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+) -> bytes:
+    """Return the bytes of a shard, whose arguments are those of `write_shard`."""
+    problems = array_problems(kind, {path: np.asarray(a) for path, a in arrays.items()}, {})
     if problems:
-        raise ValueError(f"{path.name}: {problems[0]}")
+        raise ValueError(f"{name}: {problems[0]}")
     attributes: dict[str, int | str] = {
         "schema_version": SCHEMA_VERSION,
         "kind": kind,
         "case_digest": case_digest,
         "cell_type": cell_type,
     }
-    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+    with h5py.File(name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(attributes)
         for layout in layout_for(kind, arrays):
-            _create(file, layout, arrays[layout.path])
+            if layout.path in arrays:
+                _create(file, layout, arrays[layout.path])
         file.flush()
         content: bytes = file.id.get_file_image()
-    with complete_or_absent(path) as partial:
-        partial.write_bytes(content)
-    return hashlib.sha256(content).hexdigest()
+    return content
 
 
 def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:

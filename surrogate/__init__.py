@@ -8,5 +8,5 @@
 from surrogate.inference.prediction import Surrogate, load
 from surrogate.inference.training_range import OutsideTrainingWarning
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = ["OutsideTrainingWarning", "Surrogate", "load"]

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-INITIAL_WEIGHTS, VALIDATION, ORDER, NOISE, PASS, CALIBRATION, REFINEMENT = range(7)
+(
+    INITIAL_WEIGHTS,
+    VALIDATION,
+    ORDER,
+    NOISE,
+    PASS,
+    CALIBRATION,
+    REFINEMENT,
+    PATHS,
+) = range(8)
 
 
 def stream(*numbers: int) -> int:

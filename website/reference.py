@@ -9,10 +9,13 @@ import argparse
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
-from website.model_keys import keys_page
+from website.key_tables import keys_page
 
+PRINTED = (
+    "`datagen schema` prints this list, and with `--format json` a JSON Schema for editors, which "
+    "complete and check keys with it."
+)
 OUT = Path(__file__).parents[1] / "build" / "reference"
 
 
@@ -21,7 +24,7 @@ def commands_page(program: str) -> str:
     parser = import_module(f"{program}.command_line")._parser()
     lines = [f"# Commands of `{program}`", "", f"{parser.description} {parser.epilog}"]
     for name, command in commands_of(parser).items():
-        lines += ["", f"## {program} {name}", "", f"{command.description or ''}", ""]
+        lines += ["", f"## {program} {name}", "", command.description or "", ""]
         lines += ["```text", command.format_usage().removeprefix("usage: ").rstrip(), "```", ""]
         lines += ["| argument | meaning |", "|---|---|"]
         lines += [
@@ -30,16 +33,14 @@ def commands_page(program: str) -> str:
             if not isinstance(action, argparse._HelpAction)
         ]
         if command.epilog:
-            lines += ["", "```text", command.epilog.strip(), "```"]
+            examples = [line.strip() for line in command.epilog.splitlines()[1:]]
+            lines += ["", "```sh", *examples, "```"]
     return "\n".join(lines) + "\n"
 
 
 def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Return the parsers of all commands by name, with what each does as its description."""
+    """Return the parsers of all commands by name."""
     (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    helps = {choice.dest: choice.help for choice in action._choices_actions}
-    for name, command in action.choices.items():
-        command.description = command.description or _sentence(helps.get(name) or "")
     return dict(action.choices)
 
 
@@ -70,42 +71,22 @@ def _cell(text: str) -> str:
 
 def pages_of(program: str) -> dict[str, str]:
     """Return the pages of a program by file name."""
-    pages = {f"{program}-commands.md": commands_page(program)}
+    commands = {f"{program}-commands.md": commands_page(program)}
     if program == "datagen":
-        pages["case-keys.md"] = keys_page(**_case())
-    else:
-        pages["configuration-keys.md"] = keys_page(**_configuration())
-    return pages
+        from datagen.cases.case_schema import case_keys
 
-
-def _case() -> dict[str, Any]:
-    from datagen.cases.case import Case
-    from datagen.loads.family import SHIPPED
-
-    families = {
-        f"`load: {{family: {name}}}`": getattr(
-            import_module(place.split(":")[0]), place.split(":")[1]
-        )
-        for name, place in SHIPPED.items()
-    }
-    intro = "A case is a YAML file with the keys below; `datagen` refuses any other key."
-    return {"title": "Keys of a case", "intro": intro, "models": {"Every case": Case} | families}
-
-
-def _configuration() -> dict[str, Any]:
-    from surrogate.runs.configuration import KINDS
+        intro = "A case is a YAML file with these keys; `datagen` refuses any other."
+        title = "Keys of a case"
+        return commands | {"case-keys.md": keys_page(title, f"{intro} {PRINTED}", case_keys())}
+    from surrogate.runs.config_schema import config_keys
 
     intro = (
-        "A configuration is a YAML file. Its keys `model` and `likelihood` choose the kind of "
-        "model; each kind has the keys below, and `surrogate` refuses any other key."
+        "A configuration is a YAML file with these keys. Its keys `model` and `likelihood` choose "
+        "the kind of model; `surrogate` refuses keys that this kind does not read."
     )
-    models = {
-        f"`model: {words[1]}, likelihood: {words[3]}`": model
-        for words, model in (
-            (kind.strip("()").replace(",", "").split(), m) for kind, m in KINDS.items()
-        )
-    }
-    return {"title": "Keys of a configuration", "intro": intro, "models": models}
+    title = "Keys of a configuration"
+    page = keys_page(title, f"{intro} {PRINTED.replace('datagen', program)}", config_keys())
+    return commands | {"configuration-keys.md": page}
 
 
 if __name__ == "__main__":

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
 from datagen.cases.dataset_settings import DatasetSettings
+from datagen.cases.support import Support
 from datagen.loads import LoadFamily, load_family
+from datagen.materials import material_of
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
-from datagen.mesh.regions import Region
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.load_cases import read_load_cases
 from shared_schema.manifest import digest_of
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.material import Material, Volumetric
 
 SHIPPED = Path(__file__).parents[1] / "configs"
 
@@ -33,12 +34,12 @@ class Case(Frozen):
         Name of the case; configurations of networks name it too.
     mesh : Box, LShape or MeshFile
         Geometry and its mesh.
-    material : NeoHookean
-        Material of the whole body.
-    supports : tuple of Region
-        Regions whose nodes are clamped.
-    load : LoadFamily
-        Family of loads, of which every sample draws one.
+    material : Material, or tuple of some
+        Material of the whole body; several are those of groups of cells.
+    supports : tuple of Support
+        Regions whose nodes are clamped, or held in some components.
+    load : LoadFamily, or tuple of some
+        Family of loads, of which every sample draws one; several act at once.
     solver : SolverSettings
         Newton's method, linear solver and load stepping.
     dataset : DatasetSettings
@@ -47,17 +48,50 @@ class Case(Frozen):
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
-    material: NeoHookean
-    supports: tuple[Region, ...] = Field(min_length=1)
-    load: SerializeAsAny[LoadFamily]
+    material: SerializeAsAny[Material] | tuple[SerializeAsAny[Material], ...]
+    supports: tuple[Support, ...] = Field(min_length=1)
+    load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...]
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
 
     @field_validator("load", mode="before")
     @classmethod
     def _of_its_family(cls, value: Any, info: ValidationInfo) -> Any:
-        """Build the family; the context is the folder of a case file, or None of a dataset."""
-        return load_family(value, info.context) if isinstance(value, dict) else value
+        """Build the families; the context is the folder of a case file, or None of a dataset."""
+        return _each(value, lambda content: load_family(content, info.context))
+
+    @field_validator("material", mode="before")
+    @classmethod
+    def _of_its_model(cls, value: Any, info: ValidationInfo) -> Any:
+        """Build the materials, with the same context."""
+        return _each(value, lambda content: material_of(content, info.context))
+
+    @field_validator("load", "material")
+    @classmethod
+    def _is_not_empty(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("expected a mapping, or a list of at least one")
+        return value
+
+    @field_validator("material")
+    @classmethod
+    def _each_of_its_group(cls, value: Any) -> Any:
+        groups = [material.group for material in _several(value)]
+        if isinstance(value, tuple) and (None in groups or len(set(groups)) != len(groups)):
+            raise ValueError("expected a list of materials, each with another 'group'")
+        if isinstance(value, Material) and value.group is not None:
+            raise ValueError(f"'group' = '{value.group}': expected in a list of materials")
+        return value
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """All materials."""
+        return _several(self.material)
+
+    @property
+    def loads(self) -> tuple[LoadFamily, ...]:
+        """All load families."""
+        return _several(self.load)
 
     def plain(self) -> dict[str, Any]:
         """The whole configuration as plain data, as the manifest stores it."""
@@ -66,6 +100,33 @@ class Case(Frozen):
     def digest(self) -> str:
         """SHA-256 of the configuration."""
         return digest_of(self.plain())
+
+
+Part = TypeVar("Part")
+
+
+def _several(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _each(value: Any, build: Callable[[dict[str, Any]], Any]) -> Any:
+    """Build what a mapping stands for, or each mapping of a list."""
+    if isinstance(value, dict):
+        return build(value)
+    if isinstance(value, list) and value:
+        built = []
+        for number, content in enumerate(value):
+            if not isinstance(content, dict):
+                raise ValueError(f"part {number}: expected a mapping")
+            try:
+                built.append(build(content))
+            except ValueError as error:
+                before, key, rest = str(error).partition("key '")
+                is_key = key and before in ("", "unknown ")
+                said = f"{before}{key}{number}.{rest}" if is_key else f"part {number}: {error}"
+                raise ValueError(said) from None
+        return tuple(built)
+    return value
 
 
 def read_case(
@@ -78,7 +139,7 @@ def read_case(
 ) -> Case:
     """Read a case from a YAML file, or by the name of a shipped one.
 
-    The file of a user's own load family is imported.
+    The files of a user's own load families and materials are imported.
 
     Parameters
     ----------

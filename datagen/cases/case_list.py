@@ -14,8 +14,13 @@ def case_list() -> str:
     rows = [("case", "mesh", "load", "samples", "")]
     for name, content, line in shipped_files(SHIPPED):
         samples = str(content["dataset"]["samples"])
-        rows.append((name, _mesh(content["mesh"]), content["load"]["family"], samples, line))
+        rows.append((name, _mesh(content["mesh"]), _load(content["load"]), samples, line))
     return laid_out(rows)
+
+
+def _load(load: Any) -> str:
+    """Name the load families of a case."""
+    return " + ".join(each["family"] for each in (load if isinstance(load, list) else [load]))
 
 
 def _mesh(mesh: dict[str, Any]) -> str:

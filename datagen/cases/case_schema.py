@@ -7,34 +7,48 @@ from typing import Any
 
 from datagen.cases.case import Case
 from datagen.loads.family import SHIPPED, LoadFamily
+from datagen.materials import OwnMaterial
+from shared_schema import material
 from shared_schema.keys.json_schema import DIALECT, Schema, json_schemas
 from shared_schema.keys.key_list import Key, keys_of
 
 TITLE = "Case of datagen"
-OWN_FAMILY = "FILE.py:ClassName"
+OWN_CLASS = "FILE.py:ClassName"
 
 
 def case_schema() -> Schema:
-    """Return the JSON Schema of a case; its load is one of the shipped families, or a user's own.
+    """Return the JSON Schema of a case.
 
-    The keys of a user's own family are not known, so that any are allowed.
+    Load and material are each one of the shipped kinds, a user's own, or a list of some. The keys
+    of a user's own class are not known, so that any are allowed.
     """
     families = [_family(place) for place in SHIPPED.values()]
-    (case, own, *shipped), definitions = json_schemas([Case, LoadFamily, *families])
-    named = list(zip([OWN_FAMILY, *SHIPPED], [own, *shipped], strict=True))
-    for name, reference in named:
-        definition = definitions[_name(reference)]
-        family = definition["properties"]["family"]
-        del definition["properties"]["family_sha256"]
-        if name == OWN_FAMILY:
-            definition["additionalProperties"] = True
-            family |= {"pattern": r"\.py:[A-Za-z_]\w*$", "x-tag": name}
-        else:
-            family["const"] = name
+    models = list(material.SHIPPED.values())
+    (case, *parts), definitions = json_schemas([Case, *families, LoadFamily, *models, OwnMaterial])
     content: dict[str, Any] = definitions.pop(_name(case))
-    load = content["properties"]["load"]
-    options = [reference for _, reference in [*named[1:], named[0]]]
-    content["properties"]["load"] = {"description": load["description"], "oneOf": options}
+    count = len(families) + 1
+    for section, tag, references, names in (
+        ("load", "family", parts[:count], SHIPPED),
+        ("material", "model", parts[count:], material.SHIPPED),
+    ):
+        for name, reference in zip([*names, OWN_CLASS], references, strict=True):
+            definition = definitions[_name(reference)]
+            definition["properties"].pop(f"{tag}_sha256", None)
+            key = definition["properties"][tag]
+            if name == OWN_CLASS:
+                definition["additionalProperties"] = True
+                key |= {"pattern": r"\.py:[A-Za-z_]\w*$", "x-tag": name}
+            else:
+                key["const"] = name
+            if "default" not in key or name != "neo_hookean":
+                required = definition.setdefault("required", [])
+                definition["required"] = sorted({*required, tag})
+        several = {"type": "array", "minItems": 1, "items": {"oneOf": references}}
+        meaning = content["properties"][section]["description"]
+        content["properties"][section] = {
+            "description": meaning,
+            "oneOf": [*references, several],
+        }
     return {"$schema": DIALECT, "title": TITLE, **content, "$defs": definitions}
 
 

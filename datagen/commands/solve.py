@@ -6,12 +6,14 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from datagen.commands.options import add_case
+from shared_schema.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.errors import WorkError
-from shared_schema.common.point_load import nodal_forces
+from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.solution_file import require_suffix, write_solution
 
 
@@ -24,12 +26,13 @@ def add_to(commands: Commands) -> None:
         "datagen solve beam2d --load 4,1:0,-2.5 --out solution.vtu",
     )
     add_case(parser)
+    add_loads(parser)
     parser.add_argument(
-        "--load",
+        "--move",
         action="append",
-        required=True,
-        metavar="X,Y[,Z]:FX,FY[,FZ]",
-        help="force in N at the node at X,Y[,Z] in m; repeatable",
+        default=[],
+        metavar="GROUP:UX,UY[,UZ]",
+        help="displacement in m of a group, - for a free component; repeatable",
     )
     parser.add_argument(
         "--start",
@@ -37,12 +40,13 @@ def add_to(commands: Commands) -> None:
         metavar="FILE.npz",
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
+    parser.add_argument("--stresses", action="store_true", help=STRESSES)
     parser.add_argument(
         "--out",
         type=Path,
         required=True,
         metavar="FILE.(npz|vtu|xdmf)",
-        help="fields at the nodes: force, displacement",
+        help="fields at the nodes: force, displacement; with --stresses also of the cells",
     )
     parser.set_defaults(command=run)
 
@@ -53,21 +57,36 @@ def run(options: argparse.Namespace) -> None:
 
     from datagen.cases.body import make_body
     from datagen.cases.case import read_case
+    from datagen.mesh.distributed_mesh import Mesh
     from datagen.solver.given_start import read_start, solve_from
     from datagen.solver.load_stepping import solve_load_case
+    from datagen.solver.stresses import CellStresses, reactions_of_supports
 
     require_suffix(options.out)
     require_writable(options.out)
     case = read_case(options.case, options.volumetric, trust=options.trust, changes=options.changes)
-    body = make_body(case, MPI.COMM_SELF)
-    forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
-    nodes = np.flatnonzero(forces.any(axis=1))
-    origin = ""
+    given: CommandLoads | None = None
+
+    def driven(mesh: Mesh, held: NDArray[np.bool_]) -> CommandLoads:
+        nonlocal given
+        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, held, mesh.node_sets)
+        given = command_loads(body, options.load, options.forces, options.move, options.nearest)
+        return given
+
+    body = make_body(case, MPI.COMM_SELF, driven)
+    assert given is not None
+    if options.start is not None and (given.surfaces or given.moved.any()):
+        raise InputError(f"--start '{options.start}': expected forces only, no pressure or --move")
+    for note in given.notes:
+        print(note)
+    nodes = np.flatnonzero(given.forces.any(axis=1))
+    load, origin = (nodes, given.forces[nodes]), ""
     if options.start is None:
-        report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
+        drive = np.array(given.pressures), given.displacement
+        report = solve_load_case(body.problem, *load, case.solver, *drive)
     else:
         start = read_start(options.start, body.mesh.coordinates)
-        report, used = solve_from(start, body.problem, nodes, forces[nodes], case.solver)
+        report, used = solve_from(start, body.problem, *load, case.solver)
         origin = f"from {options.start}, " if used else "from rest, "
     if not report.solved:
         raise WorkError(
@@ -75,16 +94,18 @@ def run(options: argparse.Namespace) -> None:
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
     displacement = body.problem.displacement()
-    write_solution(
-        options.out,
-        body.mesh.coordinates,
-        body.mesh.cells,
-        body.mesh.cell_type,
-        {"force": forces, "displacement": displacement},
-    )
+    grip = np.where(given.moved, body.problem.reactions(), 0.0)
+    fields, of_cells = {"force": given.at_rest + grip, "displacement": displacement}, {}
+    stress = ""
+    if options.stresses:
+        fields["reaction"] = reactions_of_supports(body.problem, body.held)
+        of_cells = CellStresses(body.problem, case.materials, body.parts).fields()
+        stress = f"largest von Mises stress {of_cells['von_mises'].max():.4g} Pa, "
+    mesh = body.mesh.coordinates, body.mesh.cells, body.mesh.cell_type
+    write_solution(options.out, *mesh, fields, of_cells)
     largest = np.linalg.norm(displacement, axis=1).max()
     print(
-        f"{options.out}: largest displacement {largest:.6g} m, {origin}"
+        f"{options.out}: largest displacement {largest:.6g} m, {stress}{origin}"
         f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
         f"residual {report.residual_norm:.2g} N"
     )

@@ -108,7 +108,8 @@ def dry_run(case: Case, comm: MPI.Comm, ranks_per_solve: int = 1) -> DryRun:
     counted = times[1:] or times  # the first one allocates and compiles
     found = comm.allgather((counted, job.done, len(job.failed)))
     mesh = body.mesh
-    stiffness = stiffness_of(RawMesh(mesh.coordinates, mesh.cells, mesh.cell_type), case.material)
+    raw = RawMesh(mesh.coordinates, mesh.cells, mesh.cell_type)
+    stiffness = stiffness_of(raw, case.material, body.parts)
     return DryRun(
         nodes=len(mesh.coordinates),
         cells=len(mesh.cells),

@@ -40,7 +40,11 @@ from shared_schema.stiffness import STIFFNESS_FILE
 from shared_schema.unfinished import JOURNAL
 
 SAMPLES = "dataset.samples"
-FILES = (("mesh", "sha256", "path"), ("load", "family_sha256", "family"))  # with their checksums
+FILES = (  # with their checksums
+    ("mesh", "sha256", "path"),
+    ("load", "family_sha256", "family"),
+    ("material", "model_sha256", "model"),
+)
 
 
 class Journal:
@@ -272,7 +276,7 @@ def _require_same_or_fewer(folder: Path, found: dict[str, Any], wanted: dict[str
 def _said(key: str, old: Any, new: Any, found: dict[str, Any], wanted: dict[str, Any]) -> str:
     """Describe one difference between two cases; a file that has changed is named."""
     for section, checksum, file in FILES:
-        if key == f"{section}.{checksum}" and found[section].get(file) == wanted[section][file]:
+        if key == f"{section}.{checksum}" and found[section].get(file) == wanted[section].get(file):
             return f"the file of {section}.{file} = {wanted[section][file]!r} has changed"
     return f"{key} = {new!r}, the folder has {old!r}"
 

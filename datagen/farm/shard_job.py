@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body
 from datagen.cases.case import Case
-from datagen.loads import LoadCase
+from datagen.loads import Load
 from datagen.ranks import on_rank_zero
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.layout import NO_NODE, Arrays
 
+Forces = tuple[NDArray[np.int64], NDArray[np.float64]]  # loaded nodes, and forces in N
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
 
 
@@ -25,7 +26,8 @@ class Solved:
     """A solved load case; its fields are the schema's datasets below ``samples/``."""
 
     number: int
-    load: LoadCase
+    load: Load
+    reactions: NDArray[np.float64] | None
     displacement: NDArray[np.float64]
     counts: tuple[int, ...]
     residual_norm: float
@@ -37,7 +39,8 @@ class Failed:
     """A load case without equilibrium; its fields are the schema's datasets below ``failed/``."""
 
     number: int
-    load: LoadCase
+    load: Load
+    reactions: NDArray[np.float64] | None
     load_factor: float
     reason: str
 
@@ -94,16 +97,21 @@ class ShardJob:
         number, loads = self.number, self.body.loads
         load = on_rank_zero(self.body.mesh.domain.comm, lambda: loads[number])
         began = time.perf_counter()
-        report = solve_load_case(problem, load.nodes, load.forces, case.solver)
+        report = solve_load_case(
+            problem, load.nodes, load.forces, case.solver, load.pressures, load.displacement
+        )
         elapsed = time.perf_counter() - began
+        reactions = None if load.is_dead else problem.reactions()
         if report.solved:
             counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
             displacement = problem.displacement()
             self.solved.append(
-                Solved(number, load, displacement, counts, report.residual_norm, elapsed)
+                Solved(number, load, reactions, displacement, counts, report.residual_norm, elapsed)
             )
         else:
-            self.failed.append(Failed(number, load, report.load_factor, report.explanation))
+            self.failed.append(
+                Failed(number, load, reactions, report.load_factor, report.explanation)
+            )
         return report.solved
 
     def arrays(self) -> dict[str, Any]:
@@ -111,8 +119,8 @@ class ShardJob:
         body, dimension = self.body, self.body.mesh.coordinates.shape[1]
         width = body.loads.most
         solved, failed = self.solved, self.failed
-        loaded_nodes, force = _pad([s.load for s in solved], width, dimension)
-        failed_nodes, failed_force = _pad([f.load for f in failed], width, dimension)
+        loaded_nodes, force = _pad([self._recorded(s) for s in solved], width, dimension)
+        failed_nodes, failed_force = _pad([self._recorded(f) for f in failed], width, dimension)
         displacement = np.array([s.displacement for s in solved], dtype=np.float64)
         counts = np.array([s.counts for s in solved], dtype=np.int64).reshape(-1, len(COUNTS))
         return {
@@ -129,6 +137,27 @@ class ShardJob:
             "failed/force": failed_force,
             "failed/load_factor": np.array([f.load_factor for f in failed], dtype=np.float64),
             "failed/reason": np.array([f.reason for f in failed], dtype=object),
+            **self._pressures(),
+        }
+
+    def _recorded(self, result: Solved | Failed) -> Forces:
+        """Nodal forces that stand for the load of a sample."""
+        load = result.load
+        if result.reactions is None:
+            return load.nodes, load.forces
+        return self.body.loads.recorded(load, result.reactions)
+
+    def _pressures(self) -> dict[str, Any]:
+        """Pressures of the samples, if the case has some."""
+        count = len(self.body.loads.surfaces)
+        results: dict[str, Sequence[Solved | Failed]] = {
+            "samples": self.solved,
+            "failed": self.failed,
+        }
+        return {
+            f"{group}/pressure": np.array([r.load.pressures for r in some]).reshape(-1, count)
+            for group, some in results.items()
+            if count
         }
 
 
@@ -142,11 +171,11 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
     return arrays
 
 
-def _pad(loads: list[LoadCase], width: int, dimension: int) -> tuple[Any, Any]:
+def _pad(loads: list[Forces], width: int, dimension: int) -> tuple[Any, Any]:
     """Loaded nodes (n, width) and forces (n, width, d), padded."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
-    for row, load in enumerate(loads):
-        nodes[row, : len(load.nodes)] = load.nodes
-        force[row, : len(load.nodes)] = load.forces
+    for row, (loaded, forces) in enumerate(loads):
+        nodes[row, : len(loaded)] = loaded
+        force[row, : len(loaded)] = forces
     return nodes, force

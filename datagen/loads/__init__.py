@@ -2,5 +2,15 @@
 
 from datagen.loads.drawn_load import DrawnLoads
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
+from datagen.loads.together import Load, LoadsTogether
 
-__all__ = ["DrawnLoads", "LoadCase", "LoadFamily", "LoadableNodes", "generator", "load_family"]
+__all__ = [
+    "DrawnLoads",
+    "Load",
+    "LoadCase",
+    "LoadFamily",
+    "LoadableNodes",
+    "LoadsTogether",
+    "generator",
+    "load_family",
+]

@@ -6,18 +6,16 @@ Every load case is drawn here and nowhere else, so that solver, dataset and figu
 from __future__ import annotations
 
 import operator
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
-from datagen.loads.own_family import described
-from datagen.quantities import LARGEST_MAGNITUDE
+from datagen.own_class import described, source_of
+from datagen.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
 
@@ -113,13 +111,33 @@ class DrawnLoads:
                 f"{what}: a force component is {wrong[0]:g} N, "
                 f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
             )
+        self._require_driven_as_said(load, what)
         nodes, forces = sum_per_node(nodes, forces)
         if len(nodes) > self.most:
             raise self._wrong(
                 f"{what}: {len(nodes)} nodes are loaded, expected at most {self.most} "
                 "(loads_per_sample)"
             )
-        return LoadCase(nodes, forces)
+        return LoadCase(nodes, forces, load.pressure, load.displacement)
+
+    def _require_driven_as_said(self, load: LoadCase, what: str) -> None:
+        """Raise InputError unless pressure and displacement are those of such a family."""
+        d, presses = self.loadable.dimension, self.family.presses
+        moves = self._called("moves", lambda: self.family.moves(d))
+        for name, value, expected, largest in (
+            ("pressure", load.pressure, () if presses else None, LARGEST_MAGNITUDE),
+            ("displacement", load.displacement, (d,) if any(moves) else None, LARGEST_LENGTH),
+        ):
+            if (value is None) != (expected is None) or (
+                value is not None
+                and not (
+                    np.shape(value) == expected
+                    and np.asarray(value).dtype.kind in "fiu"
+                    and np.all(np.abs(value) <= largest)
+                )
+            ):
+                said = "none" if expected is None else f"finite numbers of shape {expected}"
+                raise self._wrong(f"{what}: {name} is {value!r:.80}, expected {said}")
 
     def _called(self, what: str, call: Callable[[], Result]) -> Result:
         """Result of the family's method; InputError if it raises an error."""
@@ -130,8 +148,7 @@ class DrawnLoads:
         except (Exception, SystemExit) as error:
             if isinstance(error, ValueError) and what == "check":  # what its contract asks for
                 raise self._wrong(str(error)) from None
-            file = getattr(sys.modules.get(type(self.family).__module__), "__file__", None)
-            said = described(error, Path(file) if file else None)
+            said = described(error, source_of(self.family))
             raise self._wrong(f"{what}: {said}") from None
 
     def _wrong(self, problem: str) -> InputError:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import importlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,10 @@ from pydantic import (
     model_serializer,
 )
 
-from datagen.loads.own_family import import_class
 from datagen.mesh.regions import Region
+from datagen.own_class import import_named
 from datagen.quantities import Magnitude
+from shared_schema.cells import outward_facets
 from shared_schema.common.configuration import Frozen, first_problem
 
 SHIPPED = {
@@ -35,17 +37,20 @@ SHIPPED = {
     "sweep": "datagen.loads.sweep:Sweep",
     "traction": "datagen.loads.traction:Traction",
     "traction_patch": "datagen.loads.traction_patch:TractionPatch",
+    "body_force": "datagen.loads.body_force:BodyForce",
+    "pressure": "datagen.loads.pressure:Pressure",
+    "displacement": "datagen.loads.displacement:Displacement",
 }
 
 
-def _ascending(value: tuple[float, float]) -> tuple[float, float]:
+def ascending(value: tuple[float, float]) -> tuple[float, float]:
     """Return (low, high); ValueError unless low < high."""
     if value[0] >= value[1]:
         raise ValueError("expected [low, high] with low < high")
     return value
 
 
-ForceRange = Annotated[tuple[Magnitude, Magnitude], AfterValidator(_ascending)]
+ForceRange = Annotated[tuple[Magnitude, Magnitude], AfterValidator(ascending)]
 
 
 @dataclass(frozen=True)
@@ -62,12 +67,15 @@ class LoadableNodes:
         Node numbers of every cell of the mesh, in VTK order.
     cell_type : str
         meshio's name.
+    region : array of int, (n_region,), optional
+        Numbers of all nodes of the region, clamped ones included; by default `nodes`.
     """
 
     nodes: NDArray[np.int64]
     coordinates: NDArray[np.float64]
     cells: NDArray[np.int64]
     cell_type: str
+    region: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -76,6 +84,20 @@ class LoadableNodes:
     def dimension(self) -> int:
         """Number of space dimensions d."""
         return int(self.coordinates.shape[1])
+
+    @cached_property
+    def facets(self) -> NDArray[np.int64]:
+        """Facets of the surface whose nodes all lie in the region, seen from outside."""
+        facets = outward_facets(self.coordinates, self.cells, self.cell_type)
+        members = self.nodes if self.region is None else self.region
+        return facets[np.isin(facets, members).all(axis=1)]
+
+    def require_facets(self) -> None:
+        """Raise ValueError unless every node of the region belongs to a facet of the region."""
+        lonely = np.setdiff1d(self.nodes, self.facets)
+        if lonely.size:
+            at = ",".join(f"{x:g}" for x in self.coordinates[lonely[0]])
+            raise ValueError(f"key 'region': the node at {at} belongs to no facet of the region")
 
     def require_components(self, key: str, vector: tuple[float, ...]) -> None:
         """Raise ValueError unless a vector of the case has d components."""
@@ -93,10 +115,16 @@ class LoadCase:
         Numbers of the loaded nodes, each once.
     forces : array, (n_loads, d)
         Force vector at each of them, in N.
+    pressure : float, optional
+        Pressure in Pa that follows the facets of the region, of a family that `presses`.
+    displacement : array, (d,), optional
+        Displacement in m of all nodes of the region, of a family that `moves` them.
     """
 
     nodes: NDArray[np.int64]
     forces: NDArray[np.float64]
+    pressure: float | None = None
+    displacement: NDArray[np.float64] | None = None
 
 
 class LoadFamily(Frozen, ABC):
@@ -107,11 +135,15 @@ class LoadFamily(Frozen, ABC):
     family : str
         Name of the family in the case file.
     region : Region
-        Region of the loadable nodes; none of them may be clamped.
+        Region of the loadable nodes; none of them may be clamped, unless the family loads facets or
+        cells (`integrates`).
     family_sha256 : str, optional
         Checksum of the file of a user's own family. It is filled in when a case is read, so that a
         dataset belongs to one version of the file.
     """
+
+    integrates: ClassVar[bool] = False
+    presses: ClassVar[bool] = False
 
     family: str
     region: Region
@@ -127,6 +159,10 @@ class LoadFamily(Frozen, ABC):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError, which names the key, if the family does not fit the mesh."""
+
+    def moves(self, dimension: int) -> tuple[bool, ...]:
+        """Say which components of the region's displacement are prescribed; none of most loads."""
+        return (False,) * dimension
 
     @abstractmethod
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
@@ -180,7 +216,7 @@ def load_family(content: dict[str, Any], folder: Path | None = None) -> LoadFami
         place, _, class_name = SHIPPED[name].rpartition(":")
         family = getattr(importlib.import_module(place), class_name)
     else:
-        family, digest = _own(name, folder)
+        family, digest = import_named("load family", name, tuple(SHIPPED), LoadFamily, folder)
         if content.get("family_sha256") not in (None, digest):
             raise ValueError(
                 f"load family '{name}': key 'family_sha256' = {content['family_sha256']!r}, "
@@ -192,21 +228,3 @@ def load_family(content: dict[str, Any], folder: Path | None = None) -> LoadFami
     except ValidationError as error:
         raise ValueError(f"{first_problem(error)} (load family '{name}')") from None
     return built
-
-
-def _own(name: str, folder: Path | None) -> tuple[type[LoadFamily], str]:
-    """Import ``FILE.py:ClassName``, with the checksum of the file; ValueError if it is unfit."""
-    file, _, class_name = name.rpartition(":")
-    if not (file.endswith(".py") and class_name.isidentifier()):
-        raise ValueError(
-            f"load family '{name}': expected one of {', '.join(SHIPPED)} or FILE.py:ClassName"
-        )
-    if folder is None:
-        raise ValueError(f"load family '{name}': own families are read with a case file only")
-    try:
-        family, digest = import_class(folder / file, class_name)
-    except ValueError as error:
-        raise ValueError(f"load family '{name}': {error}") from None
-    if not (isinstance(family, type) and issubclass(family, LoadFamily)):
-        raise ValueError(f"load family '{name}': expected a subclass of LoadFamily")
-    return family, digest

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.loads.facet_quadrature import facet_points
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 from datagen.quantities import Size
+from shared_schema.bodies.facet_quadrature import facet_points
 from shared_schema.cells import boundary_facets
 
 Array = NDArray[np.float64]

@@ -33,6 +33,8 @@ class Mesh:
         meshio's name: quad, triangle, hexahedron or tetra.
     groups : mapping of str to array of int
         Node numbers of every named group; the same on every rank.
+    cell_groups : mapping of str to array of int
+        Cell numbers of every named group of cells; the same on every rank.
     """
 
     domain: Any
@@ -40,6 +42,20 @@ class Mesh:
     cells: NDArray[np.int64]
     cell_type: str
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+    @property
+    def node_sets(self) -> dict[str, NDArray[np.bool_]]:
+        """Nodes of every named group, (n_nodes,) each."""
+        sets = {}
+        for name, members in self.groups.items():
+            sets[name] = np.zeros(len(self.coordinates), dtype=bool)
+            sets[name][members] = True
+        return sets
+
+    def of_local_cells(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of the cells of this rank, ghosts included, from those of all cells."""
+        return values[np.asarray(self.domain.topology.original_cell_index)]
 
 
 UFL_NAMES = {
@@ -74,4 +90,4 @@ def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes
     domain = create_mesh(comm, raw.cells[here][:, to_dolfinx], cell, raw.coordinates[here])
-    return Mesh(domain, raw.coordinates, raw.cells, raw.cell_type, raw.groups)
+    return Mesh(domain, raw.coordinates, raw.cells, raw.cell_type, raw.groups, raw.cell_groups)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -34,7 +35,8 @@ def mesh_of(model: Any) -> RawMesh:
     """Convert the mesh of a gmsh model to arrays, nodes in the order of their tags.
 
     If physical groups of the highest dimension are defined, the mesh consists of their cells,
-    otherwise of all cells. Every physical group becomes a group of nodes, under its name or number.
+    otherwise of all cells. Every physical group becomes a group of nodes, under its name or number,
+    and if it is of the highest dimension a group of cells as well.
 
     Raises
     ------
@@ -45,23 +47,24 @@ def mesh_of(model: Any) -> RawMesh:
     order = np.argsort(tags)
     tags, points = tags[order], points.reshape(-1, 3)[order]
     dimension = max((dim for dim, _ in model.getEntities() if _has_cells(model, dim)), default=0)
-    bodies = [
-        entity
-        for dim, tag in model.getPhysicalGroups(dimension)
-        for entity in model.getEntitiesForPhysicalGroup(dim, tag)
-    ]
+    bodies, cell_sets = defaultdict[str, list[int]](list), defaultdict[str, list[Any]](list)
+    for dim, tag in model.getPhysicalGroups(dimension):
+        name = model.getPhysicalName(dim, tag) or str(tag)
+        bodies[name] += list(model.getEntitiesForPhysicalGroup(dim, tag))
     blocks = []
-    for entity in sorted(set(bodies)) or [-1]:
+    for entity in sorted({entity for entities in bodies.values() for entity in entities}) or [-1]:
         for kind, _, nodes in zip(*model.mesh.getElements(dimension, entity), strict=True):
             name, _, _, corners, _, _ = model.mesh.getElementProperties(kind)
             cells = np.searchsorted(tags, nodes).reshape(-1, corners)
             blocks.append((MESHIO_NAMES.get(kind, str(name)), cells))
+            for group, entities in bodies.items():
+                cell_sets[group].append(np.arange(len(cells)) if entity in entities else None)
     groups: dict[str, Any] = {}
     for dim, tag in model.getPhysicalGroups():
         name = model.getPhysicalName(dim, tag) or str(tag)
         members = np.searchsorted(tags, model.mesh.getNodesForPhysicalGroup(dim, tag)[0])
         groups[name] = np.union1d(groups.get(name, members), members)
-    return raw_mesh(points, blocks, groups)
+    return raw_mesh(points, blocks, groups, cell_sets)
 
 
 def _has_cells(model: Any, dimension: int) -> bool:

@@ -148,7 +148,8 @@ def _by_meshio(path: Path) -> RawMesh:
         ]
         groups[name] = np.unique(np.concatenate([groups.get(name, np.empty(0, int)), *nodes]))
     points = np.asarray(mesh.points, dtype=np.float64)
-    return raw_mesh(points, blocks, {k: np.asarray(v, dtype=np.int64) for k, v in groups.items()})
+    numbered = {k: np.asarray(v, dtype=np.int64) for k, v in groups.items()}
+    return raw_mesh(points, blocks, numbered, mesh.cell_sets)
 
 
 if __name__ == "__main__":

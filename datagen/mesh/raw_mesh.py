@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +30,21 @@ class RawMesh:
         meshio's name: triangle, quad, tetra or hexahedron.
     groups : mapping of str to array of int
         Node numbers of every named group.
+    cell_groups : mapping of str to array of int
+        Cell numbers of every named group of cells.
     """
 
     coordinates: NDArray[np.float64]
     cells: NDArray[np.int64]
     cell_type: str
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
 
 def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
-    """Write a mesh to an ``.npz`` file, its groups as ``group:NAME``."""
+    """Write a mesh to an ``.npz`` file, its groups as ``group:NAME`` and ``cells:NAME``."""
     groups = {f"group:{name}": members for name, members in mesh.groups.items()}
+    groups |= {f"cells:{name}": members for name, members in mesh.cell_groups.items()}
     np.savez(
         path,
         coordinates=mesh.coordinates,
@@ -52,14 +57,19 @@ def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
 def read_raw_mesh(path: Path) -> RawMesh:
     """Read a mesh that `write_raw_mesh` wrote."""
     with np.load(path) as file:
-        groups = {n.removeprefix("group:"): file[n] for n in file if n.startswith("group:")}
-        return RawMesh(file["coordinates"], file["cells"], str(file["cell_type"]), groups)
+        groups, cell_groups = (
+            {name.removeprefix(kind): file[name] for name in file if name.startswith(kind)}
+            for kind in ("group:", "cells:")
+        )
+        cell_type = str(file["cell_type"])
+        return RawMesh(file["coordinates"], file["cells"], cell_type, groups, cell_groups)
 
 
 def raw_mesh(
     points: NDArray[np.float64],
     blocks: list[tuple[str, NDArray[np.int64]]],
     groups: Mapping[str, NDArray[np.int64]],
+    cell_sets: Mapping[str, Sequence[NDArray[np.int64] | None]] = MappingProxyType({}),
 ) -> RawMesh:
     """Make a mesh of the cells of highest dimension, without the nodes that belong to none of them.
 
@@ -71,6 +81,8 @@ def raw_mesh(
         Cells of any dimension: meshio's name of their type, and their points in VTK order.
     groups : mapping of str to array of int
         Point numbers of every named group.
+    cell_sets : mapping of str to sequence of array of int
+        Cells of every named group, for each block in turn; None stands for none.
 
     Raises
     ------
@@ -99,9 +111,31 @@ def raw_mesh(
     numbered = {
         group: np.unique(number[members][number[members] >= 0]) for group, members in groups.items()
     }
-    mesh = RawMesh(np.ascontiguousarray(coordinates[:, :dimension]), number[cells], name, numbered)
+    of_cells = _cell_groups(blocks, cell_sets, name)
+    positions = np.ascontiguousarray(coordinates[:, :dimension])
+    mesh = RawMesh(positions, number[cells], name, numbered, of_cells)
     _require_regular(mesh)
     return mesh
+
+
+def _cell_groups(
+    blocks: list[tuple[str, NDArray[np.int64]]],
+    cell_sets: Mapping[str, Sequence[NDArray[np.int64] | None]],
+    kept: str,
+) -> dict[str, NDArray[np.int64]]:
+    """Numbers of the cells of one type in every group that holds some."""
+    found = {}
+    for group, members in cell_sets.items():
+        start, parts = 0, [np.empty(0, dtype=np.int64)]
+        for (name, cells), chosen in zip(blocks, members, strict=True):
+            if name == kept and len(cells):
+                if chosen is not None:
+                    parts.append(start + np.asarray(chosen, dtype=np.int64))
+                start += len(cells)
+        numbers = np.unique(np.concatenate(parts))
+        if numbers.size:
+            found[group] = numbers
+    return found
 
 
 def _is_lower(name: str) -> bool:

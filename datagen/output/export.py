@@ -2,7 +2,8 @@
 
 An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a ``.pvd`` file refers
 to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
-with ``displacement`` in m and ``force`` in N, three components each, float64.
+with ``displacement`` in m and ``force`` in N, three components each, float64. With stresses they
+also have ``reaction`` in N, and the cells the fields of `shared_schema.bodies.stress_fields`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from io import FileIO
 from pathlib import Path
@@ -18,13 +19,15 @@ from typing import Any
 from xml.etree import ElementTree
 
 import h5py
+import numpy as np
 from meshio.xdmf import TimeSeriesWriter
 
 from datagen.output.nodal_samples import NodalSamples, Sample
 from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
-from shared_schema.common.solution_file import in_space, require_suffix, write_solution
+from shared_schema.common.solution_file import flat, in_space, require_suffix, write_solution
+from shared_schema.material import as_tuple, materials_of
 
 SUFFIXES = (".xdmf", ".pvd")
 FIRST = 100  # number of samples, if no range is given
@@ -33,7 +36,12 @@ MADE_BY = "made_by"  # attribute of an .h5 file that this module wrote
 OURS = "datagen export"
 
 
-def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
+Fields = tuple[dict[str, Any], dict[str, Any]]  # of the nodes, and of the cells
+
+
+def export(
+    folder: Path, path: Path, chosen: str | None = None, stresses: bool = False
+) -> list[int]:
     """Write samples as a time series, whose files appear complete or not at all.
 
     Parameters
@@ -45,6 +53,8 @@ def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
     chosen : str, optional
         Half-open range A:B of sample numbers; otherwise the first 100 samples. Load cases in it
         that could not be solved are left out.
+    stresses : bool
+        Compute stresses and reactions as well.
 
     Returns
     -------
@@ -55,7 +65,8 @@ def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
     ------
     InputError
         If there is no intact nodal dataset, it has no such samples, or the file or folder beside
-        `path` would replace something that was not exported before.
+        `path` would replace something that was not exported before; with `stresses`, if the
+        material is a user's own class, which a dataset does not import.
     OSError
         If the files cannot be written.
     """
@@ -65,9 +76,47 @@ def export(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
     dataset = NodalSamples(folder)
     numbers = dataset.numbers[:FIRST].tolist() if chosen is None else dataset.within(chosen)
     write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
+    fields = _with_stresses(dataset, folder) if stresses else _fields
     with _both(path, data) as (partial, partial_data):
-        write(partial, partial_data, data.name, dataset, _in_turn(dataset, numbers))
+        write(partial, partial_data, data.name, dataset, _in_turn(dataset, numbers), fields)
     return numbers
+
+
+def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fields]:
+    """Make the function that computes the fields of a sample with stresses and reactions."""
+    from mpi4py import MPI
+
+    from datagen.mesh.distributed_mesh import distributed
+    from datagen.mesh.raw_mesh import RawMesh
+    from datagen.solver.equilibrium import EquilibriumProblem
+    from datagen.solver.settings import SolverSettings
+    from datagen.solver.stresses import CellStresses, reactions_of_supports
+
+    material = materials_of(dataset.manifest.case.get("material"), f"{folder}: case.material")
+    count, parts = len(as_tuple(material)), dataset.parts
+    if count > 1 and (parts is None or not np.all((parts >= 0) & (parts < count))):
+        raise InputError(f"{folder}: 'mesh/material' does not name the {count} materials")
+    mesh = RawMesh(dataset.coordinates, dataset.cells, dataset.cell_type)
+    problem = EquilibriumProblem(
+        distributed(mesh, MPI.COMM_SELF),
+        material,
+        dataset.held,
+        SolverSettings(),
+        dataset.parts,
+        surfaces=dataset.surfaces,
+    )
+    cells = CellStresses(problem, as_tuple(material), dataset.parts)
+    nothing = np.empty(0, dtype=np.int64), np.empty((0, problem.dimension))
+    problem.load_factor = 1.0
+
+    def fields(sample: Sample) -> Fields:
+        problem.set_load(*nothing, pressures=sample.pressures)
+        problem.set_displacement(sample.displacement)
+        nodal, _ = _fields(sample)
+        reaction = in_space(reactions_of_supports(problem, dataset.held))
+        return {**nodal, "reaction": reaction}, cells.fields()
+
+    return fields
 
 
 def _in_turn(dataset: NodalSamples, numbers: list[int]) -> Iterator[Sample]:
@@ -79,13 +128,20 @@ def _in_turn(dataset: NodalSamples, numbers: list[int]) -> Iterator[Sample]:
 
 
 def _write_xdmf(
-    path: Path, data: Path, name: str, dataset: NodalSamples, samples: Iterable[Sample]
+    path: Path,
+    data: Path,
+    name: str,
+    dataset: NodalSamples,
+    samples: Iterable[Sample],
+    fields: Callable[[Sample], Fields],
 ) -> None:
     with _Series(path, data, name) as series:
         mesh = in_space(dataset.coordinates), [(dataset.cell_type, dataset.cells)]
         series.write_points_cells(*mesh)
         for sample in samples:
-            series.write_data(sample.number, point_data=_fields(sample))
+            nodal, of_cells = fields(sample)
+            by_block = {name: [flat(values)] for name, values in of_cells.items()}
+            series.write_data(sample.number, nodal, by_block)
 
 
 class _Series(TimeSeriesWriter):
@@ -115,9 +171,10 @@ class _Series(TimeSeriesWriter):
         self._file.reserve(points.nbytes + sum(block.nbytes for _, block in cells))
         super().write_points_cells(points, cells)
 
-    def write_data(self, t: float, point_data: Any) -> None:
-        self._file.reserve(sum(values.nbytes for values in point_data.values()))
-        super().write_data(t, point_data=point_data)
+    def write_data(self, t: float, point_data: Any, cell_data: Any) -> None:
+        of_cells = sum(block.nbytes for blocks in cell_data.values() for block in blocks)
+        self._file.reserve(sum(values.nbytes for values in point_data.values()) + of_cells)
+        super().write_data(t, point_data=point_data, cell_data=cell_data)
 
     def __exit__(self, *error: Any) -> None:
         super().__exit__(*error)
@@ -168,7 +225,12 @@ class _ReservedFile(FileIO):
 
 
 def _write_pvd(
-    path: Path, data: Path, name: str, dataset: NodalSamples, samples: Iterable[Sample]
+    path: Path,
+    data: Path,
+    name: str,
+    dataset: NodalSamples,
+    samples: Iterable[Sample],
+    fields: Callable[[Sample], Fields],
 ) -> None:
     data.mkdir()
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
@@ -176,15 +238,16 @@ def _write_pvd(
     for sample in samples:
         file = f"sample-{sample.number:05d}.vtu"
         mesh = dataset.coordinates, dataset.cells, dataset.cell_type
-        write_solution(data / file, *mesh, _fields(sample))
+        write_solution(data / file, *mesh, *fields(sample))
         attributes = {"timestep": str(sample.number), "file": f"{name}/{file}"}
         ElementTree.SubElement(collection, "DataSet", attributes)
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
-def _fields(sample: Sample) -> dict[str, Any]:
-    return {"displacement": in_space(sample.displacement), "force": in_space(sample.force)}
+def _fields(sample: Sample) -> Fields:
+    nodal = {"displacement": in_space(sample.displacement), "force": in_space(sample.force)}
+    return nodal, {}
 
 
 def _require_replaceable(path: Path, data: Path) -> None:

@@ -26,11 +26,14 @@ class Sample:
         In N.
     displacement : array, (n_nodes, d)
         In m.
+    pressures : array, (n_surfaces,)
+        Pressure on each surface in Pa.
     """
 
     number: int
     force: NDArray[np.float64]
     displacement: NDArray[np.float64]
+    pressures: NDArray[np.float64]
 
 
 class NodalSamples:
@@ -49,6 +52,12 @@ class NodalSamples:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
+    held : array of bool, (n_nodes, d)
+        Components of displacement that supports hold.
+    parts : array of int, (n_cells,), or None
+        Position of each cell's material in the case, if it has several.
+    surfaces : list of array of int, (n_facets, n_corners)
+        Facets of the surfaces under pressure, seen from outside.
     numbers : array of int, (n_samples,)
         Numbers of the solved samples, ascending.
     largest : array, (n_samples,)
@@ -80,6 +89,16 @@ class NodalSamples:
         self.clamped: NDArray[np.bool_] = self._arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = self._arrays["mesh/loadable"]
         self.cell_type = self._reader.cell_type
+        single = self._arrays.get("mesh/held")
+        whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)
+        self.held: NDArray[np.bool_] = whole if single is None else single
+        self.parts: NDArray[np.int64] | None = self._arrays.get("mesh/material")
+        self.surfaces: list[NDArray[np.int64]] = []
+        if "mesh/pressed" in self._arrays:
+            facets, of = self._arrays["mesh/pressed"], self._arrays["mesh/pressed_surface"]
+            if facets.size and not 0 <= facets.min() <= facets.max() < len(self.coordinates):
+                raise InputError(f"{folder}: 'mesh/pressed' names a node outside the mesh")
+            self.surfaces = [facets[of == i] for i in np.unique(of)]
 
     def __getitem__(self, number: int) -> Sample:
         """Read a solved sample; consecutive samples of one shard read the shard once."""
@@ -89,7 +108,10 @@ class NodalSamples:
         row = self._arrays["samples/number"].tolist().index(number)
         nodes, loads = (self._arrays[f"samples/{name}"][row] for name in ("loaded_nodes", "force"))
         force = scatter_forces(nodes, loads, len(self.coordinates))
-        return Sample(number, force, self._arrays["samples/displacement"][row])
+        pressures = np.zeros(0)
+        if self.surfaces:
+            pressures = self._arrays["samples/pressure"][row]
+        return Sample(number, force, self._arrays["samples/displacement"][row], pressures)
 
     def named(self, text: str) -> list[int]:
         """Parse ``--samples N,N,…``, the numbers of solved samples; keep their order.

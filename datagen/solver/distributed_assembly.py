@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from dolfinx.fem import petsc as fem_petsc
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 
@@ -23,6 +25,9 @@ class DistributedAssembly:
         f_int(u) in N and K(u) = ∂f_int/∂u in N/m.
     supports : list of dolfinx Dirichlet conditions
         Clamped degrees of freedom: the tangent has the rows and columns of the identity there.
+    moved : array of int
+        Degrees of freedom of this rank with a prescribed displacement: the tangent has the rows of
+        the identity there, and keeps their columns.
 
     Attributes
     ----------
@@ -30,8 +35,15 @@ class DistributedAssembly:
         Distributed by rows: each rank holds those of the nodes that it owns.
     """
 
-    def __init__(self, internal: Any, tangent: Any, supports: list[Any]) -> None:
+    def __init__(
+        self,
+        internal: Any,
+        tangent: Any,
+        supports: list[Any],
+        moved: NDArray[np.intp] | None = None,
+    ) -> None:
         self._internal, self._tangent, self._supports = internal, tangent, supports
+        self._moved = moved
         self.matrix = fem_petsc.create_matrix(tangent)
 
     def assemble_tangent(self) -> None:
@@ -39,6 +51,8 @@ class DistributedAssembly:
         self.matrix.zeroEntries()
         fem_petsc.assemble_matrix(self.matrix, self._tangent, bcs=self._supports)
         self.matrix.assemble()
+        if self._moved is not None:
+            self.matrix.zeroRowsLocal(self._moved.astype(PETSc.IntType), diag=1.0)
 
     def assemble_forces(self, b: PETSc.Vec) -> None:
         """Replace `b` by the internal forces at the current displacement, in N."""

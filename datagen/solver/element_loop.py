@@ -19,7 +19,13 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.dolfinx_versions import KERNEL_MACROS, cell_blocks, geometry_nodes
+from datagen.dolfinx_versions import (
+    KERNEL_MACROS,
+    cell_blocks,
+    cell_kernels,
+    geometry_nodes,
+    pack_constants,
+)
 
 SOURCE = Path(__file__).parent / "element_loop.c"
 COMPILER_FLAGS = ("-O3", "-shared", "-fPIC", *KERNEL_MACROS)
@@ -46,6 +52,10 @@ class ElementLoop:
         Index into `values` of each entry of each element tensor.
     size : int
         Length of `values`.
+    cells : array of int, optional
+        Cells that belong to the kernel; all by default.
+    values : array, (size,), optional
+        Array to add into, shared with other loops.
 
     Attributes
     ----------
@@ -60,13 +70,19 @@ class ElementLoop:
         u: Any,
         places: NDArray[np.int32],
         size: int,
+        cells: NDArray[np.int64] | None = None,
+        values: NDArray[np.float64] | None = None,
     ) -> None:
         domain = u.function_space.mesh
         dofs = cell_dofs(u.function_space)
         vertices = np.ascontiguousarray(geometry_nodes(domain))
+        if cells is not None:
+            places, dofs, vertices = (
+                np.ascontiguousarray(array[cells]) for array in (places, dofs, vertices)
+            )
         work = np.empty(places.shape[1] + dofs.shape[1] + 3 * vertices.shape[1])
         points = np.ascontiguousarray(domain.geometry.x, dtype=np.float64)
-        self.values = np.zeros(size)
+        self.values = np.zeros(size) if values is None else values
         displacement = u.x.array
         # C sees only addresses, so the arrays must be kept alive here.
         self._kept = places, dofs, vertices, points, displacement, constants, work, self.values
@@ -83,7 +99,53 @@ class ElementLoop:
     def run(self) -> NDArray[np.float64]:
         """Evaluate `values` at the current displacement, and return them."""
         self.values.fill(0.0)
+        self.add()
+        return self.values
+
+    def add(self) -> None:
+        """Add the element tensors at the current displacement into `values`."""
         self._function(*self._arguments)
+
+
+class FormLoop:
+    """Add the element tensors of a form, whose integrals may each be over a part of the mesh.
+
+    Parameters
+    ----------
+    compiled : dolfinx form
+    u, places, size
+        As for `ElementLoop`.
+    parts : array of int, (n_cells,) or None
+        Part of the mesh that each cell belongs to, if the form has several.
+    """
+
+    def __init__(
+        self,
+        compiled: Any,
+        u: Any,
+        places: NDArray[np.int32],
+        size: int,
+        parts: NDArray[np.int64] | None,
+    ) -> None:
+        self.values, constants = np.zeros(size), pack_constants(compiled)
+        self._loops = [
+            ElementLoop(
+                kernel,
+                constants,
+                u,
+                places,
+                size,
+                None if parts is None else np.flatnonzero(parts == part),
+                self.values,
+            )
+            for part, kernel in cell_kernels(compiled).items()
+        ]
+
+    def run(self) -> NDArray[np.float64]:
+        """Evaluate `values` at the current displacement, and return them."""
+        self.values.fill(0.0)
+        for loop in self._loops:
+            loop.add()
         return self.values
 
 

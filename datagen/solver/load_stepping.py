@@ -63,6 +63,8 @@ def solve_load_case(
     nodes: NDArray[np.int64],
     forces: NDArray[np.float64],
     settings: SolverSettings,
+    pressures: NDArray[np.float64] | None = None,
+    displacement: NDArray[np.float64] | None = None,
 ) -> SolveReport:
     """Bring the body from rest to equilibrium under nodal forces (collective).
 
@@ -77,9 +79,11 @@ def solve_load_case(
     forces : array, (n_loads, d)
         Force vector at each of them, in N; the same on every rank.
     settings : SolverSettings
+    pressures, displacement
+        As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     """
     problem.reset()
-    problem.set_load(nodes, forces)
+    problem.set_load(nodes, forces, pressures, displacement)
     equilibrium = problem.state()
     factor, step = 0.0, settings.first_step
     steps = cutbacks = iterations = 0

@@ -1,4 +1,4 @@
-r"""Neo-Hookean strain energy density, with a choice of volumetric terms.
+r"""Strain energy densities in UFL: the Neo-Hookean one with its volumetric terms, and any other.
 
 .. math::
     W(F) = \tfrac{\mu}{2} (I_c - 3 - 2 \ln J) + U(J), \qquad
@@ -29,9 +29,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import dolfinx
 import ufl
+from petsc4py import PETSc
 
-from shared_schema.material import Volumetric
+from datagen.materials import OwnMaterial
+from datagen.own_class import described, source_of
+from shared_schema.common.errors import InputError
+from shared_schema.material import Material, NeoHookean, ShippedMaterial, Volumetric
 
 Expression = Any  # a UFL expression; ufl has no types
 
@@ -75,3 +80,60 @@ def strain_energy(
     out_of_plane = 3 - f.ufl_shape[0]  # F₃₃² = 1 in plane strain, nothing in 3D
     i_c = ufl.tr(f.T * f) + out_of_plane
     return mu / 2 * (i_c - 3 - 2 * ufl.ln(j)) + VOLUMETRIC_TERMS[volumetric](j, lam)
+
+
+def completed(f: Expression) -> Expression:
+    """F in three dimensions: plane strain is completed by F₃₃ = 1."""
+    if f.ufl_shape[0] == 3:
+        return f
+    return ufl.as_tensor([[f[0, 0], f[0, 1], 0], [f[1, 0], f[1, 1], 0], [0, 0, 1]])
+
+
+def energy_density(f: Expression, material: Material, domain: Any) -> Expression:
+    """Strain energy density W(F) of any material in J/m³.
+
+    The moduli of shipped materials are constants of the form, so that two bodies of one model share
+    the compiled code.
+
+    Parameters
+    ----------
+    f : UFL tensor, (d, d)
+        Deformation gradient; d = 2 means plane strain.
+    material : Material
+    domain : dolfinx.mesh.Mesh
+
+    Raises
+    ------
+    InputError
+        If the method `energy` of a user's own material raises an error or gives no scalar.
+    """
+    if isinstance(material, OwnMaterial):
+        return _own_energy(completed(f), material)
+    assert isinstance(material, ShippedMaterial)
+    if isinstance(material, NeoHookean):
+        lam, mu = (_constant(m, domain) for m in (material.lame_lambda, material.lame_mu))
+        return strain_energy(f, lam, mu, material.volumetric)
+    numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}
+    c = completed(f).T * completed(f)
+    i1 = ufl.tr(c)
+    i2 = (i1**2 - ufl.tr(c * c)) / 2
+    return material.model_copy(update=numbers).energy(i1, i2, ufl.det(f), ufl.ln)
+
+
+def _constant(value: float, domain: Any) -> Expression:
+    return dolfinx.fem.Constant(domain, PETSc.ScalarType(value))
+
+
+def _own_energy(f: Expression, material: OwnMaterial) -> Expression:
+    try:
+        energy = ufl.as_ufl(material.energy(f))
+    except MemoryError:
+        raise
+    except (Exception, SystemExit) as error:
+        said = described(error, source_of(material))
+        raise InputError(f"model '{material.model}': energy: {said}") from None
+    if energy.ufl_shape != () or energy.ufl_free_indices != ():
+        raise InputError(
+            f"model '{material.model}': energy has shape {energy.ufl_shape}, expected a scalar"
+        )
+    return energy

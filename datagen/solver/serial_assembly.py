@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import cell_kernel, pack_constants
-from datagen.solver.element_loop import ElementLoop, cell_dofs
+from datagen.solver.element_loop import FormLoop, cell_dofs
 
 
 class SerialAssembly:
@@ -32,6 +31,11 @@ class SerialAssembly:
         Displacement in m.
     clamped : array of int
         Clamped degrees of freedom: the tangent has the rows and columns of the identity there.
+    moved : array of int
+        Degrees of freedom with a prescribed displacement: the tangent has the rows of the identity
+        there, and keeps their columns, so that a Newton step moves the rest of the body with them.
+    parts : array of int, (n_cells,) or None
+        Part of the mesh that each cell belongs to, if the forms have several.
 
     Attributes
     ----------
@@ -40,19 +44,28 @@ class SerialAssembly:
         values in place.
     """
 
-    def __init__(self, internal: Any, tangent: Any, u: Any, clamped: NDArray[np.intp]) -> None:
+    def __init__(
+        self,
+        internal: Any,
+        tangent: Any,
+        u: Any,
+        clamped: NDArray[np.intp],
+        moved: NDArray[np.intp] | None = None,
+        parts: NDArray[np.int64] | None = None,
+    ) -> None:
         space = u.function_space
         dofs = cell_dofs(space)
         size = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        dropped = np.zeros(size, dtype=bool)
-        dropped[clamped] = True
+        columns = np.zeros(size, dtype=bool)
+        columns[clamped] = True
+        rows = columns.copy()
+        rows[[] if moved is None else moved] = True
         indptr, indices = _sparsity(dofs, size)
-        places = _places(dofs, indptr, indices, dropped)
-        self._forces = ElementLoop(cell_kernel(internal), pack_constants(internal), u, dofs, size)
-        self._tangent = ElementLoop(
-            cell_kernel(tangent), pack_constants(tangent), u, places, len(indices) + 1
-        )  # the last value, outside the matrix, takes the dropped entries
-        self._diagonal = _diagonal(indptr, indices)[dropped]
+        places = _places(dofs, indptr, indices, rows, columns)
+        self._forces = FormLoop(internal, u, dofs, size, parts)
+        self._tangent = FormLoop(tangent, u, places, len(indices) + 1, parts)
+        # The last value of the tangent, outside the matrix, takes the dropped entries.
+        self._diagonal = _diagonal(indptr, indices)[rows]
         self.matrix = PETSc.Mat().createAIJWithArrays(
             (size, size), (indptr, indices, self._tangent.values[:-1]), comm=PETSc.COMM_SELF
         )
@@ -82,15 +95,16 @@ def _places(
     dofs: NDArray[np.int32],
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
-    dropped: NDArray[np.bool_],
+    dropped_rows: NDArray[np.bool_],
+    dropped_columns: NDArray[np.bool_],
 ) -> NDArray[np.int32]:
     """Index of each element matrix entry among the matrix values; past the end if dropped."""
-    size = len(dropped)
+    size = len(dropped_rows)
     row_of = np.repeat(np.arange(size, dtype=np.int64), np.diff(indptr))
     keys = row_of * size + indices
     rows, columns = dofs[:, :, None].astype(np.int64), dofs[:, None, :]
     places = np.searchsorted(keys, rows * size + columns)
-    places[dropped[rows] | dropped[columns]] = len(indices)
+    places[dropped_rows[rows] | dropped_columns[columns]] = len(indices)
     return np.ascontiguousarray(places.reshape(len(dofs), -1), dtype=np.int32)
 
 

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.material import Material
 from shared_schema.stiffness import Stiffness
 
 
-def stiffness_of(mesh: RawMesh, material: NeoHookean) -> Stiffness:
+def stiffness_of(
+    mesh: RawMesh,
+    material: Material | Sequence[Material],
+    parts: NDArray[np.int64] | None = None,
+) -> Stiffness:
     """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone."""
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     domain = distributed(mesh, MPI.COMM_SELF)
-    problem = EquilibriumProblem(domain, material, free, SolverSettings())
+    problem = EquilibriumProblem(domain, material, free, SolverSettings(), parts)
     d, nodes = problem.dimension, problem.numbering.node_of_block
     number = (nodes[:, None] * d + np.arange(d)).ravel()
     indptr, indices, data = problem.tangent().getValuesCSR()

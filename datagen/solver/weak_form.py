@@ -17,16 +17,18 @@ triangles and tetrahedra, bi- or trilinear (Q1) on quadrilaterals and hexahedra.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import dolfinx
+import numpy as np
 import ufl
-from petsc4py import PETSc
+from numpy.typing import NDArray
 
 from datagen.dolfinx_versions import COMPILER_OPTIONS, form
-from datagen.solver.material import deformation_gradient, strain_energy
-from shared_schema.material import NeoHookean
+from datagen.solver.material import deformation_gradient, energy_density
+from shared_schema.material import Material
 
 QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
 
@@ -50,21 +52,40 @@ class WeakForm:
     tangent: Any
 
 
-def weak_form(u: Any, material: NeoHookean) -> WeakForm:
+def weak_form(
+    u: Any,
+    material: Material | Sequence[Material],
+    parts: NDArray[np.int64] | None = None,
+) -> WeakForm:
     """Derive and compile the forms (collective over the ranks of the mesh).
 
     Parameters
     ----------
     u : dolfinx.fem.Function
         Displacement in m, P1 or Q1 vectors. The forms are evaluated at its current values.
-    material : NeoHookean
+    material : Material, or sequence of some
+    parts : array of int, (n_local_cells,), optional
+        Position of each cell's material in the sequence.
+
+    Raises
+    ------
+    InputError
+        If the energy of a user's own material is none.
     """
     domain = u.function_space.mesh
-    lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_lambda))
-    mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_mu))
     dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": QUADRATURE_DEGREE})
     f = deformation_gradient(u)
-    energy = strain_energy(f, lam, mu, material.volumetric) * dx
+    if isinstance(material, Material):
+        energy = energy_density(f, material, domain) * dx
+    else:
+        assert parts is not None
+        numbers = np.arange(len(parts), dtype=np.int32)
+        of_cells = dolfinx.mesh.meshtags(
+            domain, domain.topology.dim, numbers, parts.astype(np.int32)
+        )
+        dx = dx(subdomain_data=of_cells)
+        first, *others = (energy_density(f, m, domain) * dx(i) for i, m in enumerate(material))
+        energy = sum(others, start=first)
     internal = ufl.derivative(energy, u)
     tangent = ufl.derivative(internal, u)
     return WeakForm(*(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent)))

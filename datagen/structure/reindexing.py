@@ -37,10 +37,11 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.material import NeoHookean
+from shared_schema.material import materials_of
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 
+IMPORT = "import"  # name of the step that made a dataset of other files, with its split
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
@@ -82,7 +83,7 @@ def structure(
         raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
-    settings, material = _settings(manifest, str(source / MANIFEST))
+    settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
     grid = _grid_of(reader, shape, order, order_seed)
@@ -91,20 +92,12 @@ def structure(
         return made
     with locked(folder):
         made = _already_made(folder, manifest, grid, order, order_seed)  # by a run just before
-        return made or _make(reader, folder, grid, order, order_seed, settings, material)
+        return made or _make(reader, folder, grid, order, order_seed, settings)
 
 
-def _settings(manifest: Manifest, source: str) -> tuple[DatasetSettings, NeoHookean]:
-    """Settings of a dataset and its material; no other part of its case is looked at or imported.
-
-    Raises
-    ------
-    InputError
-        If a key of either is missing or wrong.
-    """
-    settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{source}: case.dataset")
-    material = validate(NeoHookean, manifest.case.get("material"), f"{source}: case.material")
-    return settings, material
+def _settings(manifest: Manifest, source: str) -> DatasetSettings:
+    """Settings of a dataset; InputError if a key is missing or wrong. Nothing is imported."""
+    return validate(DatasetSettings, manifest.case.get("dataset"), f"{source}: case.dataset")
 
 
 def _make(
@@ -114,12 +107,11 @@ def _make(
     order: NodeOrder,
     order_seed: int,
     settings: DatasetSettings,
-    material: NeoHookean,
 ) -> Manifest:
     """Write the structured dataset into its locked folder."""
     manifest, cell_type = reader.manifest, reader.cell_type
     claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
-    is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    is_test = split_of(manifest, settings)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {manifest.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
     round_trips: list[NDArray[np.float64]] = []
@@ -142,7 +134,12 @@ def _make(
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
     else:  # written by a version whose `datagen run` did not assemble it
-        stiffness = stiffness_of(_mesh(reader), material)
+        source = f"{reader.folder / MANIFEST}: case.material"
+        stiffness = stiffness_of(
+            _mesh(reader),
+            materials_of(manifest.case.get("material"), source),
+            reader.body.get("mesh/material"),
+        )
     errors = np.concatenate(round_trips)
     info = StructuredInfo(
         grid_shape=grid.shape,
@@ -229,6 +226,25 @@ def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
     if order == "random":
         nodes = np.random.default_rng(seed).permutation(nodes)
     return grid.reordered(nodes)
+
+
+def split_of(manifest: Manifest, settings: DatasetSettings) -> NDArray[np.bool_]:
+    """Return the test split of a dataset: that which it was imported with, or a random one.
+
+    Raises
+    ------
+    InputError
+        If the imported split is not one of its samples.
+    """
+    for step in manifest.transforms:
+        if step.get("name") == IMPORT:
+            rows, numbers = step.get("test"), range(manifest.samples)
+            if not isinstance(rows, list) or not all(
+                isinstance(row, int) and row in numbers for row in rows
+            ):
+                raise InputError(f"{manifest.name}: the test split of its import is none of it")
+            return np.isin(np.arange(manifest.samples), rows)
+    return split(settings, [stage.samples for stage in manifest.history], manifest.samples)
 
 
 def split(settings: DatasetSettings, stages: Sequence[int], samples: int) -> NDArray[np.bool_]:

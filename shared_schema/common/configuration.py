@@ -151,6 +151,9 @@ def _message(key: str, problem: Any) -> str:
         context = problem["ctx"]
         return f"found {context['tag']}, expected one of {context['expected_tags']}"
     message = problem["msg"].removeprefix("Value error, ")
+    for start in ("key '", "unknown key '"):
+        if message.startswith(start):  # a part that was built by itself: its key is below this one
+            return f"{start}{key}.{message.removeprefix(start)}"
     value = problem["input"]
     found = "" if isinstance(value, (dict, list, BaseModel)) else f" = {value!r}"
     return f"key '{key}'{found}: {message[:1].lower()}{message[1:]}"

@@ -51,7 +51,11 @@ class PointLoad:
 
 
 def nodal_forces(
-    loads: Sequence[str], coordinates: NDArray[np.float64], clamped: NDArray[np.bool_]
+    loads: Sequence[str],
+    coordinates: NDArray[np.float64],
+    clamped: NDArray[np.bool_],
+    nearest: bool = False,
+    notes: list[str] | None = None,
 ) -> NDArray[np.float64]:
     """Turn loads in the notation of the command line into nodal forces; loads at one node add up.
 
@@ -62,6 +66,10 @@ def nodal_forces(
     coordinates : array, (n_nodes, d)
         In m.
     clamped : array of bool, (n_nodes,)
+    nearest : bool
+        Load the nearest node that is not clamped, wherever it is.
+    notes : list of str, optional
+        A line is added for every load that was moved to another place.
 
     Returns
     -------
@@ -79,10 +87,17 @@ def nodal_forces(
     for text in loads:
         load = PointLoad.parse(text, coordinates.shape[1])
         distance = np.linalg.norm(coordinates - load.position, axis=1)
+        if nearest:
+            distance[clamped] = np.inf
         node = int(distance.argmin())
         if distance[node] > tolerance:
-            nearest = ",".join(f"{value:g}" for value in coordinates[node])
-            raise InputError(f"--load '{text}': no node stands there, the nearest is at {nearest}")
+            at = ",".join(f"{value:g}" for value in coordinates[node])
+            if not nearest:
+                raise InputError(
+                    f"--load '{text}': no node stands there, the nearest is at {at} (--nearest)"
+                )
+            if notes is not None:
+                notes.append(f"--load '{text}': acts at the nearest node, {at}")
         if clamped[node]:
             raise InputError(f"--load '{text}': the node is clamped, expected a free one")
         nodes.append(node)

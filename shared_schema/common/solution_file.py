@@ -1,13 +1,14 @@
 """Files that hold one solution: ``.npz`` for programs, ``.vtu`` (and ``.xdmf``) for ParaView.
 
-``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and any further nodal
-fields under their names.
+``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and any further
+fields of nodes and cells under their names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +34,20 @@ def in_space(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
+def flat(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tensors (n, 3, 3) as (n, 9), row by row, as ParaView wants them; scalars as they are."""
+    return values.reshape(len(values), 9) if values.ndim == 3 else values
+
+
 def write_solution(
     path: Path,
     coordinates: NDArray[np.float64],
     cells: NDArray[np.int64],
     cell_type: str,
     fields: Mapping[str, NDArray[np.float64]],
+    cell_fields: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
 ) -> None:
-    """Write nodal fields on the undeformed mesh; the file appears complete or not at all.
+    """Write fields on the undeformed mesh; the file appears complete or not at all.
 
     Parameters
     ----------
@@ -53,14 +60,16 @@ def write_solution(
         meshio's name.
     fields : mapping of str to array (n_nodes, d)
         ``force`` in N, ``displacement`` in m, and so on.
+    cell_fields : mapping of str to array (n_cells, …)
+        Scalars and tensors of the cells.
     """
     require_suffix(path)
     with complete_or_absent(path) as partial:
         if path.suffix == ".npz":
             with partial.open("wb") as file:
-                np.savez(file, coordinates=coordinates, **fields)  # type: ignore[arg-type]
+                np.savez(file, coordinates=coordinates, **fields, **cell_fields)  # type: ignore[arg-type]
         else:
-            _write_mesh(partial, coordinates, cells, cell_type, fields)
+            _write_mesh(partial, coordinates, cells, cell_type, fields, cell_fields)
 
 
 def _write_mesh(
@@ -69,6 +78,7 @@ def _write_mesh(
     cells: NDArray[np.int64],
     cell_type: str,
     fields: Mapping[str, NDArray[np.float64]],
+    cell_fields: Mapping[str, NDArray[np.float64]],
 ) -> None:
     import meshio
 
@@ -76,6 +86,7 @@ def _write_mesh(
         in_space(coordinates),
         [(cell_type, cells)],
         point_data={name: in_space(values) for name, values in fields.items()},
+        cell_data={name: [flat(values)] for name, values in cell_fields.items()},
     )
     if path.suffix == ".xdmf":
         meshio.write(path, mesh, file_format="xdmf", data_format="XML")

@@ -76,9 +76,15 @@ def run(options: argparse.Namespace) -> None:
     write_evaluation(evaluation, RunFolder(run))
     measures, calibration = evaluation.measures, evaluation.calibration
     print(
-        f"{run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m, "
+        f"{run}: {measures.samples} test samples, mean error {measures.mean_error:.3e} m "
+        f"({measures.relative_error_mean:.2%} of the largest displacement), "
         f"standard deviation {measures.std_error:.3e} m, largest {measures.max_error:.3e} m"
     )
+    if evaluation.stress is not None:
+        print(
+            f"{run}: von Mises stress, mean error {evaluation.stress.mean_error:.3e} Pa "
+            f"({evaluation.stress.relative_error:.2%} of the largest)"
+        )
     if calibration is not None:
         shares = ", ".join(f"{i.coverage:.1%} of {i.level:.0%}" for i in calibration.intervals)
         print(

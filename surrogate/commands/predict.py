@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import (
@@ -40,13 +41,8 @@ def add_to(commands: Commands) -> None:
         "surrogate predict beam2d_any --load 4,1:0,-1.5 --certify --out prediction.vtu",
     )
     parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
-    parser.add_argument(
-        "--load",
-        action="append",
-        required=True,
-        metavar="X,Y[,Z]:FX,FY[,FZ]",
-        help="force in N at the node at X,Y[,Z] in m; repeatable",
-    )
+    add_loads(parser)
+    parser.add_argument("--stresses", action="store_true", help=STRESSES)
     parser.add_argument(
         "--out",
         type=Path,
@@ -88,11 +84,11 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Predict, and write the fields."""
+    from shared_schema.bodies.command_loads import command_loads
     from shared_schema.common.errors import InputError, NotCertifiedError
-    from shared_schema.common.point_load import nodal_forces
     from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
-    from surrogate.inference.prediction import load
+    from surrogate.inference.prediction import load, require_known_pressure
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
     from surrogate.uncertainty.intervals import load_intervals
@@ -117,7 +113,12 @@ def run(options: argparse.Namespace) -> None:
         certify = _fast_certificate(options, surrogate)
     surrogate.require_stochastic(**given_passes(options))
     geometry = surrogate.geometry
-    forces = nodal_forces(options.load, geometry.coordinates, geometry.clamped)
+    body = geometry.loaded_body
+    given = command_loads(body, options.load, options.forces, nearest=options.nearest)
+    require_known_pressure(geometry, given)
+    forces = given.at_rest
+    for note in given.notes:
+        print(note)
     predicted = surrogate.predict_distribution(forces, **given_passes(options))
     fields = predicted.fields() if surrogate.is_probabilistic else {"displacement": predicted.mean}
     if intervals is not None:
@@ -137,13 +138,15 @@ def run(options: argparse.Namespace) -> None:
         if options.tolerance is not None:
             refusal = certificate.refusal(options.tolerance)
             notes.append("certified" if refusal is None else "not certified")
-    write_solution(
-        options.out,
-        geometry.coordinates,
-        geometry.cells,
-        geometry.cell_type,
-        {"force": forces, **fields},
-    )
+    of_cells: dict[str, Array] = {}
+    if options.stresses:
+        of_cells = surrogate.stresses(fields["displacement"])
+        pushed = given.pushed(fields["displacement"])
+        fields["reaction"] = surrogate.reactions(fields["displacement"], pushed)
+        largest = of_cells["von_mises"][of_cells["jacobian"] > 0].max(initial=0.0)
+        notes.append(f"largest von Mises stress {largest:.4g} Pa")
+    mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+    write_solution(options.out, *mesh, {"force": forces, **fields}, of_cells)
     print(f"{options.out}: {', '.join(notes)}")
     if refusal is not None:
         raise NotCertifiedError(refusal)

@@ -28,7 +28,9 @@ def add_to(commands: Commands) -> None:
         help="number of random load cases that they are chosen from (default 20 K)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
-    parser.add_argument("--out", type=Path, required=True, metavar="LOADS.h5")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="LOADS.h5", help="load cases for `datagen run`"
+    )
     add_device(parser)
     parser.set_defaults(command=run)
 
@@ -51,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
     warn_unsealed(options.run)
     surrogate = load(options.run, choose_device(options.device).type)
     geometry, data = surrogate.geometry, surrogate.description.data
-    family = random_loads(options.family, geometry, data.info.force.max_abs, data.loads)
+    family = random_loads(options.family, geometry, data.info.force.max_abs, data.load_numbers)
     among = 20 * options.count if options.among is None else options.among
     if among < options.count:
         raise InputError(f"--among {among}: expected {options.count} at least, the number proposed")

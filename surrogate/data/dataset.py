@@ -9,14 +9,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
@@ -81,10 +80,9 @@ class Dataset:
         )
 
     @property
-    def material(self) -> NeoHookean:
-        """Material of the body; InputError if the manifest does not name it."""
-        given = self.manifest.case.get("material", {})
-        return validate(NeoHookean, given, "material of the dataset's case")
+    def material(self) -> Materials:
+        """Material of the body, or those of its parts; InputError if they are not shipped ones."""
+        return materials_of(self.manifest.case.get("material"), "material of the dataset's case")
 
     @property
     def info(self) -> StructuredInfo:

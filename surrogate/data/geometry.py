@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.bodies.command_loads import LoadedBody
+from shared_schema.bodies.groups import groups_of
 from shared_schema.grid import Grid
 from shared_schema.grid_arrays import grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
+GROUP = "group:"  # before the name of a group of nodes
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,16 @@ class Geometry:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
+        Nodes that do not move at all; nodes that the loads of the case may load.
     grid : Grid
+    single : array of bool, (n_nodes, d), or None
+        Components that are held, if some nodes are held in single ones.
+    parts : array of int, (n_cells,), or None
+        Position of each cell's material in the case, if it has several.
+    groups : mapping of str to array of bool, (n_nodes,)
+        Nodes of the named groups of the mesh.
+    pressed : array of int, (n_facets, n_corners), or None
+        Facets that a pressure of the case follows.
     """
 
     coordinates: NDArray[np.float64]
@@ -37,6 +50,10 @@ class Geometry:
     clamped: NDArray[np.bool_]
     loadable: NDArray[np.bool_]
     grid: Grid
+    single: NDArray[np.bool_] | None = None
+    parts: NDArray[np.int64] | None = None
+    groups: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    pressed: NDArray[np.int64] | None = None
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
@@ -48,6 +65,10 @@ class Geometry:
             arrays["mesh/clamped"],
             arrays["mesh/loadable"],
             grid_of(arrays),
+            arrays.get("mesh/held"),
+            arrays.get("mesh/material"),
+            groups_of(arrays),
+            arrays.get("mesh/pressed"),
         )
 
     @classmethod
@@ -58,24 +79,60 @@ class Geometry:
             for name, tensor in tensors.items()
             if name.startswith(PREFIX)
         }
-        grid = grid_of(arrays)
-        return cls(**{name: arrays[name] for name in _ARRAYS}, cell_type=cell_type, grid=grid)
+        groups = {k.removeprefix(GROUP): v for k, v in arrays.items() if k.startswith(GROUP)}
+        return cls(
+            arrays["coordinates"],
+            arrays["cells"],
+            cell_type,
+            arrays["clamped"],
+            arrays["loadable"],
+            grid_of(arrays),
+            arrays.get("single"),
+            arrays.get("parts"),
+            groups,
+            arrays.get("pressed"),
+        )
 
     def arrays(self) -> Arrays:
-        """Arrays of mesh, supports and grid map by name."""
-        return {name: getattr(self, name) for name in _ARRAYS} | grid_arrays(self.grid)
+        """Arrays of mesh, supports, materials and grid map by name."""
+        optional = {name: getattr(self, name) for name in _OPTIONAL}
+        given = {name: array for name, array in optional.items() if array is not None}
+        return {name: getattr(self, name) for name in _ARRAYS} | given | grid_arrays(self.grid)
 
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
+        others: Arrays = {GROUP + name: members for name, members in self.groups.items()}
+        if self.pressed is not None:
+            others["pressed"] = self.pressed
         return {
             PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
-            for name, array in self.arrays().items()
+            for name, array in (*self.arrays().items(), *others.items())
         }
 
     @property
     def dimension(self) -> int:
         """Number of space dimensions d."""
         return int(self.coordinates.shape[1])
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Components of displacement that are held at zero, (n_nodes, d)."""
+        if self.single is not None:
+            return self.single
+        return np.repeat(self.clamped[:, None], self.dimension, axis=1)
+
+    @property
+    def loaded_body(self) -> LoadedBody:
+        """The body as loads of a command refer to it."""
+        mesh = self.coordinates, self.cells, self.cell_type
+        return LoadedBody(*mesh, self.held, self.groups)
+
+    @property
+    def movable(self) -> NDArray[np.bool_]:
+        """Components at grid points that are not held: (nx, ny[, nz]), or (d, nx, ny[, nz])."""
+        if self.single is None:
+            return self.free_mask
+        return np.stack([self.grid.moved_by(~held) for held in self.single.T])
 
     @property
     def free_mask(self) -> NDArray[np.bool_]:
@@ -85,7 +142,7 @@ class Geometry:
     @property
     def tip(self) -> int:
         """The loadable node farthest from the supports."""
-        support = self.coordinates[self.clamped]
+        support = self.coordinates[self.held.any(axis=1)]
         candidates = np.flatnonzero(self.loadable)
         distance = np.linalg.norm(
             self.coordinates[candidates][:, None, :] - support[None, :, :], axis=2
@@ -94,3 +151,4 @@ class Geometry:
 
 
 _ARRAYS = ("coordinates", "cells", "clamped", "loadable")
+_OPTIONAL = ("single", "parts")

@@ -10,6 +10,8 @@ where a' is the mirror image of node a.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -42,7 +44,7 @@ def mirror_images(geometry: Geometry, axis: str, key: str) -> NDArray[np.int64]:
     Raises
     ------
     InputError
-        If nodes, cells, supports or loadable nodes are not symmetric.
+        If nodes, cells, materials, supports or loadable nodes are not symmetric.
     """
     wrong = f"{key} = '{axis}': the body is not symmetric about its middle,"
     if axis not in AXES[: geometry.dimension]:
@@ -58,7 +60,11 @@ def mirror_images(geometry: Geometry, axis: str, key: str) -> NDArray[np.int64]:
     images = np.sort(image[geometry.cells], axis=1)
     if not np.array_equal(np.unique(cells, axis=0), np.unique(images, axis=0)):
         raise InputError(f"{wrong} its cells are not mirror images of each other")
-    for name, marked in (("supports", geometry.clamped), ("loadable nodes", geometry.loadable)):
+    if geometry.parts is not None:
+        one, other = np.lexsort(cells.T), np.lexsort(images.T)
+        if not np.array_equal(geometry.parts[one], geometry.parts[other]):
+            raise InputError(f"{wrong} its materials are not")
+    for name, marked in (("supports", geometry.held), ("loadable nodes", geometry.loadable)):
         if not np.array_equal(marked, marked[image]):
             raise InputError(f"{wrong} its {name} are not")
     return np.asarray(image)
@@ -84,20 +90,24 @@ def with_mirror_images(
     InputError
         If the body is not symmetric, or its grid is embedded.
     """
+    both = fields_with_mirror_images((samples.force, samples.displacement), geometry, axes, key)
+    return Samples(*both)
+
+
+def fields_with_mirror_images(
+    fields: Sequence[Tensor], geometry: Geometry, axes: tuple[str, ...], key: str
+) -> list[Tensor]:
+    """Add the mirror images of fields (N, d, nx, ny[, nz]), as `with_mirror_images` does."""
     if axes and not geometry.grid.points_are_nodes:
         raise InputError(
             f"{key} = {list(axes)}: the dataset's grid is embedded on its mesh, expected one whose "
             "points are nodes"
         )
+    both = list(fields)
     for axis in axes:
         image = mirror_images(geometry, axis, key)
-        samples = Samples(
-            *(
-                _with_images(field, geometry, image, AXES.index(axis))
-                for field in (samples.force, samples.displacement)
-            )
-        )
-    return samples
+        both = [_with_images(field, geometry, image, AXES.index(axis)) for field in both]
+    return both
 
 
 def _with_images(field: Tensor, geometry: Geometry, image: NDArray[np.int64], axis: int) -> Tensor:

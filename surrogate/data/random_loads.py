@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from shared_schema.cells import boundary_facets
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
-from surrogate.data.load_range import LoadRange
 
 Array = NDArray[np.float64]
 TRAINED = "trained"
@@ -58,7 +57,7 @@ class RandomLoads:
 
 
 def random_loads(
-    family: str, geometry: Geometry, limit: tuple[float, ...], trained: LoadRange | None
+    family: str, geometry: Geometry, limit: tuple[float, ...], numbers: tuple[int, int]
 ) -> RandomLoads:
     """Make the family that a text describes.
 
@@ -69,8 +68,8 @@ def random_loads(
     geometry : Geometry
     limit : tuple of d floats
         Largest force components of the training in N.
-    trained : LoadRange or None
-        Numbers of loads of the training; None, of older runs, is one load.
+    numbers : tuple of 2 ints
+        Smallest and largest number of loaded nodes in the training.
 
     Raises
     ------
@@ -82,8 +81,8 @@ def random_loads(
     if counts is None:
         raise _wrong(family, "loads", keys["loads"], "a number such as 3, or a range such as 1-8")
     fewest, most = int(counts[1]), int(counts[2] or counts[1])
-    if "loads" not in keys and trained is not None:
-        fewest, most = max(1, trained.fewest), max(1, trained.most)
+    if "loads" not in keys:
+        fewest, most = numbers
     places = keys.get("places", TRAINED)
     if places not in PLACES:
         raise _wrong(family, "places", places, f"one of {', '.join(PLACES)}")

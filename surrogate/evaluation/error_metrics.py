@@ -34,6 +34,10 @@ class ErrorMeasures:
         Largest absolute error of any component of any sample, in m.
     relative_tip_error_median, relative_tip_error_mean : float
         Median and mean over the samples of the relative error ‖U − u‖ / ‖u‖ at the tip node.
+    relative_error_mean : float
+        Mean over the samples of e_m, relative to the largest displacement of a node of the sample.
+    relative_node_error_median : float
+        Median over the samples of the largest error of a node, relative to the same.
     slope, intercept : float
         Slope and intercept of the least-squares line of e_m over the displacement magnitude at the
         loaded node.
@@ -45,6 +49,8 @@ class ErrorMeasures:
     max_error: float
     relative_tip_error_median: float
     relative_tip_error_mean: float
+    relative_error_mean: float
+    relative_node_error_median: float
     slope: float
     intercept: float
 
@@ -95,6 +101,9 @@ def measure(force: Array, predicted: Array, reference: Array, tip: int) -> Error
     magnitude = np.linalg.norm(reference[:, tip], axis=1)
     moved = magnitude > 0
     tip_errors = node_errors(predicted, reference)[moved, tip] / magnitude[moved]
+    largest = np.linalg.norm(reference, axis=2).max(axis=1)
+    scale = np.where(largest > 0, largest, np.inf)
+    worst = node_errors(predicted, reference).max(axis=1)
     slope, intercept = regression_line(displacement_at_load(force, reference), errors)
     return ErrorMeasures(
         samples=len(errors),
@@ -103,6 +112,8 @@ def measure(force: Array, predicted: Array, reference: Array, tip: int) -> Error
         max_error=float(np.abs(predicted - reference).max()),
         relative_tip_error_median=float(np.median(tip_errors)),
         relative_tip_error_mean=float(tip_errors.mean()),
+        relative_error_mean=float((errors / scale).mean()),
+        relative_node_error_median=float(np.median(worst / scale)),
         slope=slope,
         intercept=intercept,
     )

@@ -19,6 +19,7 @@ from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_er
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.paper import PAPER
 from surrogate.evaluation.shown_sample import find_example, tip_measures
+from surrogate.evaluation.stress_errors import StressMeasures, measure_stresses
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
@@ -49,6 +50,8 @@ class Evaluation:
         Conformal intervals.
     fast_certificate : FastCertificate or None
         Calibrated bounds of single errors.
+    stress : StressMeasures or None
+        Errors of von Mises stresses, if the material is a shipped one.
     content : dict
         All measures and their origin as plain data.
     """
@@ -62,6 +65,7 @@ class Evaluation:
     extrapolation: Extrapolation | None
     intervals: Intervals | None = None
     fast_certificate: FastCertificate | None = None
+    stress: StressMeasures | None = None
     content: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -160,6 +164,7 @@ def evaluate(
         None if loads is None else extrapolate(surrogate, loads, passes, seed),
         intervals,
         fast,
+        measure_stresses(surrogate, distribution.mean, reference),
     )
     epochs, seconds = run.training_effort()
     content = evaluation.content
@@ -179,6 +184,8 @@ def evaluate(
         "torch": torch.__version__,
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {device}",
     }
+    if evaluation.stress is not None:
+        content["von_mises"] = evaluation.stress.plain()
     if dataset.info.embedding is not None:
         content["embedding_error"] = embedding_error(dataset)
     if evaluation.calibration is not None:

@@ -45,7 +45,7 @@ class OneLoad:
         self.network, self.members = network, members
         field, weights = network.network, network.to_nodes.weights.numpy()  # (k, n_nodes)
         d, self.nodes = len(field.displacement_scale), weights.shape[1]
-        scale = (field.displacement_scale * field.free).reshape(d, -1).numpy().T
+        scale = (field.displacement_scale * field.movable).reshape(d, -1).numpy().T
         self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
         self.scales = weights[:, :, None] * scale[self.sources] / np.float32(len(members))
         to_grid = network.to_grid
@@ -115,7 +115,7 @@ class OneLoad:
         inputs, linear = field.inputs_of(self.network.on_grid(force))
         parts = [field.scaled(inputs)]
         if linear is not None:
-            parts.append(self.network.to_nodes((linear * field.free).flatten(2)))
+            parts.append(self.network.to_nodes((linear * field.movable).flatten(2)))
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
 
 

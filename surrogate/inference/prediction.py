@@ -12,6 +12,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
@@ -22,6 +23,7 @@ from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
+from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
@@ -98,7 +100,9 @@ class Surrogate:
         self.geometry = geometry
         self.description = description
         data = description.data
-        self.training_range = TrainingRange(data.info.force.max_abs, geometry.loadable, data.loads)
+        self.training_range = TrainingRange(
+            data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
+        )
         self.passes = Passes(network)
         self.mean_error: float | None = None
 
@@ -158,11 +162,20 @@ class Surrogate:
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """The finite-element equilibrium of the body; InputError if the run names no material."""
+        """The finite elements of the body; InputError if its material is none of the shipped."""
         for module in self.network.modules():
             if isinstance(module, Compliance):
                 return module.equilibrium
         return Equilibrium(self.geometry, self.description.data.material)
+
+    def balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
+        if self.geometry.pressed is not None:
+            raise InputError(
+                "the loads of the case have a pressure that follows the surface, so that the "
+                "forces of a prediction cannot be balanced; expected dead loads"
+            )
+        return self.equilibrium
 
     def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
         """Estimate the errors of predictions from their out-of-balance forces.
@@ -179,7 +192,7 @@ class Surrogate:
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        equilibrium = self.equilibrium
+        equilibrium = self.balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         return certify(equilibrium, nodal, displacement)
 
@@ -200,11 +213,51 @@ class Surrogate:
         WorkError
             If no equilibrium is found.
         """
-        equilibrium = self.equilibrium
+        equilibrium = self.balanced()
         nodal, displacement = self._with_predicted(forces, predicted)
         if nodal.ndim != 2:
             raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
         return correct(equilibrium, nodal, displacement)
+
+    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+
+        Returns
+        -------
+        dict of array, (n_cells, …) or (N, n_cells, …)
+            By the names of `shared_schema.bodies.stress_fields`.
+
+        Raises
+        ------
+        InputError
+            If the material is none of the shipped ones.
+        """
+        u = np.asarray(displacement, dtype=np.float64)
+        samples = u.reshape(-1, *self.geometry.coordinates.shape)
+        fields = cell_stresses(self.equilibrium.solid, self.geometry, samples)
+        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
+
+    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
+        """Compute the forces of the supports on the body, (n_nodes, d) in N.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d)
+            In m.
+        pushed : array, (n_nodes, d), optional
+            Forces in N of pressures on the deformed body; none by default.
+        """
+        u = np.asarray(displacement, dtype=np.float64)
+        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
+        of_sample: Array = reactions(self.equilibrium.solid, self.geometry, u[None], forces[None])[
+            0
+        ]
+        return of_sample
 
     def _with_predicted(
         self, forces: ArrayLike, predicted: ArrayLike | None
@@ -286,11 +339,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
-        held = np.flatnonzero(
-            self.geometry.clamped & nodal.any(axis=-1).reshape(-1, expected[0]).any(axis=0)
-        )
+        loaded = nodal.reshape(-1, *expected).any(axis=0)
+        held = np.flatnonzero((self.geometry.held & loaded).any(axis=1))
         if len(held):
-            raise InputError(f"forces at node {held[0]}: the node is clamped, expected a free one")
+            how = "clamped" if self.geometry.clamped[held[0]] else "held in this component"
+            raise InputError(f"forces at node {held[0]}: the node is {how}, expected a free one")
         return nodal
 
     @torch.inference_mode()
@@ -321,6 +374,12 @@ class Surrogate:
                     f"--{name} {value}: passes of this network do not differ, expected one with "
                     "probabilistic weights or dropout"
                 )
+
+
+def require_known_pressure(geometry: Geometry, given: CommandLoads) -> None:
+    """Raise InputError if a pressure is given to a network that was trained without any."""
+    if given.surfaces and geometry.pressed is None:
+        raise InputError("--load: a pressure, expected forces; the network was trained on these")
 
 
 def require_passes(passes: int, seed: int) -> None:

@@ -35,8 +35,8 @@ class BandLayout:
     coordinates : array, (n_nodes, d)
         In m.
     cells : array of int, (n_cells, n_corners)
-    clamped : array of bool, (n_nodes,)
-        Nodes without free degrees of freedom.
+    held : array of bool, (n_nodes, d)
+        Components that are no degrees of freedom.
 
     Attributes
     ----------
@@ -52,12 +52,13 @@ class BandLayout:
     """
 
     def __init__(
-        self, coordinates: Array, cells: NDArray[np.int64], clamped: NDArray[np.bool_]
+        self, coordinates: Array, cells: NDArray[np.int64], held: NDArray[np.bool_]
     ) -> None:
         d = coordinates.shape[1]
-        free = np.flatnonzero(~clamped)
+        free = np.flatnonzero(~held.all(axis=1))
         order, distance = _narrow_order(coordinates, cells, free)
-        self.dofs = (order[:, None] * d + np.arange(d)).ravel()
+        dofs = (order[:, None] * d + np.arange(d)).ravel()
+        self.dofs = dofs[~held.ravel()[dofs]]
         self.width = distance * d + d - 1
         if len(self.dofs) * (self.width + 1) > MOST:
             raise InputError(

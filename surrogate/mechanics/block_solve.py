@@ -48,10 +48,12 @@ class BlockSolve(nn.Module):
         super().__init__()
         assert compliance.factor is not None
         k, size = compliance.stiffness, compliance.factor.width
+        places = np.full(compliance.size, len(compliance.order))  # that of a zero, if held
+        places[compliance.order] = np.arange(len(compliance.order))
         self.starts = list(range(0, k.shape[0], size))
         self.register_buffer("free_nodes", compliance.free_nodes, persistent=False)
         self.register_buffer("order", torch.from_numpy(compliance.order), persistent=False)
-        place = torch.from_numpy(np.argsort(compliance.order))
+        place = torch.from_numpy(places)
         self.register_buffer("place", place, persistent=False)
         self.stiffness = product(k, torch.float64)
         self.before, self.after = nn.ModuleList(), nn.ModuleList()
@@ -74,6 +76,8 @@ class BlockSolve(nn.Module):
         x = self._eliminated(f)
         for _ in range(REFINEMENTS):
             x = x + self._eliminated(f - self.stiffness(x))
+        if len(self.place) > x.shape[1]:
+            x = torch.cat([x, x.new_zeros(len(x), 1)], dim=1)
         return x.index_select(1, self.place).to(force.dtype)
 
     def _eliminated(self, f: Tensor) -> Tensor:

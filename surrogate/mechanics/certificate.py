@@ -9,8 +9,9 @@ simplified step after it estimate its error to third order:
 (`surrogate.mechanics.equilibrium`). The estimate is settled if K(u) is positive definite, the
 contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
 estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
-(`surrogate.mechanics.newton`), by 20 steps at most. A prediction whose estimate does not settle is
-never certified, nor is one with an inverted cell, for which there is no estimate.
+(`surrogate.mechanics.newton`), by 20 steps at most, until δ itself is that small; for the way may
+lead far round. A prediction whose estimate does not settle is never certified, nor is one with an
+inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     """
     shape = predicted.shape
     f, u = (field.reshape(-1, *shape[-2:]) for field in (forces, predicted))
-    held = np.where(equilibrium.free[:, None], u, 0.0)
+    held = np.where(equilibrium.free, u, 0.0)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, norms(r), np.inf)
@@ -113,7 +114,7 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     error = np.full(u.shape, np.inf)
     error[sound] = u[sound] - truth[sound]
     return Certificate(
-        out_of_balance=_ratio(residual, norms(f * equilibrium.free[:, None])).reshape(shape[:-2]),
+        out_of_balance=_ratio(residual, norms(f * equilibrium.free)).reshape(shape[:-2]),
         error=error.reshape(shape),
         relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),
@@ -124,9 +125,10 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
 def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Step from predictions until Newton's method contracts: the estimates of the truth."""
     truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
-    for _ in range(ROUNDS):
+    for round_number in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
-        last, error = norms(found.simplified), norms(u[going] - truth[going] - found.steps)
+        last = norms(found.steps if round_number else found.simplified)
+        error = norms(u[going] - truth[going] - found.steps)
         small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
         contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]

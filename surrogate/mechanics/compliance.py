@@ -16,7 +16,7 @@ from scipy.sparse import coo_array, csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.equilibrium import Equilibrium
@@ -29,13 +29,14 @@ FEW, LOADED = 16, 30  # samples, and loaded degrees of freedom of each, that col
 class Compliance(nn.Module):
     """Forces on the free nodes in N to their displacements in m.
 
-    Degrees of freedom are numbered component by component: component · n_free + node. K⁻¹ is
-    symmetric, so that gradients with respect to forces are solves too.
+    Degrees of freedom are numbered component by component: component · n_free + node. Single
+    components that are held stay zero, and forces on them have no effect. K⁻¹ is symmetric, so that
+    gradients with respect to forces are solves too.
 
     Parameters
     ----------
     geometry : Geometry
-    material : NeoHookean
+    material : ShippedMaterial, or tuple of some
 
     Attributes
     ----------
@@ -47,9 +48,11 @@ class Compliance(nn.Module):
         K⁻¹ in m/N; empty for a large body.
     factor : BandCholesky or None
         Factor of K, of a large body.
-    order : array of int, (d · n_free,)
-        Degrees of freedom in the order of the factor.
-    stiffness : csr_array, (d · n_free, d · n_free)
+    size : int
+        d · n_free.
+    order : array of int, (n_dofs,)
+        Degrees of freedom that are not held, in the order of the factor.
+    stiffness : csr_array, (n_dofs, n_dofs)
         K in N/m of a large body, in the order of the factor.
     """
 
@@ -58,7 +61,7 @@ class Compliance(nn.Module):
     free_nodes: Tensor
     matrix: Tensor
 
-    def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
+    def __init__(self, geometry: Geometry, material: Materials) -> None:
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
         self.factor: BandCholesky | None = self.equilibrium.undeformed
@@ -66,6 +69,7 @@ class Compliance(nn.Module):
         free = np.flatnonzero(~geometry.clamped)
         nodes, components = np.divmod(dofs, geometry.dimension)
         self.order = components * len(free) + np.searchsorted(free, nodes)
+        self.size = len(free) * geometry.dimension
         self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
         matrix = torch.empty(0)
         if self.size <= DENSE:
@@ -79,11 +83,6 @@ class Compliance(nn.Module):
         self._columns: NDArray[np.float32] | None = None
         self._is_kept = np.zeros(self.size, dtype=bool)
 
-    @property
-    def size(self) -> int:
-        """Number of free degrees of freedom."""
-        return len(self.order)
-
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
         if len(self.matrix):
@@ -94,7 +93,7 @@ class Compliance(nn.Module):
     def solve(self, force: NDArray[Any]) -> NDArray[np.float64]:
         """Solve with the factor: (N, d · n_free) → same."""
         assert self.factor is not None
-        found = np.empty(force.shape)
+        found = np.zeros(force.shape)
         found[:, self.order] = self.factor.solve(force[:, self.order].T.astype(np.float64)).T
         return found
 

@@ -4,7 +4,7 @@ r"""Equilibrium of a solid under nodal forces: out-of-balance forces and Newton 
     r(u) = f_{int}(u) - f = \frac{∂Π}{∂u}, \qquad Π(u) = E(u) - f · u, \qquad
     δ(u) = -K(u)^{-1} r(u), \qquad K = \frac{∂f_{int}}{∂u}
 
-at the free degrees of freedom; clamped nodes do not move. Equilibrium is r = 0, and δ is the step
+at the free degrees of freedom; held ones do not move. Equilibrium is r = 0, and δ is the step
 of Newton's method towards it. Where K is not positive definite, δ is computed with K + τ K(0)
 instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π decreases along δ.
 
@@ -16,15 +16,15 @@ Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
 from surrogate.mechanics.solid import Solid
@@ -69,27 +69,27 @@ class Equilibrium:
     Parameters
     ----------
     geometry : Geometry
-    material : NeoHookean
+    material : ShippedMaterial, or tuple of some
 
     Attributes
     ----------
     solid : Solid
     layout : BandLayout
         Order of the free degrees of freedom in the band of K.
-    free : array of bool, (n_nodes,)
-        Nodes that are not clamped.
+    free : array of bool, (n_nodes, d)
+        Components that are not held.
     rounding : float
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     """
 
-    def __init__(self, geometry: Geometry, material: NeoHookean) -> None:
+    def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells
-        self.solid = Solid(*body, geometry.cell_type, material)
-        self.free = ~geometry.clamped
-        moduli = material.lame_lambda + material.lame_mu
+        self.solid = Solid(*body, geometry.cell_type, material, geometry.parts)
+        self.free = ~geometry.held
+        moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self._size = geometry.coordinates.size
-        self.layout = BandLayout(*body, geometry.clamped)
+        self.layout = BandLayout(*body, geometry.held)
         per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
@@ -107,7 +107,7 @@ class Equilibrium:
     def out_of_balance(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
         r: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy() - f
-        r[:, ~self.free] = 0.0
+        r *= self.free
         return r
 
     def newton_step(self, u: Array, r: Array) -> Array:
@@ -132,15 +132,27 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
+        return self._response(self.undeformed, f)
+
+    def response_at(self, u: Array) -> Callable[[Array], Array] | None:
+        """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
+
+        It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
+        d).
+        """
+        factor = BandCholesky.of(self._bands(u[None])[0])
+        return None if factor is None else partial(self._response, factor)
+
+    def _response(self, factor: BandCholesky, f: Array) -> Array:
         response = np.zeros((len(f), self._size))
         forces = f.reshape(response.shape)[:, self.layout.dofs]
-        response[:, self.layout.dofs] = self.undeformed.solve(forces.T).T
+        response[:, self.layout.dofs] = factor.solve(forces.T).T
         return response.reshape(f.shape)
 
     @cached_property
     def undeformed(self) -> BandCholesky:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        rest = np.zeros((1, len(self.free), self._size // len(self.free)))
+        rest = np.zeros((1, *self.free.shape))
         factor = BandCholesky.of(self._bands(rest)[0])
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbtrs, spbtrs
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.material import NeoHookean
+from shared_schema.common.errors import InputError
+from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.equilibrium import Equilibrium
 
@@ -47,9 +48,16 @@ class FastEstimate:
     material : NeoHookean
     equilibrium : Equilibrium
         Its layout and undeformed factor are used.
+
+    Raises
+    ------
+    InputError
+        If the material is another one, or there are several.
     """
 
-    def __init__(self, geometry: Geometry, material: NeoHookean, equilibrium: Equilibrium) -> None:
+    def __init__(self, geometry: Geometry, material: Materials, equilibrium: Equilibrium) -> None:
+        if not isinstance(material, NeoHookean):
+            raise InputError("--certify fast: expected one Neo-Hookean material, or 'full'")
         solid, layout = equilibrium.solid, equilibrium.layout
         large = len(layout.dofs) > LARGE
         self.dtype: type[np.floating[Any]] = np.float32 if large else np.float64
@@ -62,9 +70,11 @@ class FastEstimate:
         count, points, corners, d = gradients.shape
         self._shape = count, points
         self._cells = geometry.cells
-        self._weights = volumes.ravel().astype(self.dtype)[:, None]
+        self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
-        self._slopes_of: Values = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._summed: Any
+        self._averaged: Any
         self._summed, self._averaged = (
             operator.astype(self.dtype) if large else operator.toarray()
             for operator in sums_at_nodes(geometry.cells, len(self.free))
@@ -86,7 +96,7 @@ class FastEstimate:
         return error
 
     def _estimated(self, forces: Array, predicted: Array) -> Array:
-        held = predicted * self.free[:, None]
+        held: Array = predicted * self.free
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -132,7 +142,7 @@ class FastEstimate:
 
     def _balanced(self, forces: Values) -> Values:
         """Forces at free nodes, zero at clamped ones."""
-        result: Values = forces * self.free[:, None]
+        result: Values = forces * self.free.T[:, :, None]
         return result
 
     def _response(self, force: Values, rotation: Values) -> Values:

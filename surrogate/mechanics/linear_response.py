@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
@@ -31,7 +31,7 @@ class LinearResponse(nn.Module):
     Parameters
     ----------
     geometry : Geometry
-    material : NeoHookean
+    material : ShippedMaterial, or tuple of some
     gradient : bool
         Also compute the gradient.
 
@@ -44,7 +44,7 @@ class LinearResponse(nn.Module):
 
     gradient_rms: Tensor
 
-    def __init__(self, geometry: Geometry, material: NeoHookean, gradient: bool = True) -> None:
+    def __init__(self, geometry: Geometry, material: Materials, gradient: bool = True) -> None:
         super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
@@ -107,7 +107,7 @@ class LinearResponse(nn.Module):
         return grid[:, :d], grid[:, d:]
 
 
-def required(material: NeoHookean | None) -> NeoHookean:
+def required(material: Materials | None) -> Materials:
     """Return the material; InputError if there is none."""
     if material is None:
         raise InputError("the linear response expects the material of the body, found none")

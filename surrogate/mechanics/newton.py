@@ -129,7 +129,7 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
     while equilibrium.inverted(linear).any():
         linear = linear / 2
     starts = {
-        "prediction": np.where(equilibrium.free[:, None], predicted, 0.0),
+        "prediction": np.where(equilibrium.free, predicted, 0.0),
         "linear response": linear,
         "undeformed body": np.zeros_like(f),
     }

@@ -1,4 +1,4 @@
-r"""A Neo-Hookean solid of finite elements: strain energy, internal forces, tangent.
+r"""A solid of finite elements: strain energy, internal forces, tangent.
 
 With the displacements u at the nodes, the shape functions' gradients :math:`G_a = ∇N_a` and the
 quadrature volumes :math:`w_q`,
@@ -7,8 +7,9 @@ quadrature volumes :math:`w_q`,
     F = I + \sum_a u_a ⊗ G_a, \qquad E(u) = \sum_q w_q W(F_q), \qquad
     f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a.
 
-The tangent of a cell follows from ∂P/∂F (`surrogate.mechanics.neo_hookean`) with the gradients
-:math:`g_a = F^{-T} G_a` on the deformed body:
+The tangent of a cell is :math:`K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}` with the
+moduli of `surrogate.mechanics.hyperelastic`. That of a Neo-Hookean cell has a closed form with the
+gradients :math:`g_a = F^{-T} G_a` on the deformed body (`surrogate.mechanics.neo_hookean`):
 
 .. math::
     K_{ab} = \frac{∂f_{int,a}}{∂u_b} = \sum_q w_q \left[ μ (G_a · G_b) I
@@ -19,20 +20,17 @@ The same equations, in UFL, are those of `datagen`; a test compares the two.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials, NeoHookean, ShippedMaterial, as_tuple
 from surrogate.mechanics.elements import cell_gradients
-from surrogate.mechanics.neo_hookean import (
-    determinant,
-    energy_density,
-    inverse_transpose,
-    stress,
-    tangent_moduli,
-)
+from surrogate.mechanics.hyperelastic import energy_density, moduli, stress
+from surrogate.mechanics.neo_hookean import determinant, inverse_transpose, tangent_moduli
 
 
 class Solid(nn.Module):
@@ -48,25 +46,40 @@ class Solid(nn.Module):
         Node numbers, VTK order.
     cell_type : str
         Meshio's name of the cells.
-    material : NeoHookean
+    material : ShippedMaterial, or tuple of some
+    parts : array of int, (n_cells,), optional
+        Position of each cell's material in the tuple.
     """
 
     cells: Tensor
     gradients: Tensor
     volumes: Tensor
     constant: Tensor
+    _order: Tensor
 
     def __init__(
         self,
         coordinates: NDArray[np.float64],
         cells: NDArray[np.int64],
         cell_type: str,
-        material: NeoHookean,
+        material: Materials,
+        parts: NDArray[np.int64] | None = None,
     ) -> None:
         super().__init__()
         gradients, volumes = cell_gradients(coordinates, cells, cell_type)
-        constant = material.lame_mu * np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
-        self.material = material
+        constant = np.empty(0)
+        if isinstance(material, NeoHookean):
+            metric = np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
+            constant = material.lame_mu * metric
+        self.materials = as_tuple(material)
+        self.neo_hookean = material if isinstance(material, NeoHookean) else None
+        self._members = []
+        if len(self.materials) > 1:
+            if parts is None or not np.all((parts >= 0) & (parts < len(self.materials))):
+                raise ValueError("a cell is of none of the materials")
+            self._members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
+            order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
+            self.register_buffer("_order", order, persistent=False)
         self.register_buffer("cells", torch.from_numpy(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
@@ -81,6 +94,18 @@ class Solid(nn.Module):
         identity = torch.eye(d, dtype=u.dtype, device=u.device)
         return h.permute(2, 4, 0, 1, 3).contiguous() + identity[:, :, None, None, None]
 
+    def by_material(
+        self, function: Callable[[Tensor, ShippedMaterial], Tensor], f: Tensor
+    ) -> Tensor:
+        """Apply a function of F and a material to F of all cells, the axis before the last two."""
+        if len(self.materials) == 1:
+            return function(f, self.materials[0])
+        results = [
+            function(f[:, :, members], material)
+            for members, material in zip(self._members, self.materials, strict=True)
+        ]
+        return torch.cat(results, dim=-3).index_select(-3, self._order)
+
     def inverted(self, u: Tensor) -> Tensor:
         """Number of cells with J ≤ 0 (or no number) at a point: (N, n_nodes, d) in m → (N,)."""
         j = determinant(self.deformation_gradient(u))
@@ -88,13 +113,13 @@ class Solid(nn.Module):
 
     def energy(self, u: Tensor) -> Tensor:
         """Strain energy E(u) in J, +∞ if a cell is inverted: (N, n_nodes, d) in m → (N,)."""
-        density = energy_density(self.deformation_gradient(u), self.material)
+        density = self.by_material(energy_density, self.deformation_gradient(u))
         return (self.volumes[:, None] * density).sum((0, 2))
 
     def internal_forces(self, u: Tensor) -> Tensor:
         """f_int = ∂E/∂u in N, no meaning if a cell is inverted: (N, n_nodes, d) in m → same."""
         count, points, corners, d = self.gradients.shape
-        p = self.volumes[:, None] * stress(self.deformation_gradient(u), self.material)
+        p = self.volumes[:, None] * self.by_material(stress, self.deformation_gradient(u))
         p = p.permute(2, 3, 0, 4, 1).reshape(count, len(u) * d, points * d)
         slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
         forces = torch.bmm(p, slopes).reshape(count, len(u), d, corners)
@@ -108,6 +133,10 @@ class Solid(nn.Module):
         """
         count, points, corners, d = self.gradients.shape
         f = self.deformation_gradient(u)
+        if self.neo_hookean is None:
+            a = self.by_material(moduli, f) * self.volumes[:, None]
+            k = torch.einsum("cqaj,ijklcnq,cqbl->ncaibk", self.gradients, a, self.gradients)
+            return k.reshape(len(u), count, corners * d, corners * d)
         j = determinant(f)
         inverse = inverse_transpose(f, j).permute(2, 4, 1, 3, 0).reshape(count * points, d, -1)
         g = torch.bmm(self.gradients.reshape(-1, corners, d), inverse)
@@ -115,7 +144,7 @@ class Solid(nn.Module):
         g = g.reshape(len(u) * count, points, corners * d)
         crossed, squared = (
             (self.volumes[:, None] * factor).transpose(0, 1).reshape(-1, points, 1)
-            for factor in tangent_moduli(j, self.material)
+            for factor in tangent_moduli(j, self.neo_hookean)
         )
         k = torch.bmm((squared * g).transpose(1, 2), g)
         k = k.reshape(-1, corners, d, corners, d)

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -83,7 +83,7 @@ class Model(Frozen, ABC):
         return False
 
     def build(
-        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
         """Build the network that maps fields in SI units, with initial weights from the seed.
 
@@ -91,7 +91,7 @@ class Model(Frozen, ABC):
         ----------
         geometry : Geometry
         info : StructuredInfo
-        material : NeoHookean, optional
+        material : ShippedMaterial or tuple of some, optional
             Material of the body, for networks that contain its linear response.
         """
         free = torch.from_numpy(geometry.free_mask)

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
@@ -50,7 +50,7 @@ class PODModel(Model):
         return self.pod.linear_modes > 0
 
     def build(
-        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -53,7 +53,7 @@ class ReducedModel(NetworkModel):
         return True
 
     def build(
-        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response."""
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sized
 from typing import Literal, Self
 
 import torch
 from pydantic import model_validator
 from torch import Tensor, nn
 
+from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -58,7 +61,7 @@ class UNetModel(NetworkModel):
         return self.network.needs_linear_response
 
     def build(
-        self, geometry: Geometry, info: StructuredInfo, material: NeoHookean | None = None
+        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
         """Build the network between fields in SI units, with the linear response if it is used."""
         config = self.network
@@ -67,6 +70,18 @@ class UNetModel(NetworkModel):
         if self.needs_material:
             linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
+
+    def require_suitable(self, dataset: Dataset, train: Sized) -> None:
+        """Raise InputError if the coarsest level would be finer than a point of the grid."""
+        super().require_suitable(dataset, train)
+        shape, padding = dataset.geometry.grid.shape, self.network.padding
+        most = int(math.log2(min(shape) + 2 * padding)) + 1
+        if self.network.levels > most:
+            grid = " x ".join(str(count) for count in shape)
+            raise InputError(
+                f"config '{self.name}': key 'network.levels' = {self.network.levels}: expected "
+                f"{most} at most, each level halves the {grid} grid (with 'padding' = {padding})"
+            )
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scales of gradients and output."""

@@ -53,6 +53,8 @@ class FieldNetwork(nn.Module):
         Factor on the network's output, in m: `displacement_rms`, unless `scale_by_node` is called.
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes and not clamped, else 0.
+    movable : Tensor, (nx, ny[, nz]) or (d, nx, ny[, nz])
+        The same; component by component, if some nodes are held in single ones.
     free_points : Tensor of int, (n_free,)
         Numbers of these points in the flattened grid.
     aleatoric_factor, epistemic_factor : Tensor, ()
@@ -64,6 +66,7 @@ class FieldNetwork(nn.Module):
     displacement_rms: Tensor
     displacement_scale: Tensor
     free: Tensor
+    movable: Tensor
     free_points: Tensor
     aleatoric_factor: Tensor
     epistemic_factor: Tensor
@@ -89,6 +92,8 @@ class FieldNetwork(nn.Module):
             "displacement_scale", torch.full((geometry.dimension, *free.shape), rms)
         )
         self.register_buffer("free", free)
+        movable = torch.from_numpy(geometry.movable).float()
+        self.register_buffer("movable", movable, persistent=False)
         self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
         self.register_buffer("aleatoric_factor", torch.ones(()))
         self.register_buffer("epistemic_factor", torch.ones(()))
@@ -147,13 +152,13 @@ class FieldNetwork(nn.Module):
         ones = (1,) * (force.ndim - 1)
         mean, std = self.learned(inputs.repeat(passes, *ones) if passes > 1 else inputs)
         if linear is not None:
-            mean = mean + linear.repeat(self.members * passes, *ones) * self.free
+            mean = mean + linear.repeat(self.members * passes, *ones) * self.movable
         return Prediction(mean, std)
 
     def learned(self, inputs: Tensor) -> Prediction:
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
         output: Tensor | Prediction = self.network(self.scaled(inputs))
-        scale, d = self.displacement_scale * self.free, len(self.displacement_scale)
+        scale, d = self.displacement_scale * self.movable, len(self.displacement_scale)
         if isinstance(output, Prediction):
             mean, std = output
             return Prediction(mean * scale, None if std is None else std * scale)
@@ -206,7 +211,9 @@ class FieldNetwork(nn.Module):
         for start in range(0, max(len(samples), 1), AT_ONCE):
             part = samples[start : start + AT_ONCE]
             inputs, linear = self.inputs_of(part.force)
-            target = part.displacement if linear is None else part.displacement - linear * self.free
+            target = (
+                part.displacement if linear is None else part.displacement - linear * self.movable
+            )
             parts.append(Samples(inputs, target))
         return Samples(
             torch.cat([part.force for part in parts]),

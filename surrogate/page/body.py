@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
+from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.band_matrix import BandLayout
@@ -64,7 +65,10 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     is_needed = surrogate.network.linear is not None
     try:
         material = surrogate.description.data.material
-        layout = BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+        if not isinstance(material, NeoHookean) or geometry.single is not None:
+            raise InputError("page: expected a Neo-Hookean body whose supports hold all components")
+        surrogate.balanced()
+        layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
         entries = len(layout.dofs) * (layout.width + 1)
         if entries > BAND:
             raise InputError(

@@ -82,7 +82,13 @@ def error_beside_uncertainty(
     return figure
 
 
-def add_field(drawing: Drawing, x: Array, values: Array, label: str) -> None:
+def add_field(
+    drawing: Drawing,
+    x: Array,
+    values: Array,
+    label: str,
+    limits: tuple[float, float] | None = None,
+) -> None:
     """Draw nodal values, interpolated over the elements, with a colour bar beside them.
 
     Parameters
@@ -93,8 +99,12 @@ def add_field(drawing: Drawing, x: Array, values: Array, label: str) -> None:
     values : array, (n_nodes,)
     label : str
         Name and unit of the values.
+    limits : tuple of 2 floats, optional
+        Values of the first and the last colour.
     """
     image = drawing.field(x, values)
+    if limits is not None:
+        image.set_clim(*limits)
     drawing.mesh(x, "white", None, linewidth=0.3)
     figure = drawing.axes.figure
     bar = figure.colorbar(image, ax=drawing.axes, shrink=0.8, pad=0.02)

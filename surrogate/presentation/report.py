@@ -1,4 +1,4 @@
-"""Report of a run: a self-contained HTML page with its figures and numbers beside the paper's.
+"""Report of a run: a self-contained HTML page with its figures, and numbers beside the paper's.
 
 The text of the page stands in ``report.html.j2``; Jinja escapes every value in it.
 """
@@ -16,12 +16,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedErro
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.evaluation.paper import PAPER
+from surrogate.evaluation.paper import PAPER, PaperNetwork
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 
-Row = tuple[str, str, str]
+Row = tuple[str, ...]  # name and value here, and the paper's if it has any
 
 FIGURES = (
     (
@@ -38,6 +38,11 @@ FIGURES = (
         "errors.png",
         "Mean error of every test sample over the displacement magnitude at its loaded node, with "
         "the least-squares line; dashed, the mean over the test split.",
+    ),
+    (
+        "von_mises.png",
+        "The same load: von Mises stresses that follow from the predicted displacements, and those "
+        "of the finite elements.",
     ),
     (
         "uncertainty_field.png",
@@ -139,6 +144,7 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
             evaluation=evaluation,
             trained_on=trained_on,
             rows=_rows(description, evaluation, trained_on),
+            has_paper=_paper(description) is not None,
             figures=figures,
             solving=solving,
             run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
@@ -161,9 +167,9 @@ def _figures(run: RunFolder) -> list[Figure]:
 
 def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: str) -> list[Row]:
     test, example = evaluation["test"], evaluation["example"]
-    paper = PAPER.network(description.run.case, description.run.likelihood)
+    paper = _paper(description)
     minutes = evaluation["training_seconds"] / 60
-    rows = [
+    rows: list[Row] = [
         ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
         ("standard deviation σ(e) [10⁻³ m]", f"{test['std_error'] * 1e3:.3f}"),
         ("slope of e_m over displacement", f"{test['slope']:.5f}"),
@@ -179,24 +185,53 @@ def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: s
         ),
         ("largest error of a component [10⁻³ m]", f"{test['max_error'] * 1e3:.2f}"),
         ("test samples M", str(test["samples"])),
+        *_relative_rows(test),
+        *_stress_rows(evaluation.get("von_mises")),
         *_uncertainty_rows(evaluation.get("uncertainty")),
     ]
-    theirs = (
-        [
-            f"{paper.mean_error_mm:.1f}",
-            f"{paper.std_error_mm:.1f}",
-            f"{paper.slope}",
-            "–"
-            if paper.example is None
-            else f"{paper.example.relative_tip_error:.1%} at {paper.example.tip_displacement_m} m",
-            f"{paper.parameters / 1e6:.1f} M",
-            f"{paper.training_minutes:.0f} min, {PAPER.hardware}",
-        ]
-        if paper
-        else []
-    )
+    if paper is None:
+        return rows
+    theirs = [
+        f"{paper.mean_error_mm:.1f}",
+        f"{paper.std_error_mm:.1f}",
+        f"{paper.slope}",
+        "–"
+        if paper.example is None
+        else f"{paper.example.relative_tip_error:.1%} at {paper.example.tip_displacement_m} m",
+        f"{paper.parameters / 1e6:.1f} M",
+        f"{paper.training_minutes:.0f} min, {PAPER.hardware}",
+    ]
     return [
         (name, ours, theirs[i] if i < len(theirs) else "–") for i, (name, ours) in enumerate(rows)
+    ]
+
+
+def _paper(description: RunDescription) -> PaperNetwork | None:
+    """The paper's numbers for the case; None for a case of one's own."""
+    return PAPER.network(description.run.case, description.run.likelihood)
+
+
+def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:
+    """Errors relative to displacements; evaluations of older versions do not have them."""
+    names = {
+        "relative_error_mean": "mean error of a sample, of its largest displacement",
+        "relative_node_error_median": "largest nodal error of a sample, of the same, median",
+    }
+    return [(text, f"{test[name]:.2%}") for name, text in names.items() if name in test]
+
+
+def _stress_rows(stress: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if stress is None:
+        return []
+    return [
+        (
+            "mean error of von Mises stresses [Pa], of the largest of a sample",
+            f"{stress['mean_error']:.3g}, {stress['relative_error']:.2%}",
+        ),
+        (
+            "error of the largest von Mises stress of a sample, median",
+            f"{stress['relative_error_of_largest_median']:.2%}",
+        ),
     ]
 
 

@@ -12,6 +12,7 @@ from surrogate.presentation.error_figures import error_over_displacement, error_
 from surrogate.presentation.field_figures import error_field, uncertainty_field
 from surrogate.presentation.loss_curves import loss_curves
 from surrogate.presentation.mesh_figures import deformed_meshes
+from surrogate.presentation.stress_figures import von_mises_beside_reference
 from surrogate.presentation.sweep_curves import sweep_curves
 from surrogate.runs.folder import RunFolder
 from surrogate.uncertainty.calibration import CalibrationMeasures
@@ -51,11 +52,16 @@ def _error_figures(evaluation: Evaluation) -> dict[str, Figure]:
     errors = sample_errors(evaluation.predicted, evaluation.reference)
     moved = displacement_at_load(evaluation.force, evaluation.reference)
     force = evaluation.force[example]
-    return {
+    drawn = {
         "deformed": deformed_meshes(geometry, predicted, reference, force),
         "error_field": error_field(geometry, predicted, reference),
         "errors": error_over_displacement(moved, errors, evaluation.measures),
     }
+    if evaluation.stress is not None:
+        ours, theirs = (evaluation.surrogate.stresses(u) for u in (predicted, reference))
+        stresses = ours["von_mises"], theirs["von_mises"]
+        drawn["von_mises"] = von_mises_beside_reference(geometry, predicted, reference, stresses)
+    return drawn
 
 
 def _uncertainty_figures(

@@ -7,10 +7,10 @@ from typing import Any, Literal, cast
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from shared_schema.common.configuration import Frozen, validate
+from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import NeoHookean
+from shared_schema.material import Materials, materials_of
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model, TrainedModel
@@ -43,9 +43,18 @@ class DataFingerprint(Frozen):
     loads: LoadRange | None = None
 
     @property
-    def material(self) -> NeoHookean:
-        """Material of the body; InputError if the case does not name it."""
-        return validate(NeoHookean, self.case.get("material", {}), "material of the run's case")
+    def load_numbers(self) -> tuple[int, int]:
+        """Smallest and largest number of loaded nodes; of older files, as the case says, else 1."""
+        if self.loads is not None:
+            return max(1, self.loads.fewest), max(1, self.loads.most)
+        load = self.case.get("load")
+        count = load.get("count", (1, 1)) if isinstance(load, Mapping) else (1, 1)
+        return int(count[0]), int(count[1])
+
+    @property
+    def material(self) -> Materials:
+        """Material of the body, or those of its parts; InputError if they are not shipped ones."""
+        return materials_of(self.case.get("material"), "material of the run's case")
 
 
 class Origin(Frozen):

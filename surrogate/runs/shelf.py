@@ -1,7 +1,8 @@
 """Trained networks that come with the package: small run folders, found by their names.
 
 A run folder has the files of `KEPT`: what prediction, export, report and `surrogate list` read. It
-has no checkpoint, metrics or figures.
+has no checkpoint, metrics or figures. A network that would be too large has its large matrices in
+half precision (11 significant bits), as those of the modes of a reduced network of a body in space.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import torch
 
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import InputError
@@ -22,6 +25,7 @@ KEPT = ("config.yaml", "model.safetensors", "evaluation.json", "hardware.txt")
 KEPT_IF_THERE = ("intervals.safetensors", "fast_certificate.safetensors")
 LARGEST = 5_000_000  # bytes of one network
 LARGEST_SHELF = 16_000_000  # bytes of all networks
+LARGE_MATRIX = 100_000  # entries from which on it may be in half precision
 
 
 def shelved() -> list[str]:
@@ -102,6 +106,8 @@ def shelve(run: Path, name: str) -> Path:
         raise InputError(f"{run}: evaluated on another dataset, expected that of its training")
     others = sum(size_of(SHELF / other) for other in shelved() if other != name)
     with _copied(run, SHELF / name) as copy:
+        if size_of(copy) > LARGEST:
+            _halve_large_matrices(RunFolder(copy))
         size = size_of(copy)
         for what, found, limit in (
             (f"{run}", size, LARGEST),
@@ -111,6 +117,14 @@ def shelve(run: Path, name: str) -> Path:
                 found_mb, limit_mb = found / 1e6, limit / 1e6
                 raise InputError(f"{what}: {found_mb:.1f} MB, expected {limit_mb:.0f} at most")
     return SHELF / name
+
+
+def _halve_large_matrices(run: RunFolder) -> None:
+    """Write the large matrices of a run in half precision; networks are loaded in float32."""
+    tensors = run.read_tensors()
+    large = {name for name, value in tensors.items() if value.numel() >= LARGE_MATRIX}
+    halved = {name for name in large if tensors[name].dtype == torch.float32}
+    run.write_tensors({n: value.half() if n in halved else value for n, value in tensors.items()})
 
 
 def copy_run(run: Path, folder: Path) -> Path:

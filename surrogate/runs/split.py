@@ -29,13 +29,14 @@ class TrainingSplit(Generic[AnySamples]):
         Samples for early stopping and recalibration.
     calibration : Samples or SamplesOnDisk
         Samples that only conformal intervals are fitted to.
-    validation_rows, calibration_rows : Tensor of int
-        Row numbers of the validation and calibration samples among all training samples.
+    train_rows, validation_rows, calibration_rows : Tensor of int
+        Row numbers of the three subsets among all training samples.
     """
 
     train: AnySamples
     validation: AnySamples
     calibration: AnySamples
+    train_rows: Tensor
     validation_rows: Tensor
     calibration_rows: Tensor
 
@@ -80,4 +81,4 @@ def split_training(samples: AnySamples, config: Model) -> TrainingSplit[AnySampl
                 f"'training.{key}' expects some"
             )
     parts = [cast(AnySamples, samples.subset(r)) for r in (train, validation, calibration)]
-    return TrainingSplit(parts[0], parts[1], parts[2], validation, calibration)
+    return TrainingSplit(parts[0], parts[1], parts[2], train, validation, calibration)

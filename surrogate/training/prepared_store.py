@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import torch
 from torch import Tensor
 
+from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import Location, SampleStore, store_samples
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
@@ -40,3 +41,10 @@ def prepared_store(
     if isinstance(samples, SamplesOnDisk):
         return PreparedInBatches(store_samples(samples, location, device), network)
     return store_samples(network.prepared(samples), location, device)
+
+
+def prepared_paths(paths: SamplePaths, network: FieldNetwork) -> SamplePaths:
+    """Prepare load paths as their samples: what a network is given is linear in the forces."""
+    found = network.prepared(Samples(paths.force.flatten(0, 1), paths.first.flatten(0, 1)))
+    change = found.force.reshape(*paths.force.shape[:2], *found.force.shape[1:])
+    return SamplePaths(change, found.displacement.reshape(paths.first.shape), paths.second)

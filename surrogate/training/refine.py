@@ -71,14 +71,15 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
         )
     data = surrogate.description.data
     family = random_loads(
-        refinement.family, surrogate.geometry, data.info.force.max_abs, data.loads
+        refinement.family, surrogate.geometry, data.info.force.max_abs, data.load_numbers
     )
     description = described(surrogate, refinement)
     out.require_free(description)
     if out.is_finished:
         raise InputError(f"--out '{out.folder}': refined already, expected a new folder")
-    began, lines = time.perf_counter(), []
-    descent = Descent(surrogate.equilibrium, family, refinement)
+    began = time.perf_counter()
+    lines: list[dict[str, float]] = []
+    descent = Descent(surrogate.balanced(), family, refinement)
     optimiser = config.training.optimiser
     optimisers = make_optimisers(surrogate.network.train(), optimiser)
     progress = Progress(refinement.steps, 0, "steps", f"surrogate refine {config.name}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
 from surrogate.data.mirror import with_mirror_images
+from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import DeviceStore
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
@@ -33,6 +35,7 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.runs.split import TrainingSplit, split_training
 from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
@@ -44,6 +47,8 @@ from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
 from surrogate.training.warm_start import warm_start
 from surrogate.uncertainty.recalibration import recalibrate
+
+OVERFITTED = 2.0  # ratio of validation and training errors from which on more samples help
 
 
 def all_finite(network: torch.nn.Module) -> bool:
@@ -129,7 +134,9 @@ def train(
         else:
             start.apply(network)
         if isinstance(config, TrainedModel):
-            trainer = make_trainer(config, network, split, dataset, device, ranks)
+            ranks.from_first(lambda: require_paths(config, dataset, split.train_rows))
+            paths = paths_of(config, dataset, split.train_rows)
+            trainer = make_trainer(config, network, split, dataset, device, ranks, paths)
             ranks.from_first(lambda: run.start(description))
             _train(trainer, description, dataset, run, stop_after, deadline, tensorboard)
         elif ranks.is_first:
@@ -161,6 +168,15 @@ def going_on(config: TrainedModel, before: int, steps_per_epoch: int) -> str:
     return f"config '{config.name}': going on from epoch {before} to {epochs}; {rate}"
 
 
+def beginning_anew(config: TrainedModel, other: str) -> str:
+    """Say what happens to the learning rate of a training from the weights of another run."""
+    peak = config.training.optimiser.learning_rate
+    return (
+        f"config '{config.name}': starting from the weights of '{other}'; the learning rate begins "
+        f"its schedule anew, with a peak of {peak:g}; a smaller one stays closer to them"
+    )
+
+
 def mirrored(
     train: Samples | SamplesOnDisk, config: TrainedModel, dataset: Dataset
 ) -> Samples | SamplesOnDisk:
@@ -171,6 +187,26 @@ def mirrored(
     if isinstance(train, SamplesOnDisk):
         raise InputError(f"{key} = {list(axes)}: expected none of samples on disk")
     return with_mirror_images(train, dataset.geometry, axes, key)
+
+
+def require_paths(config: TrainedModel, dataset: Dataset, rows: Tensor) -> None:
+    """Compute the load paths of the training samples that are not there; check the memory."""
+    count, key = config.training.load_paths, f"config '{config.name}': key 'training.load_paths'"
+    if count and isinstance(dataset.training, SamplesOnDisk):
+        raise InputError(f"{key} = {count}: expected 0 of samples on disk")
+    if count:
+        images = 2 ** len(config.training.mirrors)
+        require_path_memory(dataset, count, images * len(rows), key)
+        compute_missing(dataset, rows, count)
+
+
+def paths_of(config: TrainedModel, dataset: Dataset, rows: Tensor) -> SamplePaths | None:
+    """Load paths of the training samples and their mirror images; None without them."""
+    training, key = config.training, f"config '{config.name}': key 'training.mirrors'"
+    if not training.load_paths:
+        return None
+    paths = read_paths(dataset, rows, training.load_paths)
+    return paths.with_mirror_images(dataset.geometry, training.mirrors, key)
 
 
 def first_samples(split: TrainingSplit[Samples | SamplesOnDisk], seed: int) -> Samples:
@@ -200,6 +236,7 @@ def make_trainer(
     dataset: Dataset,
     device: torch.device,
     ranks: Ranks = ALONE,
+    paths: SamplePaths | None = None,
 ) -> Trainer:
     """Move a network to the device and make its trainer."""
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
@@ -209,7 +246,7 @@ def make_trainer(
             f"process on cuda, here {ranks.count} on {device.type}; training continues without it",
             file=sys.stderr,
         )
-    return Trainer(config, network, split.train, split.validation, ranks)
+    return Trainer(config, network, split.train, split.validation, ranks, paths)
 
 
 def _train(
@@ -229,6 +266,10 @@ def _train(
         trainer.resume_after(start)
         if description.went_on_from and start == description.went_on_from[-1] and ranks.is_first:
             print(f"surrogate: {going_on(config, start, trainer.steps_per_epoch)}", file=sys.stderr)
+    elif description.start_from is not None and ranks.is_first:
+        said = beginning_anew(config, description.start_from.run)
+        print(f"surrogate: {said}", file=sys.stderr)
+    start_epoch = start
     progress = Progress(
         trainer.steps,
         start * trainer.steps_per_epoch,
@@ -237,6 +278,7 @@ def _train(
         silent=not ranks.is_first,
     )
     epoch, saved = start, time.perf_counter()
+    largest = max(dataset.info.displacement.max_abs)
     last = stop_after or config.training.epochs
     late = False
     with closing(TrainingLog(run, start, tensorboard, silent=not ranks.is_first)) as log:
@@ -253,6 +295,7 @@ def _train(
             measures |= ranks.from_first(trainer.validate)
             epoch += 1
             trainer.finish_epoch(epoch, measures)
+            trainer.note = epoch_note(epoch, measures, largest)
             now = time.perf_counter()
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
@@ -265,7 +308,11 @@ def _train(
                         run.checkpoint, epoch, seconds, trainer.states(), trainer.optimisers
                     )
                 start, saved = epoch, time.perf_counter()
-    progress.close(f"{seconds:.0f} s")
+    progress.close(", ".join(filter(None, (trainer.note, f"{seconds:.0f} s"))))
+    if ranks.is_first and trainer.is_over(epoch) and epoch > start_epoch:
+        advised = advice(trainer, measures)
+        if advised:
+            print(f"surrogate: advice: {advised}", file=sys.stderr)
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
@@ -273,6 +320,47 @@ def _train(
             recalibrate(surrogate, trainer.validation.in_memory())
             tensors |= surrogate.network.state_dict()
         write_model(run, trainer.device, tensors)
+
+
+def epoch_note(epoch: int, measures: Mapping[str, float], largest: float) -> str:
+    """Describe an epoch for the progress line.
+
+    Parameters
+    ----------
+    epoch : int
+    measures : mapping of str to float
+        Its line of measures; errors in m.
+    largest : float
+        Largest displacement component of the training samples in m.
+    """
+    note = f"epoch {epoch}, loss {measures['train_loss']:.3g}"
+    if "validation_error" not in measures:
+        return note
+    error = measures["validation_error"]
+    relative = f" ({error / largest:.2%} of the largest displacement)" if largest > 0 else ""
+    return f"{note}, validation error {error:.2e} m{relative}"
+
+
+def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
+    """Say if the validation samples show that there are too few training samples.
+
+    Parameters
+    ----------
+    trainer : Trainer
+        Trainer of a training that is over.
+    measures : mapping of str to float
+        Measures of the last epoch.
+    """
+    if "validation_error" not in measures:
+        return None
+    error, on_training = measures["validation_error"], trainer.training_error()
+    if not error > OVERFITTED * on_training:
+        return None
+    return (
+        f"the error on validation samples is {error:.2e} m, on training samples "
+        f"{on_training:.2e} m; more than {len(trainer.train)} training samples would help "
+        "(`datagen run CASE --samples K` lets a dataset grow)"
+    )
 
 
 def _finish_fit(

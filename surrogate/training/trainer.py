@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.command_line import Progress
+from surrogate.data.sample_paths import AlongPaths, SamplePaths
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast, convolutions
@@ -32,7 +33,7 @@ from surrogate.training.compilation import compiled
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
 from surrogate.training.gauss_newton import EVERY, GaussNewtonStd
-from surrogate.training.prepared_store import prepared_store
+from surrogate.training.prepared_store import prepared_paths, prepared_store
 from surrogate.training.validation import loss_per_datum, validate
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
@@ -50,6 +51,10 @@ class Trainer:
     train, validation : Samples or SamplesOnDisk
     ranks : Ranks
         Processes that train the network together.
+    note : str
+        Remark of the progress line: loss and validation error of the last epoch.
+    paths : SamplePaths, optional
+        Load paths of the training samples, from which the batches are then drawn.
     """
 
     config: TrainedModel
@@ -57,6 +62,7 @@ class Trainer:
     train: Samples | SamplesOnDisk
     validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
+    paths: SamplePaths | None = None
 
     def __post_init__(self) -> None:
         training, self.device = self.config.training, self.network.displacement_rms.device
@@ -73,6 +79,11 @@ class Trainer:
             prepared_store(samples, self.network, training.samples_on, self.device)
             for samples in (self.train, self.validation)
         )
+        self.note = ""
+        if self.paths is not None:
+            self.train_store = AlongPaths(
+                self.train_store, prepared_paths(self.paths, self.network)
+            )
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
         learned = self.network.learned
@@ -140,7 +151,7 @@ class Trainer:
         total = torch.zeros((), device=self.device)
         for step, samples, whole in self._batches(epoch):
             total = total + self._take(step, samples, whole) * whole
-            progress.update(step + 1)
+            progress.update(step + 1, self.note)
         self.ranks.add_up(total)
         means = [value / len(self.train) for value in total.tolist()]
         rate = self.learning_rate((epoch + 1) * self.steps_per_epoch - 1)
@@ -199,6 +210,11 @@ class Trainer:
     def validate(self) -> dict[str, float]:
         """Return loss and mean absolute error on the validation samples."""
         return validate(self.config, self.model, self.validation_store, len(self.validation))
+
+    def training_error(self) -> float:
+        """Return the mean absolute error in m on as many training samples as for validation."""
+        count = min(len(self.validation), len(self.train))
+        return validate(self.config, self.model, self.train_store, count)["validation_error"]
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
         """Pass the measures of an epoch (counted from 1) to early stopping."""

@@ -173,7 +173,7 @@ def sizes(error: Array) -> dict[str, Array]:
 def fast_estimate(surrogate: Surrogate) -> FastEstimate:
     """Estimate of the errors of a network; InputError if the run does not name its material."""
     return FastEstimate(
-        surrogate.geometry, surrogate.description.data.material, surrogate.equilibrium
+        surrogate.geometry, surrogate.description.data.material, surrogate.balanced()
     )
 
 

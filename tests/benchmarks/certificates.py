@@ -53,6 +53,7 @@ def main() -> None:
     parser.add_argument("run", help="run folder, or a network of the package")
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--samples", type=int, default=LOADS, help="of every kind")
+    parser.add_argument("--unusual", type=int, help="of every kind of unusual load, if fewer")
     parser.add_argument("--figure", type=Path)
     options = parser.parse_args()
     case = surrogate.load(options.run).description.data.case["name"]
@@ -74,13 +75,13 @@ def measure(options: argparse.Namespace) -> Results:
         draw(options.figure, model, force, truth, predicted, found)
     return {
         "case": model.description.data.case["name"],
-        "degrees_of_freedom": int(model.equilibrium.free.sum() * truth.shape[2]),
+        "degrees_of_freedom": int(model.equilibrium.free.sum()),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
         "estimate": compared(model, found, force, predicted, truth),
         "correction": corrected(model, force, predicted, truth),
         "fast": fast(model, dataset, force, truth),
-        "auroc": alarms(model, force, PASSES),
+        "auroc": alarms(model, force[: options.unusual or len(force)], PASSES),
     }
 
 
@@ -153,7 +154,7 @@ def fast(model: surrogate.Surrogate, dataset: Dataset, force: Array, truth: Arra
     }
     if truth.shape[2] == 2:
         data = model.description.data
-        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.loads)
+        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.load_numbers)
         new = family.draw(NEW_LOADS, np.random.default_rng(0))
         u = model.predict(new)
         results["new_loads"] = found.measures(new, u, u - model.certify(new, u).error)

@@ -35,7 +35,7 @@ def main(run: str, count: int, folder: Path) -> None:
     torch.set_num_threads(1)
     model = surrogate.load(run)
     data, geometry = model.description.data, model.geometry
-    family = random_loads("trained", geometry, data.info.force.max_abs, data.loads)
+    family = random_loads("trained", geometry, data.info.force.max_abs, data.load_numbers)
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(count):
         path = file_of(folder, number)

@@ -57,7 +57,7 @@ Events = dict[str, tuple[str, ...]]
 def picked_loads(case: Case, body: Body, samples: int) -> Iterator[LoadCase]:
     """Yield the loads of the comparison, and one more at the start to warm up both methods."""
     for index in range(samples + 1):
-        yield case.load.draw(index * STRIDE, case.dataset.seed, body.loads.loadable)
+        yield case.loads[0].draw(index * STRIDE, case.dataset.seed, body.loads.loadable)
 
 
 def compare(name: str, samples: int) -> Results:

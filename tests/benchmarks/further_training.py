@@ -9,8 +9,8 @@ Errors are those of the test split.
 
     OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m tests.benchmarks.further_training DATASET CONFIG
 
-writes `docs/results/benchmark-further-training-CASE.json` and its page. Networks are kept in the
-folder `--work`, from which a later start resumes.
+writes `docs/results/benchmark-further-training-CASE-KIND.json` and its page. Networks are kept in
+the folder `--work`, from which a later start resumes.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import argparse
 import dataclasses
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from shared_schema.dataset_reader import DatasetReader
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.prediction import Surrogate, load
+from surrogate.models.model import TrainedModel
 from surrogate.runs.configuration import SHIPPED, run_config
 from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder
@@ -62,65 +64,94 @@ def main() -> None:
     parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
     parser.add_argument("--learning-rate", type=float, default=1e-4, help="without solutions")
     parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=1, help="repeats")
     parser.add_argument("--work", type=Path, default=Path("runs/further"))
     case = DatasetReader(parser.parse_args().dataset, "structured").manifest.name
-    run_benchmark(
-        f"further-training-{case}", "further_training", parser, measure, table, program="surrogate"
-    )
+    kind = "-".join(parser.parse_args().config.split("-")[1:-1])
+    name = f"further-training-{case}-{kind}"
+    run_benchmark(name, "further_training", parser, measure, table, program="surrogate")
 
 
 def measure(options: argparse.Namespace) -> Results:
-    """Train all networks, and measure their errors."""
+    """Train all networks, and measure their errors: means over the seeds."""
     dataset = read_dataset(options.dataset)
-    rows = np.random.default_rng(options.seed).permutation(len(dataset.train))
+    solving = solving_seconds(options.dataset)
+    found = [curves_of(options, dataset, seed, solving) for seed in range(options.seeds)]
+    return {
+        "case": dataset.manifest.name,
+        "config": options.config,
+        "seeds": options.seeds,
+        "sample_epochs": options.sample_epochs,
+        "seconds_per_solution": solving,
+        "curves": {
+            method: [
+                mean_of(points) for points in zip(*(one[method] for one in found), strict=True)
+            ]
+            for method in found[0]
+        },
+    }
+
+
+def mean_of(points: Sequence[Results]) -> Results:
+    """Mean of every number over the seeds."""
+    names = [name for name in points[0] if name != "folder"]
+    return {name: float(np.mean([point[name] for point in points])) for name in names}
+
+
+def curves_of(
+    options: argparse.Namespace, dataset: Dataset, seed: int, solving: float
+) -> dict[str, list[Results]]:
+    """Train all networks of one seed."""
+    rows = np.random.default_rng(seed).permutation(len(dataset.train))
     first, pool = rows[: options.samples], rows[options.samples :][: options.among]
     curves: dict[str, list[Results]] = {}
-    start = trained(options, dataset, "start", first)
+    start = trained(options, dataset, seed, "start", first)
     for method in ("random", "chosen"):
         curve, known, left, run = [start], first, pool, start
         for _ in range(ROUNDS):
-            count, random = len(known), np.random.default_rng([options.seed, len(known)])
+            count, random = len(known), np.random.default_rng([seed, len(known)])
             if method == "random":
                 added = random.choice(left, count, replace=False)
             else:
                 added = left[worst(load(run["folder"]), dataset, left, count)]
             known, left = np.concatenate([known, added]), np.setdiff1d(left, added)
-            run = trained(options, dataset, f"{method}-{len(known)}", known)
+            run = trained(options, dataset, seed, f"{method}-{len(known)}", known)
             curve.append(run)
         curves[method] = curve
-    solving = solving_seconds(options.dataset)
-    times = [run["seconds"] + run["samples"] * solving for run in curves["random"]]
-    curves["without solutions"] = [start]
-    step = timed_step(options, start)
-    for run, seconds in zip(curves["random"][1:], times[1:], strict=True):
-        more = refined(options, dataset, start, max(1, round(seconds / step)), run["samples"])
-        curves["without solutions"].append(more)
-    for points in curves.values():
-        for point in points:
-            point.pop("folder", None)
-    return {
-        "case": dataset.manifest.name,
-        "config": options.config,
-        "seed": options.seed,
-        "sample_epochs": options.sample_epochs,
-        "seconds_per_solution": solving,
-        "curves": curves,
-    }
+    if isinstance(load(start["folder"]).description.run, TrainedModel):
+        curves["without solutions"] = unsolved(options, dataset, seed, curves["random"], solving)
+    return curves
 
 
-def trained(options: argparse.Namespace, dataset: Dataset, name: str, rows: Rows) -> Results:
+def unsolved(
+    options: argparse.Namespace,
+    dataset: Dataset,
+    seed: int,
+    random: list[Results],
+    solving: float,
+) -> list[Results]:
+    """Train the first network on without solutions, as long as each larger training took."""
+    start, points = random[0], [random[0]]
+    step = timed_step(seed, start)
+    for run in random[1:]:
+        seconds = run["seconds"] + run["samples"] * solving
+        steps = max(1, round(seconds / step))
+        points.append(refined(options, dataset, seed, start, steps, run["samples"]))
+    return points
+
+
+def trained(
+    options: argparse.Namespace, dataset: Dataset, seed: int, name: str, rows: Rows
+) -> Results:
     """Train a network on some samples, unless that has been done."""
     content, _ = read_named(options.config, SHIPPED, "config")
-    training = {
-        "epochs": max(1, round(options.sample_epochs / len(rows))),
-        "validation_fraction": 0.0,
-        "calibration_fraction": 0.0,
-    }
-    change = {"name": name, "recipe": "custom", "seed": options.seed, "training": training}
+    training: dict[str, float] = {"validation_fraction": 0.0, "calibration_fraction": 0.0}
+    if "epochs" in content["training"]:  # else it is fitted directly
+        training["epochs"] = max(1, round(options.sample_epochs / len(rows)))
+    change = {"name": name, "recipe": "custom", "seed": seed, "training": training}
     config = run_config(merged(content, change), options.config)
     some = dataset.train.subset(torch.from_numpy(np.sort(rows)))
-    folder = options.work / dataset.manifest.name / f"{name}-seed{options.seed}"
+    folder = options.work / options.config / f"{name}-seed{seed}"
     began = time.process_time()
     train(config, dataclasses.replace(dataset, train_in_memory=some), RunFolder(folder), CPU)
     return kept(folder, time.process_time() - began) | {
@@ -149,10 +180,15 @@ def worst(surrogate: Surrogate, dataset: Dataset, rows: Rows, count: int) -> Row
 
 
 def refined(
-    options: argparse.Namespace, dataset: Dataset, start: Results, steps: int, samples: int
+    options: argparse.Namespace,
+    dataset: Dataset,
+    seed: int,
+    start: Results,
+    steps: int,
+    samples: int,
 ) -> Results:
     """Train on without solutions, as long as a training on some samples takes."""
-    folder = start["folder"].with_name(f"refined-{samples}-seed{options.seed}")
+    folder = start["folder"].with_name(f"refined-{samples}-seed{seed}")
     began = time.process_time()
     if not RunFolder(folder).is_finished:
         rate = options.learning_rate
@@ -164,9 +200,9 @@ def refined(
     }
 
 
-def timed_step(options: argparse.Namespace, start: Results) -> float:
+def timed_step(seed: int, start: Results) -> float:
     """Processor time of a step without solutions in s."""
-    folder = start["folder"].with_name(f"timed-seed{options.seed}")
+    folder = start["folder"].with_name(f"timed-seed{seed}")
     if not RunFolder(folder).is_finished:
         refinement = Refinement(family="trained", steps=TIMED_STEPS, learning_rate=1e-6)
         began = time.process_time()
@@ -197,7 +233,7 @@ def table(results: Results) -> str:
     rows = [
         [
             method,
-            str(point.get("samples", "–")),
+            f"{point['samples']:g}" if "samples" in point else "–",
             *(f"{1e3 * point[f'{name}_error']:.3g}" for name in ("mean", "median", "high")),
             f"{point['seconds']:.0f}",
         ]
@@ -208,9 +244,10 @@ def table(results: Results) -> str:
         [
             f"# Further training on `{results['case']}`",
             "",
-            f"Networks of `{results['config']}`, seed {results['seed']}; each training sees "
-            f"{results['sample_epochs']} samples. Training without solutions starts from the "
-            "first network. A solution by `datagen` takes "
+            f"Models of `{results['config']}`, means over {results['seeds']} seeds; a network sees "
+            f"{results['sample_epochs']} samples in its training. Training without solutions "
+            "starts from the first network, and takes as long as that on as many random samples "
+            "and their solution. A solution by `datagen` takes "
             f"{1e3 * results['seconds_per_solution']:.2g} ms.",
             "",
             markdown_table(

@@ -16,6 +16,7 @@ from datagen.cases.case import Case
 from datagen.dolfinx_versions import NewtonSolverNonlinearProblem, functionspace
 from datagen.loads import LoadCase
 from datagen.solver.material import deformation_gradient, strain_energy
+from shared_schema.material import NeoHookean
 
 
 class TutorialProblem(NewtonSolverNonlinearProblem):
@@ -25,11 +26,13 @@ class TutorialProblem(NewtonSolverNonlinearProblem):
         domain = body.mesh.domain
         space = functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,)))
         self.state = dolfinx.fem.Function(space)
-        lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_lambda))
-        mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(case.material.lame_mu))
+        material = case.material
+        assert isinstance(material, NeoHookean)
+        lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_lambda))
+        mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_mu))
         dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": 2})
         gradient = deformation_gradient(self.state)
-        energy = strain_energy(gradient, lam, mu, case.material.volumetric) * dx
+        energy = strain_energy(gradient, lam, mu, material.volumetric) * dx
         residual = ufl.derivative(energy, self.state)
         self._numbering = body.problem.numbering
         clamped = np.flatnonzero(body.clamped[self._numbering.node_of_block]).astype(np.int32)

@@ -23,7 +23,13 @@ from tests.docker.image_files import (
 
 EXTRAS = ("export", "tensorboard")  # of surrogate: features of its commands
 SUITE = "trixie"
-TESTED_WITH = {"pytest", "pytest-timeout", "pytest-xdist", "scikit-fem"}  # no image needs them
+TESTED_WITH = {
+    "jsonschema",
+    "pytest",
+    "pytest-timeout",
+    "pytest-xdist",
+    "scikit-fem",
+}  # no image needs them
 
 
 def requirements() -> dict[str, list[Requirement]]:

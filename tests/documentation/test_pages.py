@@ -10,7 +10,6 @@ import pytest
 from tests.documentation.page import Block, blocks_of
 from tests.end_to_end.commands import ROOT
 
-LONG = {"beam", "your-body", "any-load", "trust", "samples", "datasets", "export", "baselines"}
 ELSEWHERE = (
     "CONTRIBUTING.md",
     "README.md",
@@ -28,15 +27,22 @@ RUN = [
 
 def marks_of(page: Path) -> list[pytest.MarkDecorator]:
     """Pages with many commands are slow, those with mpirun need MPI."""
-    marks = [pytest.mark.slow] if page.stem in LONG else []
+    marks = [pytest.mark.slow] if commands_of(page) > 2 else []
     return [*marks, pytest.mark.mpi] if "mpirun" in page.read_text() else marks
+
+
+def commands_of(page: Path) -> int:
+    """Return the number of lines of shell that are run."""
+    blocks: list[Block] = [example.parsed for example in blocks_of(page)]
+    run = [block for block in blocks if block.language == "sh" and not block.values("not run")]
+    return sum(block.source.count("\n") + len(block.values("prepared")) for block in run)
 
 
 @pytest.mark.parametrize(
     "page",
     [
         pytest.param(page, id=str(page.relative_to(ROOT)), marks=marks_of(page))
-        for page in sorted(RUN, key=lambda page: page.stem not in LONG)
+        for page in sorted(RUN, key=commands_of, reverse=True)
     ],
 )
 def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,14 @@
-"""Pages of the reference that are made from the learner; `tests/datagen` has those of the factory."""
+"""Pages of the reference made from the learner; `tests/datagen` has those of the factory."""
 
 from __future__ import annotations
 
+import shlex
+
+from shared_schema.keys.key_list import Key
 from surrogate.command_line import _parser
 from surrogate.models.training_config import TrainingConfig
 from surrogate.runs.configuration import KINDS
-from website.model_keys import documented, keys_page
+from website.key_tables import keys_page
 from website.reference import commands_of, commands_page, pages_of
 
 
@@ -14,9 +17,22 @@ def test_every_command_and_argument_is_described() -> None:
     for name, command in commands_of(_parser()).items():
         assert f"## surrogate {name}\n" in page
         for action in command._actions:
+            shown = str(action.metavar).replace("|", r"\|")
             assert action.dest == "help" or any(
-                word in page for word in (*action.option_strings, f"`{action.metavar}`")
+                word in page for word in (*action.option_strings, f"`{shown}`")
             )
+
+
+def test_examples_of_the_help_are_commands() -> None:
+    parser = _parser()
+    for command in commands_of(parser).values():
+        lines = (command.epilog or "").splitlines()[1:]
+        examples = [shlex.split(line.partition(" > ")[0]) for line in lines]
+        assert examples
+        for program, *arguments in examples:
+            assert program in ("surrogate", "datagen")
+            if program == "surrogate":
+                parser.parse_args(arguments)
 
 
 def test_every_key_is_described() -> None:
@@ -26,10 +42,11 @@ def test_every_key_is_described() -> None:
     assert all(f"| `{key}` |" in page for key in TrainingConfig.model_fields)
 
 
-def test_types_bounds_and_defaults() -> None:
-    """Those of `SplitConfig.validation_fraction`, and its meaning from the docstring."""
-    page = keys_page("", "", {"training": TrainingConfig})
-    (row,) = (line for line in page.splitlines() if line.startswith("| `validation_fraction`"))
-    meaning = documented(TrainingConfig)["validation_fraction"]
-    assert row == f"| `validation_fraction` | {meaning} *number, ≥ 0, < 1; default `0.0`* |"
-    assert meaning.startswith("Fraction for the loss curve")
+def test_a_row() -> None:
+    """Made up: a key of a section, with a bar, which would end the cell."""
+    key = Key("mesh.size", "kind: a | b", "number > 0", "m", "1", "Its size.")
+    lines = keys_page("Keys", "", [key]).splitlines()
+    assert "## `mesh`" in lines
+    assert lines[-1] == (
+        r"| `size` | Its size.<br>*number > 0 in m; default `1`; only kind: a \| b* |"
+    )

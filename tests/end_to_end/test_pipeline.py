@@ -100,6 +100,24 @@ def test_a_corrected_prediction_is_the_solution(work: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.mpi
+def test_proposed_loads_are_solved_and_learned(work: Path) -> None:
+    """40 loads that the run predicts worst join its 600 samples."""
+    loads = ("--loads", work / "worst.h5")
+    execute(SURROGATE, "propose", work / "run", "--count", "40", "--out", loads[1])
+    execute(DATAGEN, "run", "beam2d", *loads, "--out", work / "worst-nodal")
+    execute(DATAGEN, "check", work / "worst-nodal")
+    execute(DATAGEN, "structure", work / "worst-nodal", "--out", work / "worst")
+    data = ("--data", work / "grid", "--data", work / "worst")
+    execute(SURROGATE, "train", work / "small.yaml", *data, "--out", work / "joined")
+    description = yaml.safe_load((work / "joined" / "config.yaml").read_text())
+    assert description["data"]["info"]["train"] == 570 + 38
+    refined = ("--steps", "3", "--out", work / "refined")
+    execute(SURROGATE, "refine", work / "joined", *refined)
+    execute(SURROGATE, "evaluate", work / "refined", "--data", work / "grid")
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
 def test_loads_outside_the_training_are_warned_of(work: Path) -> None:
     out = ("--out", work / "far.npz")
     far = execute(SURROGATE, "predict", work / "run", "--load", "4,1:0,-5", *out)

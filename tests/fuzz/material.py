@@ -74,6 +74,12 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
             ("plot", "datagen", ("plot", "nodal", "--out", "a.png"), ["nodal"]),
             ("series", "datagen", ("export", "nodal", "--out", "a.xdmf"), ["nodal"]),
             (
+                "stresses",
+                "datagen",
+                ("export", "nodal", "--stresses", "--out", "a.pvd"),
+                ["nodal"],
+            ),
+            (
                 "train",
                 "surrogate",
                 ("train", "config.yaml", "--data", "structured", "--out", "out"),
@@ -92,6 +98,24 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
                 ["run", "structured"],
             ),
             ("predict", "surrogate", ("predict", "run", *LOAD, "--out", "u.npz"), ["run"]),
+            (
+                "propose",
+                "surrogate",
+                ("propose", "run", "--count", "3", "--out", "worst.h5"),
+                ["run"],
+            ),
+            (
+                "given loads",
+                "datagen",
+                ("run", "case.yaml", "--loads", "loads.h5", "--out", "out"),
+                ["case.yaml", "loads.h5"],
+            ),
+            (
+                "refine",
+                "surrogate",
+                ("refine", "run", "--steps", "2", "--out", "out"),
+                ["run"],
+            ),
             (
                 "export",
                 "surrogate",
@@ -116,7 +140,7 @@ class Material:
     Attributes
     ----------
     folder : Path
-        Holds ``nodal``, ``structured``, ``run``, ``case.yaml`` and ``config.yaml``.
+        Holds ``nodal``, ``structured``, ``run``, ``loads.h5``, ``case.yaml``, ``config.yaml``.
     workers : dict
         Worker of each program.
     results : dict
@@ -179,6 +203,7 @@ def make_material(folder: Path, workers: dict[str, Worker]) -> Material:
         ("structure", ["structure", "nodal", "--out", "structured"]),
         ("train", ["train", "config.yaml", "--data", "structured", "--out", "run"]),
         ("evaluate", ["evaluate", "run", "--data", "structured"]),
+        ("propose", ["propose", "run", "--count", "5", "--out", "loads.h5"]),
     ):
         answer = material.execute(name, words, folder, limit=600.0)
         if answer["code"] != 0:

@@ -40,3 +40,20 @@ def test_no_load_cases(tmp_path: Path) -> None:
     write_load_cases(path, LoadCases.of(X, FORCES[:0]), "0" * 64, "triangle")
     with pytest.raises(InputError, match="no load cases in it"):
         read_load_cases(path)
+
+
+def test_damage_is_found_before_hdf5_sees_it(tmp_path: Path) -> None:
+    """Damaged metadata can crash HDF5 itself."""
+    path, random = tmp_path / "loads.h5", np.random.default_rng(0)
+    write_load_cases(path, LoadCases.of(X, FORCES), "0" * 64, "triangle")
+    content = path.read_bytes()
+    for _ in range(50):
+        damaged = bytearray(content)
+        damaged[random.integers(len(content))] ^= 1 << random.integers(8)
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match="its checksum does not match"):
+            read_load_cases(path)
+    for length in (0, 30, len(content) // 2, len(content) - 1):
+        path.write_bytes(content[:length])
+        with pytest.raises(InputError, match="its checksum does not match"):
+            read_load_cases(path)

@@ -345,7 +345,7 @@ def test_report_refusals(
         assert_refused(["report", *arguments], part, out, capsys)
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run", "--out", "a"]])
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run"]])
 def test_wrong_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(arguments)
@@ -372,7 +372,7 @@ def test_failed_work_exits_with_one(
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        ({"network": {"levels": 6, "channels": 2048}}, "keys 'network', 'ensemble', "),
+        ({"network": {"levels": 4, "channels": 2048}}, "keys 'network', 'ensemble', "),
         ({"network": {"levels": 2, "channels": 2048}, "ensemble": 100}, "keys 'network', 'ensemb"),
         (
             {"model": "pod", "pod": {"regression": "gp"}, "likelihood": "maximum_likelihood"},

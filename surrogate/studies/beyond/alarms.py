@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import roc_auc_score
 
+from shared_schema.material import NeoHookean
 from surrogate.data.random_loads import RandomLoads
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.certificate import Certificate, certify
@@ -94,7 +95,7 @@ def unusual_loads(surrogate: Surrogate, force: Array, seed: int = 0) -> dict[str
     """
     geometry, data = surrogate.geometry, surrogate.description.data
     limit, random = np.array(data.info.force.max_abs), np.random.default_rng(seed)
-    most = 1 if data.loads is None else data.loads.most
+    _, most = data.load_numbers
     free = np.flatnonzero(~geometry.clamped)
     trained = np.flatnonzero(geometry.loadable)
     never = np.setdiff1d(free, trained)
@@ -138,8 +139,9 @@ def alarms(
         kind: judge(surrogate, loads, passes)
         for kind, loads in unusual_loads(surrogate, force).items()
     }
-    softer = surrogate.description.data.material
-    softer = softer.model_copy(update={"young_modulus": SOFTER * softer.young_modulus})
+    material = surrogate.description.data.material
+    assert isinstance(material, NeoHookean)
+    softer = material.model_copy(update={"young_modulus": SOFTER * material.young_modulus})
     found[MATERIAL] = judge(surrogate, force, passes, Equilibrium(surrogate.geometry, softer))
     return {
         kind: {

@@ -36,7 +36,14 @@ from surrogate.studies.framework.timing import median_seconds
 from surrogate.uncertainty.fast_certificate import fit_fast_certificate
 
 Array = NDArray[np.float64]
-PREDICTED = ("mechanics", "reduced", "mechanics-mle", "mechanics-vb", "mechanics-ensemble")
+PREDICTED = (
+    "mechanics",
+    "reduced",
+    "mechanics-mle",
+    "mechanics-vb",
+    "mechanics-ensemble",
+    "modal-gp",
+)
 SINGLE = ("forces", "forces-mle", "forces-vb", "forces-ensemble", "reduced")  # on single loads
 STEMS = tuple(stem_of(case) for case in BODIES)
 SOLVED = {2: 100, 3: 12}  # loads that are brought to equilibrium from every start

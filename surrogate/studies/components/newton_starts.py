@@ -55,8 +55,8 @@ def newton_starts(equilibrium: Equilibrium, force: Array, predicted: Array) -> d
             done[name].append((iterations, time.process_time() - began))
     efforts = {}
     for name, found in done.items():
-        iterations, seconds = np.array(found, dtype=float).reshape(-1, 2).T
-        efforts[name] = Effort(iterations, seconds, len(force) - len(found))
+        columns = np.array(found, dtype=np.float64).reshape(-1, 2).T
+        efforts[name] = Effort(columns[0], columns[1], len(force) - len(found))
     return efforts
 
 

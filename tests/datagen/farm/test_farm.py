@@ -282,7 +282,7 @@ def test_killed_between_stiffness_and_manifest(
 
 
 def test_another_case_is_refused(case: Case, serial: Path) -> None:
-    stiffer = case.material.model_copy(update={"young_modulus": 600.0})
+    stiffer = case.materials[0].model_copy(update={"young_modulus": 600.0})
     with pytest.raises(InputError, match=r"material.young_modulus = 600.0, the folder has 500.0"):
         run(case.model_copy(update={"material": stiffer}), serial, MPI.COMM_SELF)
     assert check_dataset(serial) == []
@@ -301,7 +301,7 @@ def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
 
 def test_wrong_input_writes_nothing(case: Case, tmp_path: Path) -> None:
     """An error that only the mesh shows is found before the folder is made."""
-    everywhere = case.load.model_copy(update={"region": Region(y=1.0)})
+    everywhere = case.loads[0].model_copy(update={"region": Region(y=1.0)})
     with pytest.raises(InputError, match="clamped node at 0,1"):
         run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", MPI.COMM_SELF)
     assert list(tmp_path.iterdir()) == []

@@ -360,7 +360,7 @@ def test_another_case_is_refused_even_if_the_journal_does_not_say_which(
             path.unlink()
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     other = case.model_copy(
-        update={"material": case.material.model_copy(update={"young_modulus": 600.0})}
+        update={"material": case.materials[0].model_copy(update={"young_modulus": 600.0})}
     )
     with pytest.raises(InputError, match=f"{kept} is made from another case"):
         run(other, folder, MPI.COMM_SELF)

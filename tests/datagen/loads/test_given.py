@@ -11,6 +11,7 @@ from mpi4py import MPI
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
+from datagen.loads.given import GivenLoads
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
@@ -39,7 +40,8 @@ def test_loads_of_a_file_are_solved(file: Path, beam: Body, tmp_path: Path) -> N
     assert check_dataset(tmp_path / "nodal") == []
     shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")
     for number in range(2):
-        nodes, forces = case.load.cases.load(number)  # type: ignore[attr-defined]
+        assert isinstance(case.load, GivenLoads)
+        nodes, forces = case.load.cases.load(number)
         order = np.argsort(nodes)
         kept = shard["samples/loaded_nodes"][number] >= 0
         np.testing.assert_array_equal(shard["samples/loaded_nodes"][number][kept], nodes[order])
@@ -62,7 +64,7 @@ def test_dataset_knows_the_file_by_its_checksum(file: Path, tmp_path: Path) -> N
 
 
 def test_wrong_files(file: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such shard"):
+    with pytest.raises(InputError, match="no such file of load cases"):
         read_case("beam2d", loads=tmp_path / "none.h5")
     damaged = tmp_path / "damaged.h5"
     damaged.write_bytes(file.read_bytes()[:-300])

@@ -58,7 +58,7 @@ def test_force_components_are_uniform() -> None:
     ("change", "said"),
     [
         ({"family": "wind"}, "load family 'wind'"),
-        ({"family": "missing.py:Wind"}, "own families are read with a case file only"),
+        ({"family": "missing.py:Wind"}, "own classes are read with a case file only"),
         ({"family": "datagen.mesh.regions:Region"}, "expected one of random_node"),
         ({"family_sha256": "0" * 64}, "load family 'random_node' is no file"),
         ({"family": 3}, "expected 'family'"),

@@ -222,7 +222,7 @@ def test_a_dataset_is_read_without_its_family(elsewhere: Path) -> None:
 
 def test_shipped_families_are_what_a_load_case_may_be() -> None:
     """Every sample passes the same check, to the last bit what the family draws."""
-    loads = DrawnLoads(read_case("beam2d").load, 7, place({"y": 1.0, "x": "> 0"}))
+    loads = DrawnLoads(read_case("beam2d").loads[0], 7, place({"y": 1.0, "x": "> 0"}))
     loads.check()
     for number in range(20):
         drawn = loads.family.draw(number, 7, loads.loadable)

@@ -146,7 +146,7 @@ def test_a_patch_under_uniform_tension(cell_type: str, tmp_path: Path) -> None:
 def test_reactions_balance_the_load(cell_type: str, tmp_path: Path) -> None:
     case = read_case(write_case(tmp_path, SCRIPTS[cell_type]))
     body = body_of(case)
-    load = case.load.draw(3, 1, body.loads.loadable)
+    load = case.loads[0].draw(3, 1, body.loads.loadable)
     report = solve_load_case(body.problem, load.nodes, load.forces, case.solver)
     assert report.solved
     reactions = body.problem.reactions()
@@ -162,7 +162,7 @@ def test_finer_triangles_come_near_the_quadrilaterals(tmp_path: Path) -> None:
         load = {"family": "traction", "region": {"group": "right"}, "range": [-1, 1]}
         case = read_case(write_case(tmp_path, script, load=load))
         body = body_of(case)
-        sides = case.load.draw(0, 0, body.loads.loadable)
+        sides = case.loads[0].draw(0, 0, body.loads.loadable)
         down = np.outer(np.abs(sides.forces[:, 1]) / np.abs(sides.forces[:, 1]).sum(), [0.0, -10.0])
         assert solve_load_case(body.problem, sides.nodes, down, case.solver).solved
         corner = np.linalg.norm(body.mesh.coordinates - [2, 0], axis=1).argmin()

@@ -212,7 +212,7 @@ def test_failure_leaves_the_old_series(
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     original = module._fields
 
-    def fields(sample: Sample) -> dict[str, np.ndarray]:
+    def fields(sample: Sample) -> module.Fields:
         if sample.number == 8:
             raise kind("no space left")
         return original(sample)

@@ -32,7 +32,7 @@ def test_multigrid_and_lu_find_the_same_equilibria() -> None:
         case, beam = body(name)
         found = []
         for number in range(8):
-            load = case.load.draw(number * 7, 0, beam.loads.loadable)
+            load = case.loads[0].draw(number * 7, 0, beam.loads.loadable)
             report = solve_load_case(beam.problem, load.nodes, load.forces, case.solver)
             assert report.solved
             assert report.residual_norm < 1e-8
@@ -68,7 +68,7 @@ def test_where_the_tangent_is_not_positive_definite(
 def test_a_solve_does_not_depend_on_those_before_it() -> None:
     """The same sample, solved first and after others, is equal to the last bit."""
     case, beam = body("multigrid")
-    loads = [case.load.draw(n, 0, beam.loads.loadable) for n in (3, 20, 40, 3)]
+    loads = [case.loads[0].draw(n, 0, beam.loads.loadable) for n in (3, 20, 40, 3)]
     found = []
     for load in loads:
         solve_load_case(beam.problem, load.nodes, load.forces, case.solver)

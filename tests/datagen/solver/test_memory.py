@@ -38,7 +38,7 @@ def resident() -> int:
 
 def solve(case: Case, body: Body, numbers: Iterable[int]) -> None:
     for number in numbers:
-        load = case.load.draw(number, case.dataset.seed, body.loads.loadable)
+        load = case.loads[0].draw(number, case.dataset.seed, body.loads.loadable)
         assert solve_load_case(body.problem, load.nodes, load.forces, case.solver).solved
 
 

@@ -116,6 +116,7 @@ def assert_same_displacements(
     assert solve_load_case(body.problem, np.array([node]), np.array([force]), solver).solved
     ours = body.problem.displacement()
     assert np.linalg.norm(ours[node]) == pytest.approx(largest, rel=0.01)
+    assert isinstance(case.material, NeoHookean)
     theirs = by_scikit_fem(body.mesh, body.clamped, case.material, node, np.asarray(force))
     assert np.abs(ours - theirs).max() < 1e-8
 

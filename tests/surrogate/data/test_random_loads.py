@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.data.load_range import LoadRange
 from surrogate.data.random_loads import RandomLoads, random_loads
+from surrogate.inference.prediction import load
 from tests.surrogate.mechanics.bodies import box
 
 LIMIT = (2.0, 3.0)
-TRAINED = LoadRange(fewest=1, most=4, resultant=(4.0, 6.0))
+TRAINED = 1, 4
 
 
 def family(text: str) -> RandomLoads:
@@ -42,7 +42,7 @@ def test_places() -> None:
     """In space the surface leaves out the inner nodes: 3 of the 36 free ones of 5 × 3 × 3."""
     body = box("hexahedron")
     everywhere, surface = (
-        random_loads(f"places={where}", body, (1.0, 1.0, 1.0), None)
+        random_loads(f"places={where}", body, (1.0, 1.0, 1.0), (1, 1))
         for where in ("free", "surface")
     )
     assert len(everywhere.nodes) == 36
@@ -75,3 +75,10 @@ def test_wrong_families(text: str, part: str) -> None:
         family(text)
     assert part in str(error.value)
     assert str(error.value).startswith(f"--family '{text}': ")
+
+
+def test_numbers_of_loads_of_older_runs() -> None:
+    """Those of the case, as the run folder does not have those of the training."""
+    data = load("beam2d_any").description.data
+    assert data.loads is None
+    assert data.load_numbers == (1, 4)

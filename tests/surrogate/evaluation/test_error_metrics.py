@@ -65,12 +65,15 @@ def test_measure() -> None:
     # relative errors at the tip: 0.1, 0.01, 1 / 13
     assert found.relative_tip_error_median == pytest.approx(1 / 13)
     assert found.relative_tip_error_mean == pytest.approx((0.1 + 0.01 + 1 / 13) / 3)
+    # largest displacements 5, 10, 13; largest nodal errors 0.5, 0.2, 1
+    assert found.relative_error_mean == pytest.approx((0.175 / 5 + 0.075 / 10 + 0.35 / 13) / 3)
+    assert found.relative_node_error_median == pytest.approx(1 / 13)
     # Line of e over x = 5, 10, 13 (mean 28/3): Σ(x - x̄)² = 98/3,
     # Σ(x - x̄)(e - ē) = 5·(-0.025) + 10·(-0.125) + 13·0.15 = 0.575
     assert found.slope == pytest.approx(0.575 * 3 / 98)
     assert found.intercept == pytest.approx(0.2 - 0.575 * 3 / 98 * 28 / 3)
     assert found.plain()["mean_error"] == found.mean_error
-    assert len(found.plain()) == 8
+    assert len(found.plain()) == 10
 
 
 def test_one_sample_has_no_deviation() -> None:

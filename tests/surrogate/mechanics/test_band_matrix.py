@@ -17,7 +17,7 @@ def test_assembled_and_solved(cell_type: str) -> None:
     """Random positive cell matrices, added into a dense matrix cell by cell."""
     geometry = box(cell_type)
     d, rng = geometry.dimension, np.random.default_rng(0)
-    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
     roots = rng.normal(size=(2, *2 * (len(geometry.cells),), 1))[:, :, 0]
     width = geometry.cells.shape[1] * d
     roots = rng.normal(size=(2, len(geometry.cells), width, width))
@@ -48,7 +48,7 @@ def test_indefinite_matrix() -> None:
 def test_width_of_a_beam() -> None:
     """Numbered across the beam, node (i, j) has its farthest neighbour at (i + 1, j + 1)."""
     geometry = box("quad")
-    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
     assert layout.width <= (4 + 1) * 2 + 1
 
 
@@ -56,4 +56,4 @@ def test_body_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(band_matrix, "MOST", 100)
     geometry = box("quad")
     with pytest.raises(InputError, match="48 degrees of freedom in a band of"):
-        BandLayout(geometry.coordinates, geometry.cells, geometry.clamped)
+        BandLayout(geometry.coordinates, geometry.cells, geometry.held)

@@ -26,8 +26,8 @@ def page(evaluated: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 def test_page_is_self_contained(page: str, evaluated: Path) -> None:
     sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", page)
-    assert len(sources) == 4
-    names = ("deformed", "error_field", "errors", "loss")
+    assert len(sources) == 5
+    names = ("deformed", "error_field", "errors", "von_mises", "loss")
     for source, name in zip(sources, names, strict=True):
         prefix, _, text = source.partition(",")
         assert prefix == "data:image/png;base64"
@@ -48,6 +48,28 @@ def test_page_holds_our_numbers_and_the_papers(page: str, evaluated: Path) -> No
     assert rows["standard deviation σ(e) [10⁻³ m]"] == [f"{test['std_error'] * 1e3:.3f}", "0.2"]
     assert rows["trainable parameters"][1] == "7.5 M"
     assert rows["test samples M"] == ["12", "–"]
+
+
+def test_own_case_has_no_column_of_the_paper(evaluated: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(evaluated, run)
+    (run / "manifest.json").unlink()
+    content = (run / "config.yaml").read_text().replace("beam2d", "bracket")
+    (run / "config.yaml").write_text(content)
+    write_report(run, None, tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    table = page.partition("<tbody>")[2].partition("</tbody>")[0]
+    assert table.count("<tr>") * 2 == table.count("<td>")
+    assert "–</td>" not in table
+    assert "paper" not in page.lower().partition("<pre>")[0]
+
+
+def test_relative_errors_are_those_of_the_evaluation(page: str, evaluated: Path) -> None:
+    test = json.loads((evaluated / "evaluation.json").read_text())["test"]
+    said = f"<td>{test['relative_error_mean']:.2%}</td><td>–</td>"
+    assert f"<td>mean error of a sample, of its largest displacement</td>{said}" in page
+    in_text = f"mm, {test['relative_error_mean'] * 100:.2f} % of the largest displacement."
+    assert in_text in " ".join(page.split())
 
 
 def test_page_says_how_it_was_made(page: str) -> None:

@@ -7,4 +7,10 @@ from pathlib import Path
 
 def test_figures_of_a_deterministic_network(evaluated: Path) -> None:
     names = sorted(path.name for path in (evaluated / "figures").iterdir())
-    assert names == ["deformed.png", "error_field.png", "errors.png", "loss.png"]
+    assert names == [
+        "deformed.png",
+        "error_field.png",
+        "errors.png",
+        "loss.png",
+        "von_mises.png",
+    ]

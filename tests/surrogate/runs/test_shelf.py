@@ -170,6 +170,21 @@ def test_shelve_keeps_what_prediction_needs(
     np.testing.assert_array_equal(surrogate.load("small").predict(force), expected)
 
 
+def test_large_matrices_in_half_precision(
+    evaluated: Path, empty: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only where the network is too large; predictions change by rounding, 2⁻¹¹ of each weight."""
+    size = size_of(shelve(evaluated, "small"))
+    monkeypatch.setattr(shelf, "LARGE_MATRIX", 500)
+    assert size_of(shelve(evaluated, "small")) == size
+    monkeypatch.setattr(shelf, "LARGEST", size - 1)
+    assert size_of(shelve(evaluated, "small")) < 0.9 * size
+    force = np.zeros((32, 2))
+    force[31] = 1.0
+    expected, found = (surrogate.load(run).predict(force) for run in (evaluated, "small"))
+    assert 0 < np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
+
+
 def test_shelving_again_replaces(evaluated: Path, empty: Path) -> None:
     shelve(evaluated, "small")
     (empty / "small" / "old").touch()

@@ -25,7 +25,7 @@ def test_gradient_of_the_potential_energy(trained: Path) -> None:
     """Along K(0)⁻¹ r, Π grows by r · K(0)⁻¹ r: a central difference of Π itself."""
     surrogate = load(trained)
     data, equilibrium = surrogate.description.data, surrogate.equilibrium
-    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.loads)
+    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
     forces = family.draw(3, np.random.default_rng(0))
     u = equilibrium.linear_response(0.9 * forces)
     slope, sizes = Descent(equilibrium, family, REFINEMENT).direction(u, forces)
@@ -41,7 +41,7 @@ def test_gradient_of_the_potential_energy(trained: Path) -> None:
 def test_inverted_load_cases_are_left_out(trained: Path) -> None:
     surrogate = load(trained)
     data = surrogate.description.data
-    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.loads)
+    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
     forces = family.draw(2, np.random.default_rng(0))
     u = np.zeros_like(forces)
     u[0, -1, 0] = -9.0
@@ -59,7 +59,7 @@ def test_refined_run_is_nearer_to_equilibrium(trained: Path, tmp_path: Path) -> 
     assert after.description.run == before.description.run
     assert [line["epoch"] for line in out.metric_lines()] == [1]
     data = before.description.data
-    family = random_loads("trained", before.geometry, data.info.force.max_abs, data.loads)
+    family = random_loads("trained", before.geometry, data.info.force.max_abs, data.load_numbers)
     forces = family.draw(50, np.random.default_rng(9))
 
     def error(model: object) -> float:

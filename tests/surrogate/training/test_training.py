@@ -312,6 +312,43 @@ def test_gradient_clip_bounds_the_gradient(
     assert max(norms) <= 1e-3 * (1 + 1e-5)
 
 
+def test_progress_says_loss_and_validation_error(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last line of measures, and its error over the largest component of the training split."""
+    run = RunFolder(tmp_path / "run")
+    train(make_config(), dataset, run, torch.device("cpu"))
+    last, largest = run.metric_lines()[-1], max(dataset.info.displacement.max_abs)
+    said = capsys.readouterr().err
+    assert f"epoch 6, loss {last['train_loss']:.3g}, validation error" in said
+    relative = last["validation_error"] / largest
+    assert f"{last['validation_error']:.2e} m ({relative:.2%} of the largest disp" in said
+
+
+def test_advice_when_samples_are_too_few(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Four samples are learnt by heart; of validation samples the network then knows little."""
+    config = make_config(epochs=400, samples=5, validation_fraction=0.2)
+    train(config, dataset, RunFolder(tmp_path / "few"), torch.device("cpu"))
+    advised = [line for line in capsys.readouterr().err.splitlines() if "advice" in line]
+    assert len(advised) == 1
+    assert "more than 4 training samples would help" in advised[0]
+
+
+def test_network_too_deep_for_its_grid(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """8 x 4 points and a row of zeros around: 6 rows can be halved twice."""
+    config = make_config()
+    deeper = config.model_copy(update={"network": config.network.model_copy(update={"levels": 4})})
+    with pytest.raises(
+        InputError, match=r"'network.levels' = 4: expected 3 at most, .* 8 x 4 grid"
+    ):
+        train(deeper, dataset, RunFolder(tmp_path / "run"), torch.device("cpu"))
+    assert not (tmp_path / "run").exists()
+
+
 def test_streams_of_one_seed_differ() -> None:
     """Every purpose has its own stream: weights, validation split, order, noise, passes."""
     counted = [(7, kind, number) for kind in (2, 3, 4) for number in range(100)]

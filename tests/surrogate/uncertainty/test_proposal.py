@@ -25,7 +25,7 @@ def test_farthest_points() -> None:
 def test_proposed_loads_are_predicted_worse(trained: Path) -> None:
     surrogate = load(trained)
     data = surrogate.description.data
-    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.loads)
+    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
     found = propose(surrogate, family, 10, 200, seed=3)
     assert np.median(found.errors) > 1.5 * found.median
     estimated = fast_estimate(surrogate)(found.forces, surrogate.predict(found.forces))

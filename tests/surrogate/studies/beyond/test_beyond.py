@@ -19,7 +19,7 @@ from surrogate.studies.framework.study_record import Claim
 from surrogate.studies.reproduction import find_report, find_studies, reproduce
 
 
-@pytest.mark.parametrize("name", ["smoke", "laptop"])
+@pytest.mark.parametrize("name", ["smoke", "laptop", "day"])
 def test_runs_of_the_shipped_scales(name: str) -> None:
     """Every run has a configuration and a kind, and is needed by a study."""
     scale = read_scale(name, BEYOND.scales)
@@ -30,9 +30,9 @@ def test_runs_of_the_shipped_scales(name: str) -> None:
         assert kind_of(run) in KINDS.values()
 
 
-def test_series_of_the_laptop() -> None:
+def test_series_of_a_day() -> None:
     """250 to 8000 samples in the plane, 250 to 4000 in space, with as many steps each."""
-    scale = read_scale("laptop", BEYOND.scales)
+    scale = read_scale("day", BEYOND.scales)
     assert scale.config_of("beam2d_any-forces-n250").training.samples == 250
     steps = []
     for count in (250, 8000):
@@ -45,7 +45,7 @@ def test_series_of_the_laptop() -> None:
 
 
 def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
-    scale = read_scale("laptop", BEYOND.scales)
+    scale = read_scale("day", BEYOND.scales)
     for case in ("beam2d_any", "lshape2d_any", "beam3d_any"):
         forces, mechanics = (
             scale.unet_of(f"{case}-{kind}").plain() for kind in ("forces", "mechanics")

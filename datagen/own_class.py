@@ -1,4 +1,6 @@
-"""A user's own load family: a class in a Python file, named ``FILE.py:ClassName`` by a case file.
+"""A user's own class in a Python file, named ``FILE.py:ClassName`` by a case file.
+
+Such classes are load families and materials.
 
 The file is code and runs with the user's rights. It is imported only when a case file is read,
 never when a dataset is.
@@ -41,7 +43,7 @@ def import_class(path: Path, class_name: str) -> tuple[Any, str]:
     except OSError as error:
         raise ValueError(f"{path} cannot be read ({error.strerror})") from None
     digest = hashlib.sha256(content).hexdigest()
-    module = ModuleType(f"own_load_family_{digest[:16]}")
+    module = ModuleType(f"own_class_{digest[:16]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # type hints of a class are looked up there
     try:
@@ -61,3 +63,53 @@ def described(error: BaseException, path: Path | None = None) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if path and frame.filename == str(path)]
     return f"{text} (line {lines[-1]})" if lines else text
+
+
+def source_of(thing: Any) -> Path | None:
+    """File of the class of an object, if it has one."""
+    file = getattr(sys.modules.get(type(thing).__module__), "__file__", None)
+    return Path(file) if file else None
+
+
+def import_named(
+    what: str, name: str, shipped: tuple[str, ...], base: type[Any], folder: Path | None
+) -> tuple[type[Any], str]:
+    """Import ``FILE.py:ClassName`` relative to a folder.
+
+    Parameters
+    ----------
+    what : str
+        Kind of class, for the error message.
+    name : str
+    shipped : tuple of str
+        Names that need no file, for the error message.
+    base : type
+        Class that it must be derived from.
+    folder : Path, optional
+        Folder of the case file; without one nothing is imported.
+
+    Returns
+    -------
+    type
+    str
+        SHA-256 of the file.
+
+    Raises
+    ------
+    ValueError
+        If it is no such class, or its file cannot be imported.
+    """
+    file, _, class_name = name.rpartition(":")
+    if not (file.endswith(".py") and class_name.isidentifier()):
+        raise ValueError(
+            f"{what} '{name}': expected one of {', '.join(shipped)} or FILE.py:ClassName"
+        )
+    if folder is None:
+        raise ValueError(f"{what} '{name}': own classes are read with a case file only")
+    try:
+        found, digest = import_class(folder / file, class_name)
+    except ValueError as error:
+        raise ValueError(f"{what} '{name}': {error}") from None
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise ValueError(f"{what} '{name}': expected a subclass of {base.__name__}")
+    return found, digest

@@ -1,0 +1,167 @@
+"""The load cases of a dataset: those of one family, or of several that act at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datagen.loads.drawn_load import DrawnLoads
+from datagen.loads.family import LoadableNodes, LoadFamily
+from datagen.quantities import LARGEST_SEED
+from shared_schema.bodies.facet_quadrature import pressure_forces
+from shared_schema.common.errors import InputError
+from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Load:
+    """All that acts on the body in one load case.
+
+    Attributes
+    ----------
+    nodes : array of int, (n_loads,)
+        Nodes under dead forces, each once.
+    forces : array, (n_loads, d)
+        Dead force at each of them in N; zero in components that are held or moved.
+    pressures : array, (n_surfaces,)
+        Pressure on each surface in Pa.
+    displacement : array, (n_nodes, d), or None
+        Prescribed displacements in m; 0 where none is prescribed.
+    """
+
+    nodes: NDArray[np.int64]
+    forces: Array
+    pressures: Array
+    displacement: Array | None = None
+
+    @property
+    def is_dead(self) -> bool:
+        """True if the load consists of dead forces only."""
+        return self.displacement is None and not self.pressures.any()
+
+
+@dataclass(frozen=True)
+class LoadsTogether:
+    """The load cases of a dataset by their sample number.
+
+    Attributes
+    ----------
+    parts : tuple of DrawnLoads
+        One a family. The first draws with the dataset's seed, the others with seeds of their own.
+    held : array of bool, (n_nodes, d)
+        Components that supports hold.
+    """
+
+    parts: tuple[DrawnLoads, ...]
+    held: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        families: Sequence[LoadFamily],
+        seed: int,
+        nodes: Sequence[LoadableNodes],
+        held: NDArray[np.bool_],
+    ) -> LoadsTogether:
+        """Pair the families with their nodes."""
+        pairs = enumerate(zip(families, nodes, strict=True))
+        return cls(tuple(DrawnLoads(f, _seed(seed, i), n) for i, (f, n) in pairs), held)
+
+    @property
+    def loadable(self) -> LoadableNodes:
+        """Nodes of the first family."""
+        return self.parts[0].loadable
+
+    @cached_property
+    def surfaces(self) -> tuple[NDArray[np.int64], ...]:
+        """Facets of every surface under pressure, (n_facets, n_corners) each."""
+        return tuple(part.loadable.facets for part in self.parts if part.family.presses)
+
+    @cached_property
+    def moved(self) -> NDArray[np.bool_]:
+        """Components whose displacement is prescribed by a load, (n_nodes, d)."""
+        moved = np.zeros_like(self.held)
+        for part in self.parts:
+            moved[part.loadable.nodes] |= part.family.moves(part.loadable.dimension)
+        return moved & ~self.held
+
+    @cached_property
+    def most(self) -> int:
+        """Largest number of loaded nodes of a sample; InputError if a family says none."""
+        return min(sum(part.most for part in self.parts), len(self.held))
+
+    def check(self) -> None:
+        """Raise InputError unless every family fits the mesh, and no two move the same node."""
+        for part in self.parts:
+            part.check()
+        movers = [part for part in self.parts if any(part.family.moves(self.held.shape[1]))]
+        nodes = np.concatenate([np.empty(0, dtype=int), *(part.loadable.nodes for part in movers)])
+        if len(np.unique(nodes)) != len(nodes):
+            raise InputError("key 'load': two families prescribe the displacement of one node")
+
+    def __getitem__(self, number: int) -> Load:
+        """Draw the load of one sample; InputError as `DrawnLoads` raises it."""
+        drawn = [part[number] for part in self.parts]
+        nodes, forces = drawn[0].nodes, drawn[0].forces
+        if len(drawn) > 1:
+            nodes, forces = sum_per_node(
+                np.concatenate([each.nodes for each in drawn]),
+                np.concatenate([each.forces for each in drawn]),
+            )
+        fixed = self.held | self.moved
+        if fixed[nodes].any():
+            forces = np.where(fixed[nodes], 0.0, forces)
+            loaded = forces.any(axis=1)
+            nodes, forces = nodes[loaded], forces[loaded]
+        pressures = np.array([each.pressure for each in drawn if each.pressure is not None])
+        displacement = None
+        if self.moved.any():
+            displacement = np.zeros(self.held.shape)
+            for part, each in zip(self.parts, drawn, strict=True):
+                if each.displacement is not None:
+                    displacement[part.loadable.nodes] = each.displacement
+            displacement[~self.moved] = 0.0
+        return Load(nodes, forces, pressures, displacement)
+
+    def recorded(self, load: Load, reactions: Array) -> tuple[NDArray[np.int64], Array]:
+        """Nodal forces that stand for a load in a dataset.
+
+        They are the dead forces, the forces of the pressures on the undeformed body, and the
+        reactions where displacements are prescribed. None acts on a held component.
+
+        Parameters
+        ----------
+        load : Load
+        reactions : array, (n_nodes, d)
+            Reactions of the equilibrium in N.
+
+        Returns
+        -------
+        nodes : array of int, (n_loads,)
+        forces : array, (n_loads, d)
+            In N.
+        """
+        if load.is_dead:
+            return load.nodes, load.forces
+        coordinates = self.loadable.coordinates
+        total = scatter_forces(load.nodes, load.forces, len(coordinates))
+        for facets, pressure in zip(self.surfaces, load.pressures, strict=True):
+            total += pressure_forces(coordinates, facets, pressure)
+        total += np.where(self.moved, reactions, 0.0)
+        total[self.held] = 0.0
+        nodes = np.flatnonzero(total.any(axis=1))
+        return nodes, total[nodes]
+
+
+def _seed(seed: int, part: int) -> int:
+    """Seed of the family at a position; the first has the dataset's."""
+    if part == 0:
+        return seed
+    state = np.random.SeedSequence([seed, part]).generate_state(1, np.uint64)[0]
+    return int(state) & LARGEST_SEED

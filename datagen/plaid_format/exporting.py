@@ -1,0 +1,152 @@
+"""Write a nodal dataset in the PLAID format, with training and test split.
+
+The arrays go through files: pyplaid needs newer packages than Debian's dolfinx, so that its writer
+(`write_plaid`) may run in an environment of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from datagen.cases.dataset_settings import DatasetSettings
+from datagen.plaid_format.interpreter import require_interpreter, run_script
+from datagen.structure.reindexing import nodal_forces_of, split_of
+from shared_schema.common.configuration import validate
+from shared_schema.common.errors import InputError
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import Manifest
+
+ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
+    "triangle": "TRI_3",
+    "quad": "QUAD_4",
+    "tetra": "TETRA_4",
+    "hexahedron": "HEXA_8",
+}
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
+BACKENDS = ("hf_datasets", "cgns", "zarr")
+CASE = "Case: "  # before the case as JSON, in the last line of the description
+
+
+def export_plaid(
+    folder: Path,
+    out: Path,
+    backend: str = "hf_datasets",
+    python: Path | None = None,
+    owner: str = "unknown",
+    licence: str = "unknown",
+) -> tuple[int, int]:
+    """Write all solved samples of a nodal dataset as a PLAID dataset, by pyplaid itself.
+
+    The splits ``train`` and ``test`` are those of `datagen structure`; the problem definition
+    ``displacement`` has the forces as input and the displacements as output.
+
+    Parameters
+    ----------
+    folder : Path
+        Nodal dataset.
+    out : Path
+        New folder; it appears complete, or not at all.
+    backend : {"hf_datasets", "cgns", "zarr"}
+        pyplaid's storage: the first is for the Hugging Face Hub, and keeps fields in float32; the
+        others keep float64.
+    python : Path, optional
+        Interpreter of an environment with pyplaid; by default this one.
+    owner, licence : str
+        Of the dataset, for its `infos.yaml`.
+
+    Returns
+    -------
+    train, test : int
+        Number of samples of each split.
+
+    Raises
+    ------
+    InputError
+        If there is no intact nodal dataset of two samples at least, its cells have no name in CGNS,
+        the folder exists, or there is no pyplaid.
+    WorkError
+        If pyplaid fails.
+    """
+    if out.exists():
+        raise InputError(f"--out '{out}': exists, expected a new folder")
+    interpreter = require_interpreter(python)
+    reader = DatasetReader(folder, "nodal")
+    manifest = reader.manifest
+    if reader.cell_type not in ELEMENTS:
+        expected = ", ".join(ELEMENTS)
+        raise InputError(f"{folder}: cells are {reader.cell_type}, expected one of {expected}")
+    left_out = [name for name in NOT_CARRIED if name in reader.body]
+    if left_out:
+        raise InputError(
+            f"{folder}: has '{left_out[0]}', expected a dataset of one material, clamped nodes and "
+            "dead loads"
+        )
+    if manifest.samples < 2:
+        raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
+    settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")
+    is_test = split_of(manifest, settings)
+    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
+    about = {
+        "dimension": manifest.dimension,
+        "element": ELEMENTS[reader.cell_type],
+        "backend": backend,
+        "train": train.tolist(),
+        "test": test.tolist(),
+        "owner": owner,
+        "license": licence,
+        **described(manifest),
+    }
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".partial-") as scratch:
+        arrays, made = Path(scratch, "arrays"), Path(scratch, out.name)
+        arrays.mkdir()
+        (arrays / "about.json").write_text(json.dumps(about), encoding="utf-8")
+        _write_arrays(reader, arrays)
+        run_script(interpreter, "write_plaid.py", arrays, made)
+        made.rename(out)
+    return len(train), len(test)
+
+
+def described(manifest: Manifest) -> dict[str, str]:
+    """Texts about a dataset for ``infos.yaml``."""
+    case = json.dumps(manifest.case, sort_keys=True, ensure_ascii=False)
+    return {
+        "physics": "large-deformation hyperelasticity, static equilibrium under nodal forces",
+        "simulator": ", ".join(f"{name} {version}" for name, version in manifest.software.items()),
+        "description": (
+            f"Equilibria of case {manifest.name}: nodal forces in N and displacements in m on one "
+            f"mesh, coordinates in m, nodal tags `clamped` and `loadable`. Digest of the source: "
+            f"{manifest.digest}.\n{CASE}{case}"
+        ),
+    }
+
+
+def _write_arrays(reader: DatasetReader, folder: Path) -> None:
+    """Write mesh, tags and samples as ``.npy`` files, shard by shard, samples by their number."""
+    body, manifest = reader.body, reader.manifest
+    np.save(folder / "coordinates.npy", body["mesh/coordinates"])
+    np.save(folder / "cells.npy", body["mesh/cells"])
+    for tag in ("clamped", "loadable"):
+        np.save(folder / f"{tag}.npy", np.flatnonzero(body[f"mesh/{tag}"]))
+    order = reader.ascending()
+    shape = (manifest.samples, *body["mesh/coordinates"].shape)
+    fields: dict[str, Any] = {
+        name: np.lib.format.open_memmap(
+            folder / f"{name}.npy", mode="w+", dtype=np.float64, shape=shape
+        )
+        for name in ("force", "displacement")
+    }
+    numbers = np.empty(manifest.samples, dtype=np.int64)
+    for shard, (_, arrays) in enumerate(reader):
+        place = order.places(shard)
+        row = order.row[place]
+        fields["force"][place] = nodal_forces_of(arrays)[row]
+        fields["displacement"][place] = arrays["samples/displacement"][row]
+        numbers[place] = arrays["samples/number"][row]
+    np.save(folder / "number.npy", numbers)
+    for values in fields.values():
+        values.flush()

@@ -1,0 +1,68 @@
+"""Stresses and reactions of the current state of a body on one rank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import basix
+import numpy as np
+import ufl
+from numpy.typing import NDArray
+
+from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.material import completed, deformation_gradient, energy_density
+from shared_schema.bodies.stress_fields import stress_fields
+from shared_schema.material import Material
+
+Array = NDArray[np.float64]
+
+
+class CellStresses:
+    """F, P = ∂W/∂F and W at the middle of every cell.
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+        Its mesh lives on this rank alone.
+    materials : sequence of Material
+    parts : array of int, (n_cells,), or None
+        Position of each cell's material; all cells are of the first by default.
+    """
+
+    def __init__(
+        self,
+        problem: EquilibriumProblem,
+        materials: Sequence[Material],
+        parts: NDArray[np.int64] | None,
+    ) -> None:
+        domain = problem.mesh.domain
+        kind = getattr(basix.CellType, domain.topology.cell_type.name)
+        middle = basix.geometry(kind).mean(axis=0)[None]
+        f = ufl.variable(completed(deformation_gradient(problem.u)))
+        self._mesh, self._pieces = problem.mesh, []
+        count = len(problem.mesh.cells)
+        of_cells = np.zeros(count, dtype=np.int64) if parts is None else parts
+        local = problem.mesh.of_local_cells(of_cells)
+        for number, material in enumerate(materials):
+            w = energy_density(f, material, domain)
+            p = ufl.diff(w, f)
+            values = [tensor[i, j] for tensor in (f, p) for i in range(3) for j in range(3)]
+            expression = point_expression(ufl.as_vector([*values, w]), middle, COMPILER_OPTIONS)
+            self._pieces.append((expression, np.flatnonzero(local == number).astype(np.int32)))
+
+    def fields(self) -> dict[str, Array]:
+        """Fields of stress of the current state, (n_cells, …), in the order of the mesh's cells."""
+        found = np.empty((len(self._mesh.cells), 19))
+        for expression, cells in self._pieces:
+            if cells.size:
+                found[cells] = evaluate(expression, self._mesh.domain, cells).reshape(-1, 19)
+        values = np.empty_like(found)
+        values[np.asarray(self._mesh.domain.topology.original_cell_index)] = found
+        f, p = values[:, :9].reshape(-1, 3, 3), values[:, 9:18].reshape(-1, 3, 3)
+        return stress_fields(f, p, values[:, 18])
+
+
+def reactions_of_supports(problem: EquilibriumProblem, held: NDArray[np.bool_]) -> Array:
+    """Forces of the supports on the body in the current state: (n_nodes, d) in N, else 0."""
+    return np.where(held, problem.reactions(), 0.0)

@@ -1,0 +1,1 @@
+"""Bodies and what acts on them: facets, groups, loads of a command, stresses."""

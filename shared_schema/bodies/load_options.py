@@ -1,0 +1,31 @@
+"""Options that name loads, the same in both programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+STRESSES = "add stresses, strain energy and reactions"
+
+
+def add_loads(parser: argparse.ArgumentParser) -> None:
+    """Add ``--load``, ``--forces`` and ``--nearest``."""
+    parser.add_argument(
+        "--load",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z]|GROUP:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m, or on a group of the mesh; GROUP:P is a "
+        "pressure in Pa; repeatable",
+    )
+    parser.add_argument(
+        "--forces",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.(npz|csv)",
+        help="forces of a solution file, or lines X,Y[,Z],FX,FY[,FZ]; repeatable",
+    )
+    parser.add_argument(
+        "--nearest", action="store_true", help="let forces act at the nearest node, and say which"
+    )

@@ -1,0 +1,57 @@
+"""Stresses and reactions of given displacements, as the factory's finite elements have them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.bodies.stress_fields import stress_fields
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.elements import CORNERS, gradients_at
+from surrogate.mechanics.hyperelastic import completed, energy_density, stress
+from surrogate.mechanics.solid import Solid
+
+Array = NDArray[np.float64]
+
+
+def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict[str, Array]:
+    """Fields of stress at the middle of every cell.
+
+    Parameters
+    ----------
+    solid : Solid
+    geometry : Geometry
+    displacement : array, (N, n_nodes, d)
+        In m.
+
+    Returns
+    -------
+    dict of array, (N, n_cells, …)
+        By the names of `shared_schema.bodies.stress_fields`.
+    """
+    middle = np.mean(CORNERS[geometry.cell_type], axis=0)[None]
+    mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+    gradients = gradients_at(*mesh, middle)[0][:, 0]
+    h = np.einsum("ncbi,cbj->ijcn", displacement[:, geometry.cells], gradients)
+    identity = np.eye(geometry.dimension)[:, :, None, None]
+    f = completed(torch.from_numpy(h + identity)[..., None])
+    p, w = solid.by_material(stress, f), solid.by_material(energy_density, f)
+    of_cells, first_piola = (t[..., 0].permute(3, 2, 0, 1).numpy() for t in (f, p))
+    return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())
+
+
+def reactions(solid: Solid, geometry: Geometry, displacement: Array, pushed: Array) -> Array:
+    """Forces of the supports on the body: (N, n_nodes, d) in N, zero where nothing is held.
+
+    Parameters
+    ----------
+    solid : Solid
+    geometry : Geometry
+    displacement : array, (N, n_nodes, d)
+        In m.
+    pushed : array, (N, n_nodes, d)
+        Forces in N that pressures have on the deformed body, which the supports bear as well.
+    """
+    internal = solid.internal_forces(torch.from_numpy(displacement)).numpy()
+    return np.where(geometry.held, internal - pushed, 0.0)

@@ -1,0 +1,227 @@
+"""Materials under uniaxial tension against closed forms; several in one body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+from datagen.cases.body import make_body
+from datagen.cases.case import read_case
+from datagen.mesh.box import Box
+from datagen.mesh.distributed_mesh import make_mesh
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.settings import SolverSettings
+from datagen.solver.stresses import CellStresses, reactions_of_supports
+from shared_schema.common.errors import InputError
+from shared_schema.material import (
+    Gent,
+    MooneyRivlin,
+    NeoHookean,
+    ShippedMaterial,
+    StVenantKirchhoff,
+    Yeoh,
+)
+
+Slope = Callable[[np.ndarray], np.ndarray]
+NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 3))
+
+
+def rubber(slope: Callable[[float], float], bulk: float) -> Slope:
+    """∂W/∂λᵢ of W(Ī₁) + K/2 (J − 1)²: W' J^(-2/3) (2 λᵢ − 2/3 I₁/λᵢ) + K (J − 1) J/λᵢ."""
+
+    def stresses(stretch: np.ndarray) -> np.ndarray:
+        j, i1 = stretch.prod(), (stretch**2).sum()
+        first = j ** (-2 / 3) * i1 - 3
+        deviator = j ** (-2 / 3) * (2 * stretch - 2 / 3 * i1 / stretch)
+        return np.asarray(slope(first) * deviator + bulk * (j - 1) * j / stretch)
+
+    return stresses
+
+
+def mooney_rivlin(stretch: np.ndarray) -> np.ndarray:
+    """With c₁₀ = 60, c₀₁ = 25, K = 3000 Pa; ∂I₂/∂λᵢ = 2 λᵢ (I₁ − λᵢ²)."""
+    j, i1 = stretch.prod(), (stretch**2).sum()
+    i2 = (i1**2 - (stretch**4).sum()) / 2
+    second = j ** (-4 / 3) * (2 * stretch * (i1 - stretch**2) - 4 / 3 * i2 / stretch)
+    return np.asarray(rubber(lambda _: 60.0, 3000.0)(stretch) + 25.0 * second)
+
+
+def neo_hookean(stretch: np.ndarray) -> np.ndarray:
+    """μ (λᵢ − 1/λᵢ) + λ/2 (J² − 1)/λᵢ with E = 500 Pa, ν = 0.4."""
+    mu, lam = 500 / 2.8, 200 / (1.4 * 0.2)
+    return np.asarray(mu * (stretch - 1 / stretch) + lam / 2 * (stretch.prod() ** 2 - 1) / stretch)
+
+
+def st_venant_kirchhoff(stretch: np.ndarray) -> np.ndarray:
+    """λᵢ (λ tr E + 2 μ Eᵢ) with E = 500 Pa, ν = 0.4."""
+    mu, lam = 500 / 2.8, 200 / (1.4 * 0.2)
+    strain = (stretch**2 - 1) / 2
+    return np.asarray(stretch * (lam * strain.sum() + 2 * mu * strain))
+
+
+MATERIALS: list[tuple[ShippedMaterial, Slope]] = [
+    (NeoHookean(young_modulus=500, poisson_ratio=0.4), neo_hookean),
+    (StVenantKirchhoff(young_modulus=500, poisson_ratio=0.4), st_venant_kirchhoff),
+    (MooneyRivlin(c10=60, c01=25, bulk_modulus=3000), mooney_rivlin),
+    (
+        Yeoh(c10=80, c20=-3, c30=0.4, bulk_modulus=3000),
+        rubber(lambda x: 80 - 6 * x + 1.2 * x**2, 3000.0),
+    ),
+    (
+        Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
+        rubber(lambda x: 85 / (1 - x / 8), 3000.0),
+    ),
+]
+NAMES = [material.model for material, _ in MATERIALS]
+
+
+def pulled(material: ShippedMaterial, stretch: float, elements: int = 1) -> EquilibriumProblem:
+    """A unit cube on three sliding faces, pulled at its face x = 1."""
+    box = Box(lower=(0, 0, 0), upper=(1, 1, 1), elements=(elements,) * 3)
+    mesh = make_mesh(box, MPI.COMM_SELF)
+    x = mesh.coordinates
+    held = np.isclose(x, 0.0)
+    moved = np.zeros_like(held)
+    moved[:, 0] = np.isclose(x[:, 0], 1.0)
+    settings = SolverSettings(tolerance=1e-10)
+    problem = EquilibriumProblem(mesh, material, held, settings, moved=moved)
+    displacement = np.where(moved, stretch - 1.0, 0.0)
+    assert solve_load_case(problem, *NOTHING, settings, displacement=displacement).solved
+    return problem
+
+
+@pytest.mark.parametrize(("material", "stresses"), MATERIALS, ids=NAMES)
+@pytest.mark.parametrize("stretch", [0.8, 1.7])
+def test_uniaxial_stress(material: ShippedMaterial, stresses: Slope, stretch: float) -> None:
+    """Lateral stretch from P₂ = 0, and the force P₁ of the grip on 1 m²; all fields from them."""
+
+    def lateral(t: float) -> float:
+        return float(stresses(np.array([stretch, t, t]))[1])
+
+    t = brentq(lateral, 0.3, 1.5, xtol=1e-14)
+    stretches = np.array([stretch, t, t])
+    expected = stresses(stretches)[0]
+    problem = pulled(material, stretch)
+    u, x = problem.displacement(), problem.mesh.coordinates
+    assert u == pytest.approx(x * (stretches - 1), abs=1e-9)
+    force = problem.reactions()[:, 0] @ np.isclose(x[:, 0], 1.0)
+    assert force == pytest.approx(expected, rel=1e-9)
+    supports = reactions_of_supports(problem, np.isclose(x, 0.0)).sum(axis=0)
+    assert supports == pytest.approx([-expected, 0, 0], abs=1e-7)
+
+    fields = CellStresses(problem, [material], None).fields()
+    assert fields["deformation_gradient"][0] == pytest.approx(np.diag(stretches), abs=1e-9)
+    assert fields["first_piola"][0] == pytest.approx(np.diag([expected, 0, 0]), abs=1e-6)
+    cauchy = expected / t**2  # force over the deformed area
+    assert fields["cauchy"][0] == pytest.approx(np.diag([cauchy, 0, 0]), abs=1e-6)
+    assert fields["von_mises"][0] == pytest.approx(abs(cauchy), rel=1e-8)
+    assert fields["jacobian"][0] == pytest.approx(stretch * t**2, rel=1e-9)
+    assert problem.energy() == pytest.approx(fields["energy_density"][0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("material", "stresses"), MATERIALS, ids=NAMES)
+def test_moduli_at_rest(material: ShippedMaterial, stresses: Slope) -> None:
+    """∂P₁/∂λ₁ = λ + 2 μ and ∂P₁/∂λ₂ = λ at the undeformed body, by central differences."""
+    h = 1e-6
+    for axis, expected in (
+        (0, material.lame_lambda + 2 * material.lame_mu),
+        (1, material.lame_lambda),
+    ):
+        change = h * np.eye(3)[axis]
+        slope = (stresses(1 + change)[0] - stresses(1 - change)[0]) / (2 * h)
+        assert slope == pytest.approx(expected, rel=1e-6)
+
+
+def test_softer_than_rest_is_refused() -> None:
+    with pytest.raises(ValueError, match="shear modulus at rest is 0 Pa"):
+        MooneyRivlin(c10=0, c01=0, bulk_modulus=1)
+
+
+# --- several materials ----------------------------------------------------------------------------
+
+BAR = """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 0.5};
+Rectangle(2) = {1, 0, 0, 2, 0.5};
+Coherence;
+Physical Surface("soft") = {1};
+Physical Surface("stiff") = {2};
+Mesh.MeshSizeMax = 0.3;
+"""
+
+
+def bar_case(folder: Path, **keys: Any) -> Path:
+    (folder / "bar.geo").write_text(BAR)
+    modulus = {"poisson_ratio": 0.0, "volumetric": "quadratic"}
+    content = {
+        "name": "bar",
+        "mesh": {"kind": "file", "path": "bar.geo"},
+        "material": [
+            {"group": "stiff", "young_modulus": 900.0, **modulus},
+            {"group": "soft", "young_modulus": 300.0, **modulus},
+        ],
+        "supports": [{"x": 0, "components": ["x"]}, {"y": 0, "components": ["y"]}],
+        "load": {
+            "family": "displacement",
+            "region": {"x": 3},
+            "range": [0.5, 1.5],
+            "components": ["x"],
+        },
+        "dataset": {"samples": 3, "seed": 1},
+    }
+    path = folder / "bar.yaml"
+    path.write_text(yaml.safe_dump(content | keys))
+    return path
+
+
+def test_two_materials_in_series(tmp_path: Path) -> None:
+    """Without Poisson's effect both parts bear P = μ (λ − 1/λ), μ = E/2; lengths 1 and 2 m."""
+    case = read_case(str(bar_case(tmp_path)))
+    body = make_body(case, MPI.COMM_SELF)
+    load = body.loads[0]
+    assert load.displacement is not None
+    drive = load.pressures, load.displacement
+    assert solve_load_case(body.problem, load.nodes, load.forces, case.solver, *drive).solved
+    u, x = body.problem.displacement(), body.mesh.coordinates
+    end = np.isclose(x[:, 0], 3.0)
+
+    def stretch(p: float, mu: float) -> float:
+        return float(p / mu + np.sqrt((p / mu) ** 2 + 4)) / 2
+
+    moved = float(load.displacement[end, 0][0])
+    p = brentq(lambda p: stretch(p, 150) + 2 * stretch(p, 450) - 3 - moved, 0.0, 1e4, xtol=1e-12)
+    interface = np.isclose(x[:, 0], 1.0)
+    assert u[interface, 0] == pytest.approx(stretch(p, 150) - 1, rel=1e-8)
+    assert body.problem.reactions()[end, 0].sum() == pytest.approx(0.5 * p, rel=1e-8)
+    fields = CellStresses(body.problem, case.materials, body.parts).fields()
+    assert fields["first_piola"][:, 0, 0] == pytest.approx(p, rel=1e-7)
+    nodes, forces = body.loads.recorded(load, body.problem.reactions())
+    assert set(nodes) == set(np.flatnonzero(end))
+    assert forces.sum(axis=0) == pytest.approx([0.5 * p, 0.0], rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("material", "said"),
+    [
+        ([{"group": "core", "young_modulus": 1.0, "poisson_ratio": 0.1}], "no such group of cells"),
+        ([{"group": "soft", "young_modulus": 1.0, "poisson_ratio": 0.1}], "cells have none"),
+        ([{"young_modulus": 1.0, "poisson_ratio": 0.1}], "each with another 'group'"),
+        ({"group": "soft", "young_modulus": 1.0, "poisson_ratio": 0.1}, "in a list of materials"),
+        (
+            [{"group": "soft", "young_modulus": -1, "poisson_ratio": 0}],
+            "'material.0.young_modulus'",
+        ),
+    ],
+)
+def test_wrong_groups(tmp_path: Path, material: Any, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        make_body(read_case(str(bar_case(tmp_path, material=material))), MPI.COMM_SELF)
+    assert said in str(error.value)

@@ -1,0 +1,105 @@
+"""The wheels hold all that the packages need, and run without the sources."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+import datagen
+import shared_schema
+import surrogate
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("shared_schema", "datagen", "surrogate")
+WEB, BUNDLE = "surrogate/page/web/", "surrogate/page/bundle/"
+NOT_PACKED = ("pyproject.toml", "README.md", "requirements.txt")
+
+
+def sources(part: str) -> set[str]:
+    """Files of a package that git has, by their path in a wheel."""
+    listed = subprocess.run(
+        ["git", "ls-files", part], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return {line for line in listed.stdout.split() if Path(line).name not in NOT_PACKED}
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Wheels as `make dist` builds them, from copies, but with this environment's setuptools."""
+    folder = tmp_path_factory.mktemp("dist")
+    for part in PARTS:
+        for file in [*sources(part), f"{part}/pyproject.toml", f"{part}/README.md"]:
+            if (ROOT / file).is_file():
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (folder / file).write_bytes((ROOT / file).read_bytes())
+    pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+    places = [str(folder / part) for part in PARTS]
+    done = subprocess.run(
+        [*pip, "--wheel-dir", str(folder), *places], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return {part: next(folder.glob(f"{part}-*.whl")) for part in PARTS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS)
+def test_every_source_is_in_the_wheel(wheels: dict[str, Path], part: str) -> None:
+    """All modules, shipped cases, configurations, trained networks, templates and scales.
+
+    The page is in the wheel as npm bundles it, where there is npm, instead of its sources.
+    """
+    packed = {name for name in zipfile.ZipFile(wheels[part]).namelist() if ".dist-info" not in name}
+    bundle = {name for name in packed if name.startswith(BUNDLE)}
+    assert packed - bundle == {name for name in sources(part) if not name.startswith(WEB)}
+    has_page = part == "surrogate" and shutil.which("npm") is not None
+    assert (f"{BUNDLE}page.js" in bundle) == has_page
+
+
+@pytest.mark.slow
+def test_they_run_without_the_sources(wheels: dict[str, Path], tmp_path: Path) -> None:
+    """Lists, keys and a prediction, from another folder; dolfinx is not here."""
+    for wheel in wheels.values():
+        zipfile.ZipFile(wheel).extractall(tmp_path / "site")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
+
+    def run(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "beam2d_any" in run("datagen.command_line", "list")
+    assert "U-Net, 3 levels" in run("surrogate.command_line", "list")
+    predict = ("predict", "beam2d_any", "--load", "4,1:0,-1.5", "--out", "u.npz")
+    assert "u.npz: predicted" in run("surrogate.command_line", *predict)
+
+
+def test_versions_are_one() -> None:
+    versions = {datagen.__version__, shared_schema.__version__, surrogate.__version__}
+    for part in PARTS:
+        project = tomllib.loads((ROOT / part / "pyproject.toml").read_text())["project"]
+        versions.add(project["version"])
+        contract = [d for d in project["dependencies"] if d.startswith("shared-schema")]
+        assert contract == ([] if part == "shared_schema" else ["shared-schema==0.2.*"])
+    versions.add(yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"])
+    (version,) = versions
+    newest = re.search(r"^## \[(\d+\.\d+\.\d+)\]", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert newest is not None
+    assert newest[1] == version
+    for file in ("docker/datagen.Dockerfile", "docker/surrogate.Dockerfile"):
+        assert f'image.version="{version}"' in (ROOT / file).read_text()
