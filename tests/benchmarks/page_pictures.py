@@ -1,6 +1,6 @@
 """Pictures of pages for the documentation, at twice their size and smoothed down.
 
-    .venv-surrogate/bin/python -m tests.benchmarks.page_pictures RUN NAME [--node N] [--force …]
+    .venv-surrogate/bin/python -m tests.benchmarks.page_pictures RUN NAME --drag RIGHT UP
 
 writes `docs/figures/page-NAME.jpg` and, of a narrow screen, `docs/figures/page-NAME-narrow.jpg`.
 """
@@ -22,18 +22,16 @@ from tests.surrogate.page.browser import OpenPage, chromium
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 SIZES = {"": (1280, 800), "-narrow": (360, 740)}
 SCALE, QUALITY = 2, 82
-STEPS = 12  # of the force, for the curve
+STEPS = 15  # of a drag
 
 
 def take(
-    browser: Browser, path: Path, size: tuple[int, int], load_: tuple[int, list[float]]
+    browser: Browser, path: Path, size: tuple[int, int], node: int, drag: tuple[float, float]
 ) -> Image.Image:
-    """Take a picture of a page under a load that grows."""
+    """Take a picture of a page after a drag, in parts of its width."""
     page = OpenPage(browser, path, *size, scale=SCALE)
-    node, force = load_
-    for step in range(1, STEPS + 1):
-        page.load(node, *(round(component * step / STEPS, 3) for component in force))
-    page.page.evaluate("document.activeElement.blur()")
+    right, up = (part * size[0] for part in drag)
+    page.drag(node, right, up, STEPS)
     page.certificate()
     page.settle()
     picture = Image.open(io.BytesIO(page.page.screenshot()))
@@ -46,15 +44,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("name", metavar="NAME")
-    parser.add_argument("--node", type=int, help="loaded node (default: the tip)")
-    parser.add_argument("--force", type=float, nargs="+", required=True, metavar="N")
+    parser.add_argument("--drag", type=float, nargs=2, required=True, metavar=("RIGHT", "UP"))
     options = parser.parse_args()
-    node = load(options.run).geometry.tip if options.node is None else options.node
+    node = load(options.run).geometry.tip
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         path = Path(folder) / "page.html"
         write_page(options.run, path)
         for suffix, size in SIZES.items():
-            picture = take(browser, path, size, (node, options.force))
+            picture = take(browser, path, size, node, options.drag)
             picture.save(FIGURES / f"page-{options.name}{suffix}.jpg", quality=QUALITY)
 
 

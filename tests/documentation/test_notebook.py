@@ -17,7 +17,7 @@ NOTEBOOK = ROOT / "docs" / "tutorials" / "notebook.ipynb"
 
 def stored() -> Any:
     """Return the notebook; nbformat has no types."""
-    return nbformat.read(NOTEBOOK, as_version=4)  # type: ignore[no-untyped-call]
+    return nbformat.read(NOTEBOOK, as_version=4)
 
 
 @pytest.mark.slow
