@@ -44,7 +44,8 @@ graphics processor: SwiftShader draws on the same cores. Times in ms.
   stiffness where the network contains the linear response
 - *frame*: from the delivery of a pointer event to the page to its drawn frame, read back from the
   canvas: median (10 to 90 % quantile) over {moves} events {apart} ms apart; *since*: from the event
-  itself, which the browser delivers with its next frame
+  itself, which the browser delivers with its next frame; *drawing*: a frame without a prediction,
+  on a page at rest
 - *estimate*: from the end of a drag to the estimated error
 """
 TIMES = (  # of one call, in ms: predictions alone, and frames alone
@@ -143,7 +144,18 @@ def table(results: Results) -> str:
         return f"{middle:.3g} ({low:.3g} to {high:.3g})"
 
     rows = markdown_table(
-        ("page", "nodes", "MB", "first frame", "ready", "press", "frame", "since", "estimate"),
+        (
+            "page",
+            "nodes",
+            "MB",
+            "first frame",
+            "ready",
+            "press",
+            "frame",
+            "since",
+            "drawing",
+            "estimate",
+        ),
         (
             (
                 f"`{r['run']}`: {r['network']}"
@@ -155,6 +167,7 @@ def table(results: Results) -> str:
                 f"{r['press_ms']:.0f}",
                 milliseconds(r["frame_ms"]),
                 milliseconds(r["since_event_ms"]),
+                milliseconds(r["drawing_ms"]),
                 f"{r['estimate_ms']:.0f}" if "estimate_ms" in r else "–",
             )
             for r in results["pages"]
