@@ -57,7 +57,7 @@ def test_estimate_is_of_third_order(equilibrium: Equilibrium, truth: np.ndarray)
 def test_rough_errors_are_estimated_too(equilibrium: Equilibrium, truth: np.ndarray) -> None:
     """Random errors of 5 to 60 mm at every node, in elements of 333 mm, where Newton overshoots."""
     rng = np.random.default_rng(0)
-    size = rng.uniform(0.005, 0.06, (100, 1, 1)) * equilibrium.free[:, None]
+    size = rng.uniform(0.005, 0.06, (100, 1, 1)) * equilibrium.free
     wrong = size * rng.normal(size=(100, *truth.shape))
     found = certify(equilibrium, np.stack([FORCE] * 100), truth + wrong)
     own = np.linalg.norm(found.error - wrong, axis=(1, 2)) / np.linalg.norm(wrong, axis=(1, 2))
