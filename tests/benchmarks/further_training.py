@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("config")
     parser.add_argument("--samples", type=int, default=250, help="of the first network")
     parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
-    parser.add_argument("--learning-rate", type=float, default=1e-4, help="without solutions")
+    parser.add_argument("--learning-rate", type=float, default=3e-5, help="without solutions")
     parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
     parser.add_argument("--seeds", type=int, default=1, help="repeats")
     parser.add_argument("--work", type=Path, default=Path("runs/further"))
