@@ -244,7 +244,7 @@ def table(results: Results) -> str:
         [
             f"# Further training on `{results['case']}`",
             "",
-            f"Models of `{results['config']}`, means over {results['seeds']} seeds; a network sees "
+            f"Models of `{results['config']}`, number of seeds {results['seeds']}; a network sees "
             f"{results['sample_epochs']} samples in its training. Training without solutions "
             "starts from the first network, and takes as long as that on as many random samples "
             "and their solution. A solution by `datagen` takes "
