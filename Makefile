@@ -105,12 +105,10 @@ lint: .venv-surrogate/.installed $(WEB)/node_modules/.package-lock.json ## check
 # From copies, so that nothing is left among the sources; each with the licence.
 dist: .venv-surrogate/.installed ## build wheels of the three distributions in dist/
 	@rm -rf build/dist dist && mkdir -p build/dist
-	@for part in shared_schema datagen surrogate; do \
-		cp -R $$part LICENSE build/dist && mv build/dist/LICENSE build/dist/$$part \
-			&& rm -rf build/dist/$$part/*.egg-info; \
-	done
-	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/shared_schema \
-		build/dist/datagen build/dist/surrogate
+	@tar -c --exclude node_modules --exclude __pycache__ --exclude '*.egg-info' \
+		shared_schema datagen surrogate | tar -x -C build/dist
+	@for part in build/dist/*; do cp LICENSE $$part; done
+	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/*
 	@ls dist
 
 docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links

@@ -13,11 +13,23 @@ from collections.abc import Callable, Sequence
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
 
-from datagen.commands import cases, check, export, info, noise, plot, run, schema, solve, structure
+from datagen.commands import (
+    cases,
+    check,
+    export,
+    import_plaid,
+    info,
+    noise,
+    plot,
+    run,
+    schema,
+    solve,
+    structure,
+)
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
-COMMANDS = (run, structure, noise, solve, check, info, plot, export, cases, schema)
+COMMANDS = (run, structure, noise, solve, check, info, plot, export, import_plaid, cases, schema)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.body_problems import body_problems
 from shared_schema.cells import CELL_TYPES
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
@@ -184,7 +185,7 @@ def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
         for group in ("samples", "failed"):
             if f"{group}/loaded_nodes" in arrays:
                 problems += _load_problems(arrays, group)
-        problems += _support_problems(arrays)
+        problems += _support_problems(arrays) + body_problems(arrays)
     if manifest.kind == "nodal":
         problems += _result_problems(arrays)
     if manifest.structured is None:

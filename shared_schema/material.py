@@ -105,8 +105,6 @@ class NeoHookean(YoungPoisson):
 
     Attributes
     ----------
-    young_modulus, poisson_ratio : float
-        E in Pa, and ν.
     volumetric : {"paper", "quadratic"}
         Name of the volumetric term U(J): λ/4 (J² − 1 − 2 ln J), or λ/2 (J − 1)².
     """
@@ -128,11 +126,6 @@ class StVenantKirchhoff(YoungPoisson):
     """St. Venant–Kirchhoff solid: W = λ/2 (tr E)² + μ E:E with the strain E = (C − I)/2.
 
     For large rotations and small strains; it softens under compression and can be crushed to J = 0.
-
-    Attributes
-    ----------
-    young_modulus, poisson_ratio : float
-        Young's modulus in Pa, and ν.
     """
 
     model: Literal["st_venant_kirchhoff"] = "st_venant_kirchhoff"
@@ -176,7 +169,7 @@ class MooneyRivlin(RubberLike):
     Attributes
     ----------
     c10, c01 : float
-        In Pa; the shear modulus at rest is 2 (c₁₀ + c₀₁).
+        Moduli in Pa; the shear modulus at rest is 2 (c₁₀ + c₀₁).
     """
 
     model: Literal["mooney_rivlin"] = "mooney_rivlin"
@@ -200,7 +193,7 @@ class Yeoh(RubberLike):
     Attributes
     ----------
     c10, c20, c30 : float
-        In Pa; the shear modulus at rest is 2 c₁₀.
+        Moduli in Pa; the shear modulus at rest is 2 c₁₀.
     """
 
     model: Literal["yeoh"] = "yeoh"

@@ -40,6 +40,9 @@ def case_schema() -> Schema:
                 key |= {"pattern": r"\.py:[A-Za-z_]\w*$", "x-tag": name}
             else:
                 key["const"] = name
+            if "default" not in key or name != "neo_hookean":
+                required = definition.setdefault("required", [])
+                definition["required"] = sorted({*required, tag})
         several = {"type": "array", "minItems": 1, "items": {"oneOf": references}}
         meaning = content["properties"][section]["description"]
         content["properties"][section] = {

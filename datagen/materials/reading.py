@@ -31,7 +31,7 @@ def material_of(content: Any, folder: Path | None = None) -> Material:
         the keys is wrong.
     """
     name = content.get("model", "neo_hookean") if isinstance(content, dict) else None
-    if name in SHIPPED or not isinstance(name, str) or ":" not in name:
+    if not isinstance(name, str) or name in SHIPPED or ":" not in name:
         return shipped_material(content)
     made, digest = import_named("model", name, tuple(SHIPPED), OwnMaterial, folder)
     if content.get("model_sha256") not in (None, digest):

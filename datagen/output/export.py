@@ -93,6 +93,9 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     from datagen.solver.stresses import CellStresses, reactions_of_supports
 
     material = materials_of(dataset.manifest.case.get("material"), f"{folder}: case.material")
+    count, parts = len(as_tuple(material)), dataset.parts
+    if count > 1 and (parts is None or not np.all((parts >= 0) & (parts < count))):
+        raise InputError(f"{folder}: 'mesh/material' does not name the {count} materials")
     mesh = RawMesh(dataset.coordinates, dataset.cells, dataset.cell_type)
     problem = EquilibriumProblem(
         distributed(mesh, MPI.COMM_SELF),

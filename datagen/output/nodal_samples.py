@@ -96,7 +96,9 @@ class NodalSamples:
         self.surfaces: list[NDArray[np.int64]] = []
         if "mesh/pressed" in self._arrays:
             facets, of = self._arrays["mesh/pressed"], self._arrays["mesh/pressed_surface"]
-            self.surfaces = [facets[of == i] for i in range(int(of.max(initial=-1)) + 1)]
+            if facets.size and not 0 <= facets.min() <= facets.max() < len(self.coordinates):
+                raise InputError(f"{folder}: 'mesh/pressed' names a node outside the mesh")
+            self.surfaces = [facets[of == i] for i in np.unique(of)]
 
     def __getitem__(self, number: int) -> Sample:
         """Read a solved sample; consecutive samples of one shard read the shard once."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.plaid_format.interpreter import require_interpreter, run_script
-from datagen.structure.reindexing import nodal_forces_of, split
+from datagen.structure.reindexing import nodal_forces_of, split_of
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -27,6 +27,7 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "tetra": "TETRA_4",
     "hexahedron": "HEXA_8",
 }
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
 BACKENDS = ("hf_datasets", "cgns", "zarr")
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
@@ -79,16 +80,23 @@ def export_plaid(
     if reader.cell_type not in ELEMENTS:
         expected = ", ".join(ELEMENTS)
         raise InputError(f"{folder}: cells are {reader.cell_type}, expected one of {expected}")
+    left_out = [name for name in NOT_CARRIED if name in reader.body]
+    if left_out:
+        raise InputError(
+            f"{folder}: has '{left_out[0]}', expected a dataset of one material, clamped nodes and "
+            "dead loads"
+        )
     if manifest.samples < 2:
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
     settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")
-    is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    is_test = split_of(manifest, settings)
+    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
     about = {
         "dimension": manifest.dimension,
         "element": ELEMENTS[reader.cell_type],
         "backend": backend,
-        "train": np.flatnonzero(~is_test).tolist(),
-        "test": np.flatnonzero(is_test).tolist(),
+        "train": train.tolist(),
+        "test": test.tolist(),
         "owner": owner,
         "license": licence,
         **described(manifest),
@@ -100,7 +108,7 @@ def export_plaid(
         _write_arrays(reader, arrays)
         run_script(interpreter, "write_plaid.py", arrays, made)
         made.rename(out)
-    return len(about["train"]), len(about["test"])
+    return len(train), len(test)
 
 
 def described(manifest: Manifest) -> dict[str, str]:

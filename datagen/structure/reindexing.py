@@ -41,6 +41,7 @@ from shared_schema.material import materials_of
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 
+IMPORT = "import"  # name of the step that made a dataset of other files, with its split
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
@@ -110,7 +111,7 @@ def _make(
     """Write the structured dataset into its locked folder."""
     manifest, cell_type = reader.manifest, reader.cell_type
     claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
-    is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
+    is_test = split_of(manifest, settings)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {manifest.name}")
     force, displacement = RunningStatistics(), RunningStatistics()
     round_trips: list[NDArray[np.float64]] = []
@@ -225,6 +226,25 @@ def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
     if order == "random":
         nodes = np.random.default_rng(seed).permutation(nodes)
     return grid.reordered(nodes)
+
+
+def split_of(manifest: Manifest, settings: DatasetSettings) -> NDArray[np.bool_]:
+    """Return the test split of a dataset: that which it was imported with, or a random one.
+
+    Raises
+    ------
+    InputError
+        If the imported split is not one of its samples.
+    """
+    for step in manifest.transforms:
+        if step.get("name") == IMPORT:
+            rows, numbers = step.get("test"), range(manifest.samples)
+            if not isinstance(rows, list) or not all(
+                isinstance(row, int) and row in numbers for row in rows
+            ):
+                raise InputError(f"{manifest.name}: the test split of its import is none of it")
+            return np.isin(np.arange(manifest.samples), rows)
+    return split(settings, [stage.samples for stage in manifest.history], manifest.samples)
 
 
 def split(settings: DatasetSettings, stages: Sequence[int], samples: int) -> NDArray[np.bool_]:

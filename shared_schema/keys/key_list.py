@@ -164,6 +164,8 @@ class _Walk:
         if "prefixItems" in schema:
             return f"[{', '.join(self.type_of(self.resolved(e)) for e in schema['prefixItems'])}]"
         entry = self.type_of(self.resolved(schema.get("items", {})))
+        if entry.startswith("section ("):  # the alternatives stand before the list
+            entry = "such section"
         least, most = schema.get("minItems", 0), schema.get("maxItems")
         count = f"{least} to {most}" if most else f"{least} or more" if least else "any number"
         return f"list of {count} × {entry}"

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator
 
 ENTRY = re.compile(r"^(?P<names>\w[\w, ]*?) : \S")
-UNIT = re.compile(r"\bin (m²|m|N/m|N|Pa|MB|s|%)(?=[\s.,;:)]|$)")
+UNIT = re.compile(r"\bin (m²|m|N/m³|N/m|N|Pa|MB|s|%)(?=[\s.,;:)]|$)")
 
 
 def meanings_of(model: type) -> dict[str, str]:

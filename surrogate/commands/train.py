@@ -54,7 +54,8 @@ def add_to(commands: Commands) -> None:
         "--start-from",
         type=Path,
         metavar="RUN",
-        help="start from the weights of another run on the same body, on any dataset of it",
+        help="start from the weights of another run on the same body, on any dataset of it; the "
+        "learning rate begins anew",
     )
     parser.add_argument(
         "--dry-run",

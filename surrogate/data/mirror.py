@@ -44,7 +44,7 @@ def mirror_images(geometry: Geometry, axis: str, key: str) -> NDArray[np.int64]:
     Raises
     ------
     InputError
-        If nodes, cells, supports or loadable nodes are not symmetric.
+        If nodes, cells, materials, supports or loadable nodes are not symmetric.
     """
     wrong = f"{key} = '{axis}': the body is not symmetric about its middle,"
     if axis not in AXES[: geometry.dimension]:
@@ -60,7 +60,11 @@ def mirror_images(geometry: Geometry, axis: str, key: str) -> NDArray[np.int64]:
     images = np.sort(image[geometry.cells], axis=1)
     if not np.array_equal(np.unique(cells, axis=0), np.unique(images, axis=0)):
         raise InputError(f"{wrong} its cells are not mirror images of each other")
-    for name, marked in (("supports", geometry.clamped), ("loadable nodes", geometry.loadable)):
+    if geometry.parts is not None:
+        one, other = np.lexsort(cells.T), np.lexsort(images.T)
+        if not np.array_equal(geometry.parts[one], geometry.parts[other]):
+            raise InputError(f"{wrong} its materials are not")
+    for name, marked in (("supports", geometry.held), ("loadable nodes", geometry.loadable)):
         if not np.array_equal(marked, marked[image]):
             raise InputError(f"{wrong} its {name} are not")
     return np.asarray(image)

@@ -100,7 +100,9 @@ class Surrogate:
         self.geometry = geometry
         self.description = description
         data = description.data
-        self.training_range = TrainingRange(data.info.force.max_abs, geometry.loadable, data.loads)
+        self.training_range = TrainingRange(
+            data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
+        )
         self.passes = Passes(network)
         self.mean_error: float | None = None
 

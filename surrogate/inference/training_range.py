@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.grid import Grid
 from surrogate.data.load_range import LoadRange
 
 MARGIN = 1 + 1e-6  # of rounding
@@ -29,11 +30,18 @@ class TrainingRange:
         Nodes that were loaded.
     loads : LoadRange or None
         Numbers of loaded nodes and resultants; None if the run does not have them.
+    grid : Grid, optional
+        Grid whose points `limit` is that of, if they are no nodes.
     """
 
     def __init__(
-        self, limit: tuple[float, ...], loadable: NDArray[np.bool_], loads: LoadRange | None
+        self,
+        limit: tuple[float, ...],
+        loadable: NDArray[np.bool_],
+        loads: LoadRange | None,
+        grid: Grid | None = None,
     ) -> None:
+        self._grid = None if grid is None or grid.points_are_nodes else grid
         self._limit = np.array(limit)
         self._elsewhere = ~loadable
         self._loads = loads
@@ -57,7 +65,11 @@ class TrainingRange:
                 warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
-        if np.any(np.abs(forces).max(axis=(0, 1), initial=0.0) > self._limit * MARGIN):
+        reach = np.abs(forces).max(axis=(0, 1), initial=0.0)
+        if self._grid is not None:
+            on_grid = np.moveaxis(self._grid.forces_to_grid(forces), 1, 0)
+            reach = np.abs(on_grid).reshape(len(on_grid), -1).max(axis=1, initial=0.0)
+        if np.any(reach > self._limit * MARGIN):
             text = f"force components reach beyond those of the training data ({_pm(self._limit)})"
             yield "range", text
         loaded = forces.any(axis=2)

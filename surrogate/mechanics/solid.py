@@ -75,7 +75,8 @@ class Solid(nn.Module):
         self.neo_hookean = material if isinstance(material, NeoHookean) else None
         self._members = []
         if len(self.materials) > 1:
-            assert parts is not None
+            if parts is None or not np.all((parts >= 0) & (parts < len(self.materials))):
+                raise ValueError("a cell is of none of the materials")
             self._members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
             order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
             self.register_buffer("_order", order, persistent=False)

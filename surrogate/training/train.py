@@ -168,6 +168,15 @@ def going_on(config: TrainedModel, before: int, steps_per_epoch: int) -> str:
     return f"config '{config.name}': going on from epoch {before} to {epochs}; {rate}"
 
 
+def beginning_anew(config: TrainedModel, other: str) -> str:
+    """Say what happens to the learning rate of a training from the weights of another run."""
+    peak = config.training.optimiser.learning_rate
+    return (
+        f"config '{config.name}': starting from the weights of '{other}'; the learning rate begins "
+        f"its schedule anew, with a peak of {peak:g}; a smaller one stays closer to them"
+    )
+
+
 def mirrored(
     train: Samples | SamplesOnDisk, config: TrainedModel, dataset: Dataset
 ) -> Samples | SamplesOnDisk:
@@ -257,6 +266,9 @@ def _train(
         trainer.resume_after(start)
         if description.went_on_from and start == description.went_on_from[-1] and ranks.is_first:
             print(f"surrogate: {going_on(config, start, trainer.steps_per_epoch)}", file=sys.stderr)
+    elif description.start_from is not None and ranks.is_first:
+        said = beginning_anew(config, description.start_from.run)
+        print(f"surrogate: {said}", file=sys.stderr)
     start_epoch = start
     progress = Progress(
         trainer.steps,
@@ -298,9 +310,9 @@ def _train(
                 start, saved = epoch, time.perf_counter()
     progress.close(", ".join(filter(None, (trainer.note, f"{seconds:.0f} s"))))
     if ranks.is_first and trainer.is_over(epoch) and epoch > start_epoch:
-        said = advice(trainer, measures)
-        if said:
-            print(f"surrogate: advice: {said}", file=sys.stderr)
+        advised = advice(trainer, measures)
+        if advised:
+            print(f"surrogate: advice: {advised}", file=sys.stderr)
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:

@@ -135,6 +135,7 @@ def _updated(content: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
     result = content | keys
     for key, value in keys.items():
         old = content.get(key)
-        if isinstance(value, dict) and isinstance(old, dict) and "family" not in value:
+        is_other = isinstance(value, dict) and {"family", "model"} & value.keys()
+        if isinstance(value, dict) and isinstance(old, dict) and not is_other:
             result[key] = _updated(old, value)
     return result

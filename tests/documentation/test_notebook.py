@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pytest
@@ -14,10 +15,15 @@ from tests.end_to_end.commands import ROOT
 NOTEBOOK = ROOT / "docs" / "tutorials" / "notebook.ipynb"
 
 
+def stored() -> Any:
+    """Return the notebook; nbformat has no types."""
+    return nbformat.read(NOTEBOOK, as_version=4)
+
+
 @pytest.mark.slow
 def test_notebook(tmp_path: Path) -> None:
     """Every cell runs, and the certificate's estimate is the true mean error to 1 %."""
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook = stored()
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": tmp_path}}).execute()
     outputs = [out for cell in notebook.cells for out in cell.get("outputs", [])]
     text = "".join(out.get("text", "") for out in outputs)
@@ -29,6 +35,6 @@ def test_notebook(tmp_path: Path) -> None:
 
 def test_stored_outputs_are_those_of_all_cells() -> None:
     """The notebook is stored as executed, so that it can be read without running it."""
-    cells = [cell for cell in nbformat.read(NOTEBOOK, as_version=4).cells if cell.source]
+    cells = [cell for cell in stored().cells if cell.source]
     counts = [cell.execution_count for cell in cells if cell.cell_type == "code"]
     assert counts == list(range(1, len(counts) + 1))

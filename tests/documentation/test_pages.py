@@ -1,4 +1,4 @@
-"""Every code block of the README and of the site is run, or says why not."""
+"""Code blocks of all pages but the tutorials run; what does not run says why, in every page."""
 
 from __future__ import annotations
 
@@ -8,47 +8,14 @@ from pathlib import Path
 import pytest
 
 from tests.documentation.page import Block, blocks_of
+from tests.documentation.pages import PAGES, TUTORIALS, run, runnable
 from tests.end_to_end.commands import ROOT
 
-ELSEWHERE = (
-    "CONTRIBUTING.md",
-    "README.md",
-    "SECURITY.md",
-    "docker/README.md",
-    "shared_schema/README.md",
-)
-PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
-RUN = [
-    page
-    for page in PAGES
-    if any(not example.parsed.values("not run") for example in blocks_of(page))
-]
 
-
-def marks_of(page: Path) -> list[pytest.MarkDecorator]:
-    """Pages with many commands are slow, those with mpirun need MPI."""
-    marks = [pytest.mark.slow] if commands_of(page) > 2 else []
-    return [*marks, pytest.mark.mpi] if "mpirun" in page.read_text() else marks
-
-
-def commands_of(page: Path) -> int:
-    """Return the number of lines of shell that are run."""
-    blocks: list[Block] = [example.parsed for example in blocks_of(page)]
-    run = [block for block in blocks if block.language == "sh" and not block.values("not run")]
-    return sum(block.source.count("\n") + len(block.values("prepared")) for block in run)
-
-
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, id=str(page.relative_to(ROOT)), marks=marks_of(page))
-        for page in sorted(RUN, key=commands_of, reverse=True)
-    ],
-)
+@pytest.mark.parametrize("page", runnable(lambda page: page.parent != TUTORIALS))
 def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for example in blocks_of(page):
-        example.evaluate()
+    run(page)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

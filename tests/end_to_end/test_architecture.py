@@ -35,6 +35,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "unfinished",
         "manifest",
         "shard_problems",
+        "body_problems",
         "shard_reader",
         "shard_writer",
         "grid",

@@ -74,6 +74,12 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
             ("plot", "datagen", ("plot", "nodal", "--out", "a.png"), ["nodal"]),
             ("series", "datagen", ("export", "nodal", "--out", "a.xdmf"), ["nodal"]),
             (
+                "stresses",
+                "datagen",
+                ("export", "nodal", "--stresses", "--out", "a.pvd"),
+                ["nodal"],
+            ),
+            (
                 "train",
                 "surrogate",
                 ("train", "config.yaml", "--data", "structured", "--out", "out"),

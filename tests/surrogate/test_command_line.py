@@ -372,7 +372,7 @@ def test_failed_work_exits_with_one(
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        ({"network": {"levels": 6, "channels": 2048}}, "keys 'network', 'ensemble', "),
+        ({"network": {"levels": 4, "channels": 2048}}, "keys 'network', 'ensemble', "),
         ({"network": {"levels": 2, "channels": 2048}, "ensemble": 100}, "keys 'network', 'ensemb"),
         (
             {"model": "pod", "pod": {"regression": "gp"}, "likelihood": "maximum_likelihood"},

@@ -16,8 +16,8 @@ PYTHON = Path(__file__).parents[3] / ".venv-plaid" / "bin" / "python"
 @pytest.fixture(scope="session")
 def plaid() -> Path:
     """Interpreter of an environment with pyplaid, as the Makefile makes it."""
-    has: list[str | Path] = [
-        PYTHON,
+    has = [
+        str(PYTHON),
         "-c",
         "import importlib.util as u, sys; sys.exit(u.find_spec('plaid') is None)",
     ]

@@ -1,4 +1,4 @@
-"""Script for an environment with pyplaid: read a PLAID dataset, and write its samples as .npz."""
+"""Script for an environment with pyplaid: read a PLAID dataset, and write its arrays as .npz."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plaid.storage import init_from_disk
 
 folder, out = sys.argv[1:]
 datasets, converters = init_from_disk(folder)
-arrays = {}
+arrays: dict[str, np.ndarray] = {}
 for split, dataset in datasets.items():
     samples = [converters[split].to_plaid(dataset, row) for row in range(len(dataset))]
     place = {"zone": "Zone", "base": samples[0].get_base_names()[0]}
@@ -22,4 +22,4 @@ for split, dataset in datasets.items():
         arrays[f"{split}/{kind}"] = cells
     for tag, nodes in samples[0].get_nodal_tags(**place).items():
         arrays[f"{split}/{tag}"] = nodes
-np.savez(out, **arrays)
+np.savez(out, allow_pickle=False, **arrays)

@@ -11,7 +11,9 @@ import pytest
 import yaml
 
 from datagen.command_line import main
+from datagen.plaid_format import exporting
 from datagen.structure.reindexing import nodal_forces_of, structure
+from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from tests.datagen.refusal import refusal
 
@@ -44,7 +46,7 @@ def test_reading_it_back_gives_the_same_numbers(
     structured = DatasetReader(_structured(nodal, tmp_path), "structured")
     splits = structured.joined(("samples/number", "samples/is_test"))
     is_test, numbers = splits["samples/is_test"], splits["samples/number"]
-    arrays: dict[int, tuple[Any, Any]] = {}
+    arrays: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for _, shard in DatasetReader(nodal, "nodal"):
         fields = zip(nodal_forces_of(shard), shard["samples/displacement"], strict=True)
         arrays |= dict(zip(shard["samples/number"].tolist(), fields, strict=True))
@@ -84,6 +86,17 @@ def test_what_is_known_about_it(nodal: Path, tmp_path: Path, plaid: Path) -> Non
     assert problem["input_features"] == [f"{fields}force_{axis}" for axis in "xy"]
     assert problem["output_features"] == [f"{fields}displacement_{axis}" for axis in "xy"]
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_what_has_no_field_is_refused(
+    nodal: Path, tmp_path: Path, plaid: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rollers, several materials and pressures would be lost without a word."""
+    assert exporting.NOT_CARRIED == ("mesh/held", "mesh/material", "mesh/pressed")
+    monkeypatch.setattr(exporting, "NOT_CARRIED", ("mesh/pressed", "mesh/clamped"))
+    with pytest.raises(InputError, match=r"has 'mesh/clamped', expected a dataset of one material"):
+        exporting.export_plaid(nodal, tmp_path / "plaid", python=plaid)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_refusals(nodal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

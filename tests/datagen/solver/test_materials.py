@@ -1,4 +1,4 @@
-"""Materials under uniaxial tension against closed forms; own ones; several in one body."""
+"""Materials under uniaxial tension against closed forms; several in one body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from datagen.cases.body import make_body
-from datagen.cases.case import Case, read_case
+from datagen.cases.case import read_case
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -29,7 +29,6 @@ from shared_schema.material import (
     StVenantKirchhoff,
     Yeoh,
 )
-from tests.datagen.refusal import refusal
 
 Slope = Callable[[np.ndarray], np.ndarray]
 NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 3))
@@ -144,90 +143,6 @@ def test_moduli_at_rest(material: ShippedMaterial, stresses: Slope) -> None:
 def test_softer_than_rest_is_refused() -> None:
     with pytest.raises(ValueError, match="shear modulus at rest is 0 Pa"):
         MooneyRivlin(c10=0, c01=0, bulk_modulus=1)
-
-
-# --- a user's own material ------------------------------------------------------------------------
-
-CODE = """
-import ufl
-
-from datagen.materials import OwnMaterial
-
-
-class Gel(OwnMaterial):
-    shear: float
-    first: float
-
-    def energy(self, f):
-        c, j = f.T * f, ufl.det(f)
-        return {energy}
-"""
-SAME = (
-    "self.shear / 2 * (ufl.tr(c) - 3 - 2 * ufl.ln(j)) + self.first / 4 * (j**2 - 1 - 2 * ufl.ln(j))"
-)
-
-
-def own_case(folder: Path, energy: str = SAME, **keys: Any) -> Path:
-    (folder / "gel.py").write_text(CODE.format(energy=energy))
-    content = yaml.safe_load((Path("datagen/configs/beam2d.yaml")).read_text())
-    lame = {"shear": 500 / 2.8, "first": 200 / (1.4 * 0.2)}
-    content["material"] = {"model": "gel.py:Gel", **lame, **keys}
-    content["dataset"] |= {"samples": 4, "shard_size": 4}
-    path = folder / "case.yaml"
-    path.write_text(yaml.safe_dump(content))
-    return path
-
-
-def solved(case: Case) -> np.ndarray:
-    body = make_body(case, MPI.COMM_SELF)
-    load = body.loads[3]
-    assert solve_load_case(body.problem, load.nodes, load.forces, case.solver).solved
-    return body.problem.displacement()
-
-
-def test_own_energy_is_solved(tmp_path: Path) -> None:
-    """The Neo-Hookean energy, written by a user in three dimensions, in plane strain."""
-    case = read_case(str(own_case(tmp_path)))
-    assert solved(case) == pytest.approx(solved(read_case("beam2d")), abs=1e-10)
-    before = case.digest()
-    (tmp_path / "gel.py").write_text((tmp_path / "gel.py").read_text() + "\n# changed\n")
-    assert read_case(str(tmp_path / "case.yaml")).digest() != before
-
-
-@pytest.mark.parametrize(
-    ("energy", "said"),
-    [
-        ("1 / 0", "energy: ZeroDivisionError: division by zero (line 13)"),
-        ("c", "energy has shape (3, 3), expected a scalar"),
-        ("ufl.tr(c)", "in the undeformed body, expected none"),
-        ("ufl.ln(j - 1)", "in the undeformed body, expected none"),
-    ],
-)
-def test_unfit_energies(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], energy: str, said: str
-) -> None:
-    path, out = own_case(tmp_path, energy), str(tmp_path / "out.npz")
-    assert said in refusal(["solve", str(path), "--load", "4,1:0,-1", "--out", out], capsys)
-
-
-@pytest.mark.parametrize(
-    ("material", "said"),
-    [
-        ({"model": "rubber"}, "key 'material.model' = 'rubber': expected one of neo_hookean, "),
-        ({"model": "gel.py:Gel", "shear": 1.0}, "key 'material.first' is missing"),
-        ({"model": "none.py:Gel"}, "none.py cannot be read"),
-        ({"model": "gel.py:Jelly"}, "has no class 'Jelly'"),
-        ({"model": "gel.py:OwnMaterial", "shear": 1}, "material"),
-        ({"model": "yeoh", "c10": 1}, "key 'material.bulk_modulus' is missing"),
-    ],
-)
-def test_wrong_materials(tmp_path: Path, material: dict[str, Any], said: str) -> None:
-    path = own_case(tmp_path)
-    content = yaml.safe_load(path.read_text())
-    path.write_text(yaml.safe_dump(content | {"material": material}))
-    with pytest.raises(InputError) as error:
-        read_case(str(path))
-    assert said in str(error.value)
 
 
 # --- several materials ----------------------------------------------------------------------------

@@ -59,6 +59,19 @@ def cut(geometry: Geometry) -> Geometry:
     return replace(geometry, cells=geometry.cells[1:])
 
 
+def sliding(geometry: Geometry) -> Geometry:
+    """A node of the edge is held along x, and its image is not."""
+    held = geometry.held.copy()
+    held[-1, 0] = True
+    return replace(geometry, single=held)
+
+
+def of_two_materials(geometry: Geometry) -> Geometry:
+    parts = np.zeros(len(geometry.cells), dtype=np.int64)
+    parts[0] = 1
+    return replace(geometry, parts=parts)
+
+
 def embedded(geometry: Geometry) -> Geometry:
     grid = geometry.grid
     halves = np.full((*grid.shape, 2), 0.5)
@@ -74,6 +87,8 @@ def embedded(geometry: Geometry) -> Geometry:
         (lambda g: symmetric(g), "z", "expected one of ('x', 'y')"),
         (lambda g: moved(symmetric(g)), "y", "has no mirror image"),
         (lambda g: cut(symmetric(g)), "y", "its cells are not mirror images of each other"),
+        (lambda g: sliding(symmetric(g)), "y", "its supports are not"),
+        (lambda g: of_two_materials(symmetric(g)), "y", "its materials are not"),
         (lambda g: embedded(symmetric(g)), "y", "embedded on its mesh"),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import surrogate
+from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.inference.training_range import TrainingRange
@@ -92,3 +93,14 @@ def test_run_without_loads_is_resumed_and_warns_of_the_rest(trained: Path, tmp_p
     old.require_free(run.description())
     forces = np.full((32, 2), 100.0)
     assert list(surrogate.load(tmp_path).training_range.exceeded(forces)) == ["range", "places"]
+
+
+def test_range_on_an_embedded_grid_is_that_of_its_points() -> None:
+    """A node halfway between two points: 2 N on it are 1 N on each, the largest of a training."""
+    sources, weights = np.zeros((2, 2, 1), dtype=np.int64), np.ones((2, 2, 1))
+    points = np.array([[0, 1], [2, 2]])
+    grid = Grid(sources, weights, points, np.array([[0.5, 0.5], [1.0, 0.0]]))
+    found = TrainingRange((1.0, 1.0), np.ones(2, dtype=bool), None, grid)
+    assert found.exceeded(np.array([[2.0, 0.0], [0.0, -1.0]])) == {}
+    assert list(found.exceeded(np.array([[2.1, 0.0], [0.0, 0.0]]))) == ["range"]
+    assert list(found.exceeded(np.array([[0.0, 0.0], [0.0, -1.1]]))) == ["range"]

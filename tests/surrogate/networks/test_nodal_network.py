@@ -38,7 +38,7 @@ class Field(nn.Module):
     members = 1
     force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
 
-    def forward(self, force: Tensor, passes: int) -> Prediction:
+    def forward(self, force: Tensor, passes: int, by_component: Tensor | None) -> Prediction:
         repeated = force.repeat(passes, *[1] * (force.ndim - 1))
         return Prediction(repeated, 2 * repeated)
 

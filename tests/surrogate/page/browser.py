@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Download, Page, sync_playwright
+from playwright.sync_api import Browser, Download, Page, ViewportSize, sync_playwright
 
 Array = NDArray[np.float64]
 READY = """new Promise((resolve) => {
@@ -46,8 +46,16 @@ class OpenPage:
         Addresses that the page has asked for, and lines of the console, since it was opened.
     """
 
-    def __init__(self, browser: Browser, path: Path, width: int = 1100, height: int = 700) -> None:
-        self.page: Page = browser.new_page(viewport={"width": width, "height": height})
+    def __init__(
+        self,
+        browser: Browser,
+        path: Path,
+        width: int = 1100,
+        height: int = 700,
+        scale: float = 1,
+    ) -> None:
+        viewport: ViewportSize = {"width": width, "height": height}
+        self.page: Page = browser.new_page(viewport=viewport, device_scale_factor=scale)
         self.requests: list[str] = []
         self.messages: list[str] = []
         self.page.on("request", lambda request: self.requests.append(request.url))

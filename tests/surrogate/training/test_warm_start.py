@@ -43,15 +43,24 @@ def test_the_network_begins_as_that_of_the_other_run(
 
 
 def test_it_is_recorded_and_resumed(
-    trained: Path, other: Dataset, tmp_path: Path, make_config: MakeConfig
+    trained: Path,
+    other: Dataset,
+    tmp_path: Path,
+    make_config: MakeConfig,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     config = make_config(epochs=4)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
     train(config, other, whole, CPU, start_from=trained)
+    capsys.readouterr()
     train(config, other, parts, CPU, stop_after=2, start_from=trained)
+    said = "starting from the weights of 'small'; the learning rate begins its schedule anew"
+    assert f"{said}, with a peak of 0.005" in capsys.readouterr().err
     with pytest.raises(InputError, match=r"another start_from = None, the folder has"):
         train(config, other, parts, CPU)
+    capsys.readouterr()
     train(config, other, parts, CPU, start_from=trained)
+    assert "begins its schedule anew" not in capsys.readouterr().err
     assert whole.model.read_bytes() == parts.model.read_bytes()
     origin = whole.description().start_from
     assert origin is not None

@@ -40,7 +40,7 @@ export class Curve {
     const reach = points.map((p) => p.displacement + QUANTILE * (p.deviation ?? 0));
     const mostForce = ceiling(Math.max(1e-12, ...points.map((p) => p.force)));
     const mostLength = ceiling(Math.max(1e-12, ...reach));
-    const frame = { left: 44, top: 16, right: width - 12, bottom: height - 30 };
+    const frame = { left: 62, top: 16, right: width - 12, bottom: height - 30 };
     const x = (force: number): number =>
       frame.left + (force / mostForce) * (frame.right - frame.left);
     const y = (length: number): number =>

@@ -13,6 +13,7 @@ import { Scene } from "./view/scene";
 
 const REST = 150; // ms without a change, before the error of a large body is estimated
 const LARGE = 2000; // degrees of freedom
+const PANEL = 80; // ms between two states of the panel: people read no faster
 
 /** What scripts may use, from the console or a talk's notes. */
 interface Handle {
@@ -49,19 +50,22 @@ async function start(): Promise<void> {
   let isStale = false;
   let isComplete = true;
   let isPanelDue = false;
+  let panelTime = 0;
   let event: { at: number; delivered: number } | null = null;
   let idle: (() => void)[] = [];
   let timer = 0;
 
-  /** Draw the body now, and the panel with the browser's next frame. */
+  /** Draw the body now, and the panel a few times a second. */
   const show = (): void => {
     scene.show();
     if (isPanelDue) return;
     isPanelDue = true;
-    requestAnimationFrame(() => {
+    const wait = Math.max(0, panelTime + PANEL - performance.now());
+    setTimeout(() => {
       isPanelDue = false;
+      panelTime = performance.now();
       panel.update(scene.largest);
-    });
+    }, wait);
   };
 
   /** The loads have changed, by an event at a time in ms. */
@@ -182,7 +186,7 @@ async function start(): Promise<void> {
     curve: panel.curve,
     settled: async () => {
       if (isBusy || !isComplete) await new Promise<void>((resolve) => idle.push(resolve));
-      while (isPanelDue) await new Promise(requestAnimationFrame);
+      while (isPanelDue) await new Promise((resolve) => setTimeout(resolve, 1));
     },
     times: [],
     measure: false,

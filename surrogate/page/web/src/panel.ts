@@ -8,6 +8,8 @@ import { predictCommand } from "./loads";
 import type { State } from "./state";
 import { digits, inMetres, prefixOf } from "./units";
 
+const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
+
 /** What the panel asks of the page. */
 export interface Actions {
   /** Loads or colours have changed. */
@@ -135,6 +137,7 @@ export class Panel {
   private updateEstimate(): void {
     const { certificate, fields, content } = this.state;
     let text = "Set a load first.";
+    let isBad = certificate !== null && !certificate.settled;
     if (fields && !certificate) text = "Computing …";
     if (certificate?.inverted) {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
@@ -142,10 +145,11 @@ export class Panel {
       const largest = longest(certificate.error, content.d);
       const share = largest / (longest(fields.displacement, content.d) || 1);
       const numbers = `${inMetres(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
+      isBad ||= share > LARGE_SHARE;
       text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
     }
     this.estimate.textContent = text;
-    this.estimate.classList.toggle("bad", certificate !== null && !certificate.settled);
+    this.estimate.classList.toggle("bad", isBad);
   }
 
   private updateReadout(): void {

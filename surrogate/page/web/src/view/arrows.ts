@@ -61,7 +61,9 @@ export class Arrows {
       arrow.label.textContent = `${number + 1}: ${inNewtons(size(load.force))}`;
       arrow.label.classList.toggle("selected", load === selected);
       const { clientWidth, clientHeight } = this.overlay;
-      const left = between(x + 10, 4, clientWidth - arrow.label.offsetWidth - 8);
+      const width = arrow.label.offsetWidth + 8;
+      const beside = x + 10 + width < clientWidth ? x + 10 : x - 10 - width;
+      const left = between(beside, 4, clientWidth - width);
       const top = between(y - 10, 4, clientHeight - arrow.label.offsetHeight - 4);
       arrow.label.style.transform = `translate(${left}px, ${top}px)`;
     });

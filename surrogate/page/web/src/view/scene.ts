@@ -21,6 +21,7 @@ import { BodyMesh } from "./body_mesh";
 import { supportMarks } from "./supports";
 
 const REACH = 0.25; // of the body's diagonal: the arrow of the largest force of the training
+const GROUND = 0xf7f9fb;
 const NEAR = 16; // pixels around a node
 const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
 
@@ -48,8 +49,9 @@ export class Scene {
     overlay: HTMLElement,
   ) {
     const { content } = state;
-    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware(), alpha: true });
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
     this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.renderer.setClearColor(GROUND);
     this.body = new BodyMesh(content);
     const { lower, upper } = bounds(this.body.positions);
     this.extent = upper.clone().sub(lower);

@@ -1,0 +1,54 @@
+"""The pages of the documentation, and the test that their code blocks run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.documentation.page import Block, blocks_of
+from tests.end_to_end.commands import ROOT
+
+ELSEWHERE = (
+    "CONTRIBUTING.md",
+    "README.md",
+    "SECURITY.md",
+    "docker/README.md",
+    "shared_schema/README.md",
+)
+TUTORIALS = ROOT / "docs" / "tutorials"
+PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
+
+
+def runnable(chosen: Callable[[Path], bool]) -> list[Any]:
+    """Return parameters of a test: the chosen pages that have blocks to run, long ones first."""
+    pages = [page for page in PAGES if chosen(page) and _runs(page)]
+    return [
+        pytest.param(page, id=str(page.relative_to(ROOT)), marks=_marks_of(page))
+        for page in sorted(pages, key=_commands_of, reverse=True)
+    ]
+
+
+def run(page: Path) -> None:
+    """Run all blocks of a page in the current folder."""
+    for example in blocks_of(page):
+        example.evaluate()
+
+
+def _runs(page: Path) -> bool:
+    return any(not example.parsed.values("not run") for example in blocks_of(page))
+
+
+def _marks_of(page: Path) -> list[pytest.MarkDecorator]:
+    """Pages with many commands are slow, those with mpirun need MPI."""
+    marks = [pytest.mark.slow] if _commands_of(page) > 2 else []
+    return [*marks, pytest.mark.mpi] if "mpirun" in page.read_text() else marks
+
+
+def _commands_of(page: Path) -> int:
+    """Return the number of lines of shell that are run."""
+    blocks: list[Block] = [example.parsed for example in blocks_of(page)]
+    shell = [block for block in blocks if block.language == "sh" and not block.values("not run")]
+    return sum(block.source.count("\n") + len(block.values("prepared")) for block in shell)

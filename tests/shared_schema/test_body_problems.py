@@ -1,0 +1,83 @@
+"""Arrays that only some bodies have: written, read, and each violation named alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared_schema.bodies.groups import group_arrays, groups_of
+from shared_schema.body_problems import body_problems
+from shared_schema.layout import Arrays
+from shared_schema.shard_reader import read_shard
+from shared_schema.shard_writer import write_shard
+
+Change = Callable[[Arrays], None]
+
+
+@pytest.fixture
+def body(nodal_arrays: Arrays) -> Arrays:
+    """Nodes 0 to 2 are clamped; node 3 slides along y, nodes 6 and 7 are loaded and pressed."""
+    arrays = nodal_arrays
+    held = np.repeat(arrays["mesh/clamped"][:, None], 2, axis=1)
+    held[3, 0] = True
+    arrays["samples/displacement"][:, 3] = 0.0
+    arrays["mesh/held"] = held
+    arrays["mesh/material"] = np.array([0, 1, 0])
+    arrays |= group_arrays({"root": arrays["mesh/clamped"], "end": arrays["mesh/loadable"]})
+    arrays["mesh/pressed"] = np.array([[6, 7], [7, 4]])
+    arrays["mesh/pressed_surface"] = np.array([0, 1])
+    arrays["samples/pressure"] = np.array([[1.0, 2.0], [3.0, 4.0]])
+    arrays["failed/pressure"] = np.array([[5.0, 6.0]])
+    return arrays
+
+
+def put(name: str, index: Any, value: Any) -> Change:
+    def change(arrays: Arrays) -> None:
+        arrays[name][index] = value
+
+    return change
+
+
+def drop(name: str) -> Change:
+    def change(arrays: Arrays) -> None:
+        del arrays[name]
+
+    return change
+
+
+def test_written_and_read(body: Arrays, tmp_path: Path) -> None:
+    assert body_problems(body) == []
+    write_shard(tmp_path / "shard-00000.h5", "nodal", body, "0" * 64, "quad")
+    found = read_shard(tmp_path / "shard-00000.h5", "nodal")
+    assert found.keys() == body.keys()
+    for name, values in body.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    groups = groups_of(found)
+    assert list(groups) == ["end", "root"]
+    np.testing.assert_array_equal(groups["root"], body["mesh/clamped"])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (put("mesh/held", (3, 1), True), "'mesh/held' is not all true at the clamped nodes alone"),
+        (put("mesh/held", (0, 1), False), "'mesh/held' is not all true at the clamped nodes alone"),
+        (put("samples/displacement", (0, 3, 0), 1e-9), "moves a held component"),
+        (put("samples/loaded_nodes", (0, 0), 3), "'samples/force' has a force on a held component"),
+        (put("failed/loaded_nodes", (0, 1), 3), "'failed/force' has a force on a held component"),
+        (put("mesh/group_names", 0, "root"), "'mesh/group_names' has a name twice"),
+        (drop("mesh/groups"), "do not stand together"),
+        (put("mesh/material", 1, -1), "'mesh/material' is -1, expected 0 at least"),
+        (put("mesh/pressed", (0, 1), 4), "names a facet that is not on the surface"),
+        (drop("mesh/pressed"), "stand together"),
+        (put("mesh/pressed_surface", 1, 0), "does not number the surfaces in turn"),
+    ],
+)
+def test_violations(body: Arrays, change: Change, said: str) -> None:
+    change(body)
+    (problem,) = body_problems(body)
+    assert said in problem

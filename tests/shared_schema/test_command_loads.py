@@ -1,0 +1,156 @@
+"""Loads of the command line: at places, on groups, from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared_schema.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.common.errors import InputError
+
+X = np.array([[0.0, 0.0], [2.0, 0.0], [5.0, 0.0], [0.0, 1.0], [2.0, 1.0], [5.0, 1.0]])
+CELLS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+
+
+def marked(*nodes: int) -> np.ndarray:
+    return np.isin(np.arange(6), nodes)
+
+
+@pytest.fixture
+def body() -> LoadedBody:
+    """5 x 1 m of two quadrilaterals; node 0 is clamped and node 3 slides along y."""
+    held = np.zeros((6, 2), dtype=bool)
+    held[0], held[3, 0] = True, True
+    groups = {"top": marked(3, 4, 5), "corners": marked(0, 2, 4), "end": marked(2, 5)}
+    return LoadedBody(X, CELLS, "quad", held, groups)
+
+
+def given(body: LoadedBody, *loads: str, nearest: bool = False) -> CommandLoads:
+    return command_loads(body, loads, nearest=nearest)
+
+
+def test_force_on_a_group_is_a_uniform_traction(body: LoadedBody) -> None:
+    """Shares 1, 2.5 and 1.5 m of 5 m; what acts along the slide's support is borne by it."""
+    forces = given(body, "top:10,-20").forces
+    assert forces[[3, 4, 5]] == pytest.approx(np.array([[0, -4], [5, -10], [3, -6]]))
+    assert not forces[:3].any()
+
+
+def test_force_on_a_group_without_facets_is_shared_equally(body: LoadedBody) -> None:
+    forces = given(body, "corners:3,6").forces
+    assert forces[[0, 2, 4]] == pytest.approx(np.array([[0, 0], [1, 2], [1, 2]]))
+
+
+def test_loads_add_up(body: LoadedBody) -> None:
+    forces = given(body, "end:0,2", "5,1:1,0", "5,1:1,0").forces
+    assert forces[[2, 5]] == pytest.approx(np.array([[0, 1], [2, 1]]))
+
+
+def test_pressure(body: LoadedBody) -> None:
+    """On top it pushes down: 3 Pa on 5 m; deformed, it follows the surface."""
+    loads = given(body, "top:3", "end:0,2")
+    assert loads.pressures == [3.0]
+    assert not loads.forces[[3, 4]].any()
+    assert loads.at_rest[[3, 4]] == pytest.approx(np.array([[0, -3], [0, -7.5]]))
+    turned = X @ np.array([[0, 1], [-1, 0]])  # by 90°: (x, y) → (−y, x), the top looks to the left
+    assert loads.pushed(turned - X).sum(axis=0) == pytest.approx([15, 0])
+
+
+def test_nearest_node(body: LoadedBody) -> None:
+    loads = given(body, "4.1,0.8:0,1", "0.2,0:0,1", nearest=True)
+    assert loads.forces[5].tolist() == [0, 1]
+    assert loads.forces[3].tolist() == [0, 1]  # node 0 is nearer, but clamped
+    assert loads.notes[0] == "--load '4.1,0.8:0,1': acts at the nearest node, 5,1"
+    assert len(given(body, "5,1:0,1", nearest=True).notes) == 0
+
+
+def test_move(body: LoadedBody) -> None:
+    loads = command_loads(body, [], moves=["end:-,0.5"])
+    assert loads.moved.tolist() == [[False, bool(node in (2, 5))] for node in range(6)]
+    assert loads.displacement[[2, 5]].tolist() == [[0, 0.5], [0, 0.5]]
+
+
+def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
+    force = np.zeros((6, 2))
+    force[4] = 1.0, -2.0
+    np.savez(tmp_path / "solved.npz", coordinates=X, force=force, displacement=X)
+    (tmp_path / "loads.csv").write_text("x,y,fx,fy\n# two at one node\n5,1,0,1\n\n5,1,2,0\n")
+    files = [tmp_path / "solved.npz", tmp_path / "loads.csv"]
+    forces = command_loads(body, ["5,0:0,9"], files).forces
+    assert forces[[2, 4, 5]].tolist() == [[0, 9], [1, -2], [2, 1]]
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        ("hole:1,2", "no such group, the mesh has corners, end, top"),
+        ("top:1,2,3", "expected 2 numbers (N), or one (Pa)"),
+        ("top:nan", "expected finite numbers"),
+        ("top:x", "expected 2 numbers (N), or one (Pa)"),
+        ("corners:5", "the group has no facet to press on"),
+        ("0,1:1,1", "the node at 0,1 is held in x"),
+        ("0,0:1,1", "the node is clamped"),
+        ("5,0.5:1,1", "the nearest is at 5,0 (--nearest)"),
+        ("5,1:1", "expected X,Y:FX,FY"),
+        ("top:1e300,0", "at most 1e+12"),
+    ],
+)
+def test_wrong_loads(body: LoadedBody, load: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        given(body, load)
+    assert said in str(error.value)
+    assert f"--load '{load}'" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("move", "said"),
+    [
+        ("hole:1,2", "the groups of the mesh are corners, end, top"),
+        ("end:1", "expected 2 numbers (m), or - for a free component"),
+        ("top:1,0", "held or moved already"),
+    ],
+)
+def test_wrong_moves(body: LoadedBody, move: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        command_loads(body, [], moves=[move])
+    assert said in str(error.value)
+
+
+def test_force_and_displacement_of_one_component(body: LoadedBody) -> None:
+    with pytest.raises(InputError, match="a force acts on a moved component"):
+        command_loads(body, ["5,1:0,1"], moves=["end:-,0.5"])
+    assert command_loads(body, ["5,1:1,0"], moves=["end:-,0.5"]).forces[5, 0] == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv", b"5,1,0\n", "line 1: expected X,Y,FX,FY"),
+        ("a.csv", b"x,y,fx,fy\n5,1,0,inf\n", "line 2: expected finite numbers"),
+        ("a.csv", b"9,9,0,1\n", "no node stands there"),
+        ("a.csv", b"\xff\xfe", "cannot be read"),
+        ("a.npz", b"PK", "expected a file .npz with 'force' and 'coordinates'"),
+        ("a.txt", b"", "expected a file name ending in .npz, .csv"),
+    ],
+)
+def test_wrong_files(
+    body: LoadedBody, tmp_path: Path, name: str, content: bytes, said: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError) as error:
+        command_loads(body, [], [tmp_path / name])
+    assert said in str(error.value)
+    assert f"--forces '{tmp_path / name}'" in str(error.value)
+
+
+def test_solution_of_another_mesh(body: LoadedBody, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", coordinates=X + 1, force=X)
+    with pytest.raises(InputError, match="on another mesh"):
+        command_loads(body, [], [tmp_path / "a.npz"])
+
+
+def test_no_load_at_all(body: LoadedBody) -> None:
+    with pytest.raises(InputError, match="expected --load or --forces"):
+        command_loads(body, [])
