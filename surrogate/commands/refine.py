@@ -24,9 +24,9 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--learning-rate",
         type=positive,
-        default=1e-4,
+        default=3e-5,
         metavar="R",
-        help="first one (default 1e-4)",
+        help="first one (default 3e-5)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the random loads")
     parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="new run folder")
@@ -48,4 +48,4 @@ def run(options: argparse.Namespace) -> None:
     refinement = validate(Refinement, given, "options")
     device = choose_device(options.device)
     found = refine(options.run, RunFolder(options.out), refinement, device)
-    print(f"{options.out}: {options.steps} steps, forces out of balance by {found:.2g} of the load")
+    print(f"{options.out}: {options.steps} steps, potential energy {found:.4g} of the linear work")

@@ -101,7 +101,8 @@ class Equilibrium:
     def potential(self, u: Array, f: Array) -> Array:
         """Π(u) in J, (N,); +∞ if a cell is inverted."""
         energy = self.solid.energy(torch.from_numpy(u)).numpy()
-        potential: Array = np.nan_to_num(energy - (u * f).sum((1, 2)), nan=np.inf)
+        potential: Array = energy - (u * f).sum((1, 2))
+        potential[np.isnan(potential)] = np.inf
         return potential
 
     def out_of_balance(self, u: Array, f: Array) -> Array:

@@ -2,14 +2,15 @@ r"""Training without solutions: by the potential energy of random load cases.
 
 In equilibrium the potential energy :math:`Π(u) = E(u) - f · u` is lowest
 (`surrogate.mechanics.equilibrium`). A network u(f; θ) is trained by its mean over random load
-cases. Its gradient with respect to a displacement is the force out of balance, r = ∂Π/∂u. In the
-Euclidean inner product r consists mostly of stiff directions; in that of the undeformed body's
-energy it is :math:`K(0)^{-1} r`, a displacement. With the latter,
+cases, each over the work of its linear response:
 
-.. math:: \frac{∂L}{∂θ} = \frac{1}{N} \sum_f \frac{K(0)^{-1} r \cdot ∂u/∂θ}{‖K(0)^{-1} f‖}
+.. math::
+    L(θ) = \frac{1}{N} \sum_f \frac{Π(u(f; θ))}{f · K(0)^{-1} f}, \qquad
+    \frac{∂L}{∂θ} = \frac{1}{N} \sum_f \frac{r \cdot ∂u/∂θ}{f · K(0)^{-1} f}
 
-where every load case is weighted by the inverse size of its linear response. Load cases with an
-inverted cell, where Π is infinite, are left out. No solution of the finite elements is needed.
+with the forces r = ∂Π/∂u that are out of balance. Of a linear body the least value is -1/2. Load
+cases with an inverted cell, where Π is infinite, are left out. No solution of the finite elements
+is needed.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.random_loads import RandomLoads, random_loads
 from surrogate.inference.prediction import Surrogate, load
-from surrogate.mechanics.equilibrium import Equilibrium, norms
+from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.models.model import TrainedModel
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
 from surrogate.runs.description import Origin, Refinement, RunDescription
@@ -53,7 +54,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     Returns
     -------
     float
-        Relative out-of-balance energy norm of the last steps, as `Descent` measures it.
+        Mean of L over the last steps.
 
     Raises
     ------
@@ -83,12 +84,12 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     optimiser = config.training.optimiser
     optimisers = make_optimisers(surrogate.network.train(), optimiser)
     progress = Progress(refinement.steps, 0, "steps", f"surrogate refine {config.name}")
-    sizes = []
+    values = []
     for step in range(refinement.steps):
         rate = refinement.learning_rate * (1 - step / refinement.steps)
         set_learning_rate(optimisers, rate)
         surrogate.network.zero_grad(set_to_none=True)
-        sizes.append(descent.differentiate(surrogate, step, config.training.batch_size))
+        values.append(descent.differentiate(surrogate, step, config.training.batch_size))
         for each in optimisers:
             each.step()
         progress.update(step + 1)
@@ -96,7 +97,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
             if not all_finite(surrogate.network):
                 raise WorkError(f"diverged in step {step + 1}; nothing is written")
             seconds = time.perf_counter() - began
-            loss, epoch = float(np.mean(sizes[-EPOCH:])), len(lines) + 1
+            loss, epoch = float(np.mean(values[-EPOCH:])), len(lines) + 1
             lines.append({"epoch": epoch, "train_loss": loss, "seconds": seconds})
     progress.close(f"{time.perf_counter() - began:.0f} s")
     with out.owned():
@@ -133,24 +134,20 @@ class Descent:
         self.equilibrium, self.family, self.seed = equilibrium, family, refinement.seed
 
     def differentiate(self, surrogate: Surrogate, step: int, count: int) -> float:
-        """Add the gradients of one batch to the weights.
-
-        Returns
-        -------
-        float
-            Median of :math:`(r · K(0)^{-1} r / f · K(0)^{-1} f)^{1/2}` over the batch.
-        """
+        """Add the gradients of one batch to the weights; return L, without inverted load cases."""
         forces = self.family.draw(count, np.random.default_rng(stream(self.seed, REFINEMENT, step)))
         given = torch.from_numpy(forces.astype(np.float32)).to(surrogate.network.free.device)
         predicted = surrogate.nodal_network(given).mean  # (members, N, n_nodes, d)
-        members = [self.direction(u, forces) for u in predicted.detach().double().cpu().numpy()]
-        direction = np.stack([slope for slope, _ in members]).astype(np.float32)
-        towards = torch.from_numpy(direction).to(predicted) / count
+        members = [self.gradient(u, forces) for u in predicted.detach().double().cpu().numpy()]
+        gradient = np.stack([slope for slope, _ in members]).astype(np.float32)
+        towards = torch.from_numpy(gradient).to(predicted) / count
         torch.autograd.backward((predicted * towards).sum())
-        return float(np.median([sizes for _, sizes in members]))
+        values = np.concatenate([value for _, value in members])
+        finite = values[np.isfinite(values)]
+        return float(finite.mean()) if len(finite) else np.inf
 
-    def direction(self, u: Array, f: Array) -> tuple[Array, Array]:
-        """K(0)⁻¹ r over ‖K(0)⁻¹ f‖, zero if a cell is inverted, and the relative energy norm of r.
+    def gradient(self, u: Array, f: Array) -> tuple[Array, Array]:
+        """Π / (f · K(0)⁻¹ f) of load cases, and its gradient; zero if a cell is inverted.
 
         Parameters
         ----------
@@ -159,11 +156,12 @@ class Descent:
 
         Returns
         -------
-        direction : array, (N, n_nodes, d)
-        sizes : array, (N,)
+        gradient : array, (N, n_nodes, d)
+            In 1/m.
+        values : array, (N,)
+            +∞ if a cell is inverted.
         """
-        r, linear = self.equilibrium.out_of_balance(u, f), self.equilibrium.linear_response(f)
+        work = (f * self.equilibrium.linear_response(f)).sum((1, 2))
+        r = self.equilibrium.out_of_balance(u, f)
         r[self.equilibrium.inverted(u) > 0] = 0.0
-        slope = self.equilibrium.linear_response(r)
-        sizes = np.sqrt((r * slope).sum((1, 2)) / (f * linear).sum((1, 2)))
-        return slope / norms(linear)[:, None, None], sizes
+        return r / work[:, None, None], self.equilibrium.potential(u, f) / work

@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("config")
     parser.add_argument("--samples", type=int, default=250, help="of the first network")
     parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
-    parser.add_argument("--learning-rate", type=float, default=1e-4, help="without solutions")
+    parser.add_argument("--learning-rate", type=float, default=3e-5, help="without solutions")
     parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
     parser.add_argument("--seeds", type=int, default=1, help="repeats")
     parser.add_argument("--work", type=Path, default=Path("runs/further"))
@@ -244,7 +244,7 @@ def table(results: Results) -> str:
         [
             f"# Further training on `{results['case']}`",
             "",
-            f"Models of `{results['config']}`, means over {results['seeds']} seeds; a network sees "
+            f"Models of `{results['config']}`, number of seeds {results['seeds']}; a network sees "
             f"{results['sample_epochs']} samples in its training. Training without solutions "
             "starts from the first network, and takes as long as that on as many random samples "
             "and their solution. A solution by `datagen` takes "
