@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
-import re
-import shlex
-
 import pytest
 
 from surrogate.command_line import _parser
+from tests.help_texts import assert_described, assert_examples_parse, commands_of
 
 PARSER = _parser()
-(COMMANDS,) = (a.choices for a in PARSER._actions if isinstance(a, argparse._SubParsersAction))
-REDIRECTION = re.compile(r" > \S+$")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", commands_of(PARSER))
 def test_every_argument_is_described(name: str) -> None:
-    parser = COMMANDS[name]
-    assert parser.description
-    for action in parser._actions:
-        assert action.help, f"{name}: {action.option_strings or action.dest}"
+    assert_described(PARSER, name)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", commands_of(PARSER))
 def test_examples_are_valid(name: str) -> None:
-    head, *examples = str(COMMANDS[name].epilog).splitlines()
-    assert head in ("example:", "examples:")
-    assert examples
-    for example in examples:
-        words = shlex.split(REDIRECTION.sub("", example))
-        program = words.index("surrogate")
-        assert words[program + 1] == name
-        options = PARSER.parse_args(words[program + 1 :])
-        assert callable(options.command)
+    assert_examples_parse(PARSER, name)
