@@ -3,7 +3,8 @@
  *
  *   u − u_true ≈ −(δ + δ̄),  δ = −K(u)⁻¹ r(u),  δ̄ = −K(u)⁻¹ r(u + δ)
  *
- * once Newton's method contracts; until then the state is improved by steps with line search.
+ * once Newton's method contracts; until then the state is improved by steps with line search, and
+ * then δ itself has to be small.
  */
 
 import { dot, norm, plus, type Equilibrium } from "./equilibrium";
@@ -49,7 +50,7 @@ export async function certify(
     const simplified = equilibrium.solid.inverted(trial)
       ? null
       : equilibrium.solve(factor, equilibrium.outOfBalance(trial, f)).map((value) => -value);
-    if (simplified && stable && contracts(start, u, step, simplified)) {
+    if (simplified && stable && contracts(start, u, step, simplified, round)) {
       u = plus(trial, simplified);
       settled = true;
     } else {
@@ -64,11 +65,13 @@ function contracts(
   u: Float64Array,
   step: Float64Array,
   simplified: Float64Array,
+  round: number,
 ): boolean {
   const first = norm(step);
-  const last = norm(simplified);
+  const second = norm(simplified);
+  const last = round === 0 ? second : first;
   const error = norm(plus(plus(start, u, -1), step, -1));
-  const small = (first > 0 ? last / first : 0) <= CONTRACTION && last <= LAST_PART * error;
+  const small = (first > 0 ? second / first : 0) <= CONTRACTION && last <= LAST_PART * error;
   return small || last <= NEGLIGIBLE * norm(u);
 }
 
