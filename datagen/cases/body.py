@@ -88,7 +88,7 @@ def make_body(case: Case, comm: Any) -> Body:
         loads.check()
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    problem = EquilibriumProblem(mesh, case.material, clamped, case.solver)
+    problem = EquilibriumProblem(mesh, case.material, clamped, case.solver, case.element)
     return Body(mesh, clamped, loadable, loads, problem)
 
 

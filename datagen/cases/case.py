@@ -5,9 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import (
+    Field,
+    SerializeAsAny,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+)
 
 from datagen.cases.dataset_settings import DatasetSettings
+from datagen.discretisation.element import Element
 from datagen.loads import LoadFamily, load_family
 from datagen.mesh.geometry import Geometry
 from datagen.mesh.mesh_file import MeshFile
@@ -29,6 +37,8 @@ class Case(Frozen):
     name : str
     mesh : Box, LShape or MeshFile
     material : NeoHookean
+    element : {"linear", "quadratic", "incompressible"}
+        Kind of the finite elements.
     supports : tuple of Region
         Regions whose nodes are clamped.
     load : LoadFamily
@@ -39,10 +49,19 @@ class Case(Frozen):
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
     material: NeoHookean
+    element: Element = "linear"
     supports: tuple[Region, ...] = Field(min_length=1)
     load: SerializeAsAny[LoadFamily]
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
+
+    @model_serializer(mode="wrap")
+    def _without_linear_element(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out linear elements, so that cases without the key keep their digest."""
+        content: dict[str, Any] = plain(self)
+        if self.element == "linear":
+            del content["element"]
+        return content
 
     @field_validator("load", mode="before")
     @classmethod

@@ -11,8 +11,12 @@ N, and the load factor :math:`s`, the part of the load that acts. Step k of Newt
 
 .. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂f_{int}/∂u,
 
-and the iteration ends when :math:`‖R‖_2` is at most the tolerance. In the rows of the clamped
-degrees of freedom the residual is u and the tangent is the identity.
+and the iteration ends when :math:`‖R‖_2` is at most the tolerance (`datagen.solver.tolerance`). In
+the rows of the clamped degrees of freedom the residual is u and the tangent is the identity.
+
+Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
+triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
+of them. Loads, supports and results are those of the nodes of the mesh, the corners of the cells.
 
 Over several ranks, each rank owns some nodes, with their rows of residual and tangent. A nodal
 force is subtracted on the rank that owns the node, after the internal forces of all cells have been
@@ -25,24 +29,33 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import dolfinx
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import create_vector, functionspace
+from datagen.discretisation.element import Element, element_kind
+from datagen.discretisation.element_loop import ElementLoop
+from datagen.discretisation.unknowns import Unknowns, mean_edge
+from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.mesh.node_numbering import node_numbering
 from datagen.solver.distributed_assembly import DistributedAssembly
-from datagen.solver.linear_solver import INEXACT_TOLERANCE, set_up_direct, set_up_multigrid
+from datagen.solver.linear_solver import (
+    INEXACT_TOLERANCE,
+    Solver,
+    chosen_solver,
+    set_up_direct,
+    set_up_multigrid,
+)
 from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.serial_assembly import SerialAssembly
 from datagen.solver.settings import SolverSettings
-from datagen.solver.weak_form import weak_form
+from datagen.solver.tolerance import RoundOff
+from datagen.solver.weak_form import kernel_of, weak_form
 from shared_schema.common.nodal_forces import sum_per_node
 from shared_schema.material import NeoHookean
 
 INVERTED = "inverted element (J <= 0)"
+LINEAR_LOADS = 1e3  # loads below so many times the rounding errors of the residual at rest
 
 
 @dataclass(frozen=True)
@@ -85,22 +98,26 @@ class EquilibriumProblem:
     clamped : array of bool, (n_nodes,)
         True for nodes whose displacement is zero, by node number.
     settings : SolverSettings
+    element : {"linear", "quadratic", "incompressible"}
 
     Attributes
     ----------
     mesh : Mesh
     dimension : int
         Number of space dimensions d.
+    kind : ElementKind
+        The element on the cells of the mesh.
+    unknowns : Unknowns
     numbering : NodeNumbering
-        Node numbers of this rank's degrees of freedom.
+        Node numbers of the cells' corners on this rank.
     forms : WeakForm
         Strain energy, internal forces and tangent at `u`.
-    supports : list of dolfinx Dirichlet conditions
-        u = 0 at the clamped nodes.
     u : dolfinx.fem.Function
-        Displacement in m: the current state of the body.
+        The current state of the body in m: displacements, and other unknowns if there are any.
     snes : petsc4py.PETSc.SNES
         The Newton solver.
+    linear_solver : str
+        Name of the linear solver that `snes` uses.
     is_direct : bool
         True if `snes` solves the linear systems by LU.
     load_factor : float
@@ -115,53 +132,72 @@ class EquilibriumProblem:
         material: NeoHookean,
         clamped: NDArray[np.bool_],
         settings: SolverSettings,
+        element: Element = "linear",
     ) -> None:
         self.mesh = mesh
         self.comm = mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
-        space = functionspace(mesh.domain, ("Lagrange", 1, (self.dimension,)))
-        self.numbering = node_numbering(mesh, space)
-        self.u = dolfinx.fem.Function(space, name="displacement")
-        self.forms = weak_form(self.u, material)
+        self.kind = element_kind(element, mesh.cell_type)
+        self.unknowns = Unknowns(mesh, self.kind)
+        self.numbering, self.u = self.unknowns.numbering, self.unknowns.state
+        size = mean_edge(mesh.coordinates, mesh.cells)
+        self.forms = weak_form(self.unknowns, self.kind, material, size)
 
-        blocks = np.flatnonzero(clamped[self.numbering.node_of_block]).astype(np.int32)
-        zero = np.zeros(self.dimension, dtype=PETSc.ScalarType)
-        self.supports = [dolfinx.fem.dirichletbc(zero, blocks, space)]
-        self._clamped = self._dofs_of(blocks[blocks < self.numbering.owned])
-        internal, tangent = self.forms.internal, self.forms.tangent
+        held = self.unknowns.held(clamped).ravel()
+        self._held = held[held < self.unknowns.owned]
         self._assembly: SerialAssembly | DistributedAssembly
         if self.comm.size == 1:
-            self._assembly = SerialAssembly(internal, tangent, self.u, self._clamped)
+            self._assembly = SerialAssembly(self.forms, self.unknowns, self._held)
         else:
-            self._assembly = DistributedAssembly(internal, tangent, self.supports)
-        self._min_j = MinimumJ(self.u)
+            self._assembly = DistributedAssembly(self.forms, self.unknowns, held)
+        self._min_j = MinimumJ(self.unknowns, self.kind)
+        to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
+        self._energy = ElementLoop(
+            kernel_of(self.forms.energy),
+            self.u,
+            self.unknowns.cell_dofs,
+            to_one,
+            1,
+            self.forms.elimination,
+        )
 
         self._load_dofs = np.empty(0, dtype=np.intp)
         self._load_values = np.empty(0)
         self.load_factor = 0.0
         self.meanwhile: Callable[[], None] = lambda: None
 
-        self._residual = create_vector(space)
+        self._residual = create_vector(self.u.function_space)
         self._x = self._residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = False
         self._settings = settings
-        self.is_direct = settings.linear_solver == "lu"
-        self.snes = self._make_snes(self.is_direct)
+        self._round_off = RoundOff(0.0, 0.0)
+        if settings.tolerance is None:
+            self._round_off = RoundOff.of(self.tangent(), size)
+        self._force_norm = 0.0
+        self.linear_solver = chosen_solver(
+            settings.linear_solver, self.kind, self.dimension, self._residual.size
+        )
+        self.is_direct = self.linear_solver == "lu"
+        self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
 
-    def _make_snes(self, direct: bool) -> PETSc.SNES:
+    def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
         settings = self._settings
         snes = PETSc.SNES().create(self.comm)
         snes.setFunction(self._compute_residual, self._residual)
         snes.setJacobian(self._compute_tangent, self._assembly.matrix)
-        atol = settings.tolerance * (1.0 if direct else INEXACT_TOLERANCE)
-        snes.setTolerances(rtol=0.0, atol=atol, stol=0.0, max_it=settings.max_iterations)
-        snes.setType("newtonls")
-        if direct:
-            set_up_direct(snes, self.dimension)
+        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
+        if settings.tolerance is None:
+            snes.setConvergenceTest(self._has_converged)
         else:
-            owned = self.numbering.node_of_block[: self.numbering.owned]
-            set_up_multigrid(snes, self.mesh.coordinates[owned])
+            stricter = INEXACT_TOLERANCE if linear_solver == "multigrid" else 1.0
+            snes.setTolerances(atol=stricter * settings.tolerance)
+        snes.setType("newtonls")
+        if linear_solver == "lu":
+            set_up_direct(snes, self.dimension, self.kind.has_pressure)
+        else:
+            owned = self.unknowns.point_dofs[:, 0] < self.unknowns.owned
+            set_up_multigrid(snes, self.unknowns.points(self.mesh.coordinates)[owned])
         return snes
 
     def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:
@@ -176,8 +212,31 @@ class EquilibriumProblem:
         """
         nodes, forces = sum_per_node(nodes, forces)
         positions, blocks = self.numbering.owned_blocks(nodes)
-        self._load_dofs = self._dofs_of(blocks)
+        self._load_dofs = self.unknowns.dofs[blocks].ravel()
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()
+        self._force_norm = float(np.linalg.norm(forces))
+
+    def tolerance(self) -> float:
+        """Tolerance on ‖R‖ in N under the present load, at the present state (collective)."""
+        if self._settings.tolerance is not None:
+            return self._settings.tolerance
+        self._x.array_w[:] = self.u.x.array[: self._x.local_size]
+        return self._relative_tolerance(self._x.norm())
+
+    def _relative_tolerance(self, displacement_norm: float) -> float:
+        relative = self._settings.relative_tolerance * self._force_norm
+        return max(relative, self._round_off.floor(displacement_norm))
+
+    def _has_converged(
+        self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
+    ) -> int:
+        """Convergence test for SNES, if the tolerance is relative; one iteration at least."""
+        reasons = PETSc.SNES.ConvergedReason
+        displacement, _, residual = norms
+        if iteration == 0 and self._force_norm > 0.0:
+            return int(reasons.ITERATING)
+        small = residual <= self._relative_tolerance(displacement)
+        return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
 
     def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0 by Newton's method, starting from `u`.
@@ -193,9 +252,11 @@ class EquilibriumProblem:
             Solve the linear systems by LU, even if the settings ask for multigrid.
         """
         snes = self.snes
-        if direct:
-            self._direct_snes = self._direct_snes or self._make_snes(direct=True)
+        hopeless = self._round_off.at_rest * LINEAR_LOADS > self._force_norm > 0.0
+        if direct or hopeless:  # Krylov iterations end on residuals, which rounding hides
+            self._direct_snes = self._direct_snes or self._make_snes("lu")
             snes = self._direct_snes
+        snes.setForceIteration(self._force_norm > 0.0)
         self.load_factor = load_factor
         self._inverted = False
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
@@ -203,7 +264,7 @@ class EquilibriumProblem:
         self._take(self._x)
         reason, residual_norm = snes.getConvergedReason(), snes.getFunctionNorm()
         reasons = PETSc.SNES.ConvergedReason
-        if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self._settings.tolerance:
+        if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self.tolerance():
             # Inexact steps iterate to INEXACT_TOLERANCE · tolerance; the tolerance itself suffices.
             reason = reasons.CONVERGED_FNORM_ABS
         return NewtonResult(
@@ -221,24 +282,25 @@ class EquilibriumProblem:
                 thing.destroy()
 
     def reset(self) -> None:
-        """Set the displacement to zero."""
+        """Set the displacement and all other unknowns to zero."""
         self.u.x.array[:] = 0.0
 
     def set_displacement(self, displacement: NDArray[np.float64]) -> None:
         """Set the displacement: (n_nodes, d) in m by node number, the same on every rank."""
-        self.u.x.array[:] = displacement[self.numbering.node_of_block].ravel()
+        self.reset()
+        self.unknowns.set_displacement(displacement)
 
     def state(self) -> NDArray[np.float64]:
-        """Copy the displacement of this rank's degrees of freedom, ghosts included."""
+        """Copy the state of this rank's degrees of freedom, ghosts included."""
         return self.u.x.array.copy()
 
     def restore(self, state: NDArray[np.float64]) -> None:
-        """Set the displacement to a copy made by `state`."""
+        """Set the state to a copy made by `state`."""
         self.u.x.array[:] = state
 
     def displacement(self) -> NDArray[np.float64]:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
-        return self._gather(self.u.x.array)
+        return self._gather(self.u.x.array[self.unknowns.dofs])
 
     def reactions(self) -> NDArray[np.float64]:
         """Gather f_int(u) − s f by node number: (n_nodes, d) in N, the same on every rank.
@@ -247,12 +309,13 @@ class EquilibriumProblem:
         reactions of the supports.
         """
         self._assemble_out_of_balance(self._residual)
-        return self._gather(self._residual.array_r)
+        values = np.zeros(len(self.u.x.array))
+        values[: self.unknowns.owned] = self._residual.array_r
+        return self._gather(self.unknowns.forces_at_corners(values), add=True)
 
     def energy(self) -> float:
         """Integrate the strain energy ∫ W dV of the current state, in J; the same on every rank."""
-        local = dolfinx.fem.assemble_scalar(self.forms.energy)
-        return float(self.comm.allreduce(local))
+        return float(self.comm.allreduce(float(self._energy.run()[0])))
 
     def potential(self) -> float:
         """Integrate Π(u) = ∫ W dV − f · u under the full load, in J; the same on every rank.
@@ -267,7 +330,7 @@ class EquilibriumProblem:
 
     def hold_supports(self) -> None:
         """Set the displacement of the clamped nodes to zero."""
-        self.u.x.array[self._clamped] = 0.0
+        self.u.x.array[self._held] = 0.0
         self.u.x.scatter_forward()
 
     def tangent(self) -> PETSc.Mat:
@@ -275,28 +338,29 @@ class EquilibriumProblem:
         self._assembly.assemble_tangent()
         return self._assembly.matrix
 
-    def _dofs_of(self, blocks: NDArray[Any]) -> NDArray[np.intp]:
-        """Local degrees of freedom of given blocks, d for each block in turn."""
-        dofs = blocks[:, None].astype(np.intp) * self.dimension + np.arange(self.dimension)
-        return np.asarray(dofs.ravel())
+    def _gather(self, local: NDArray[np.float64], add: bool = False) -> NDArray[np.float64]:
+        """Collect values at this rank's corners, (n_corners, d), by node number on every rank.
 
-    def _gather(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Collect the owned values of all ranks by node number: (n_nodes, d) on every rank."""
-        owned = self.numbering.owned
-        part = local[: owned * self.dimension].reshape(owned, self.dimension)
-        numbers = self.numbering.node_of_block[:owned]
-        result = np.empty((self.numbering.total, self.dimension))
+        Parameters
+        ----------
+        local : array, (n_corners, d)
+            Values of owned nodes, then of ghosts.
+        add : bool
+            Add the values of ghosts to those of the nodes; otherwise they are left out.
+        """
+        count = len(local) if add else self.numbering.owned
+        part, numbers = local[:count], self.numbering.node_of_block[:count]
+        result = np.zeros((self.numbering.total, self.dimension))
         if self.comm.size == 1:
             result[numbers] = part
         else:
             for some_numbers, values in self.comm.allgather((numbers, part)):
-                result[some_numbers] = values
+                result[some_numbers] += values
         return result
 
     def _take(self, x: PETSc.Vec) -> None:
         """Set the displacement to the solver's vector, and update the ghosts."""
-        owned = self.numbering.owned * self.dimension
-        self.u.x.array[:owned] = x.array_r
+        self.u.x.array[: self.unknowns.owned] = x.array_r
         if self.comm.size > 1:
             self.u.x.scatter_forward()
 
@@ -313,7 +377,7 @@ class EquilibriumProblem:
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
         self._assemble_out_of_balance(b)
-        b.array_w[self._clamped] = x.array_r[self._clamped]  # u = 0 there
+        b.array_w[self._held] = x.array_r[self._held]  # u = 0 there
 
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""

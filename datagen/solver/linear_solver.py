@@ -9,11 +9,18 @@ With multigrid the steps are inexact: step k stops its Krylov iteration when
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
+
+from datagen.discretisation.element import ElementKind
+from datagen.solver.settings import LinearSolver
+from shared_schema.common.errors import InputError
+
+Solver = Literal["lu", "multigrid", "corotated"]
+CROSSOVER = {2: 30_000, 3: 3_000}  # unknowns from which on multigrid is faster than LU, by d
 
 GAMG_OPTIONS = {
     "pc_gamg_agg_nsmooths": 1,
@@ -42,7 +49,36 @@ FULL_STEPS = {"snes_linesearch_type": "basic"}
 BUILT_ONCE = {"snes_lag_preconditioner": -2}  # PETSc: build at the first tangent, never again
 
 
-def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
+def chosen_solver(wanted: LinearSolver, kind: ElementKind, dimension: int, dofs: int) -> Solver:
+    """Linear solver of a problem, where the settings leave the choice.
+
+    Parameters
+    ----------
+    wanted : {"auto", "lu", "multigrid", "corotated"}
+    kind : ElementKind
+    dimension : int
+        Number of space dimensions d.
+    dofs : int
+        Number of unknowns.
+
+    Raises
+    ------
+    InputError
+        If multigrid is wanted for an element with pressures.
+    """
+    if kind.has_pressure:
+        if wanted not in ("auto", "lu"):
+            raise InputError(
+                f"key 'solver.linear_solver' = '{wanted}': expected auto or lu for incompressible "
+                "triangles or tetrahedra, whose pressures are unknowns"
+            )
+        return "lu"
+    if wanted != "auto":
+        return wanted
+    return "lu" if dofs < CROSSOVER[dimension] else "corotated"
+
+
+def set_up_direct(snes: PETSc.SNES, dimension: int, indefinite: bool = False) -> None:
     """Solve each step by LU: PETSc's own in the plane on one rank, else MUMPS.
 
     Parameters
@@ -50,12 +86,15 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
     snes : PETSc.SNES
     dimension : int
         Number of space dimensions d.
+    indefinite : bool
+        The tangent has zeros on its diagonal, so that rows must be exchanged (MUMPS).
     """
     _from_options(snes, FULL_STEPS)
     ksp = snes.getKSP()
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
-    ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 and dimension == 2 else "mumps")
+    own = ksp.comm.size == 1 and dimension == 2 and not indefinite
+    ksp.getPC().setFactorSolverType("petsc" if own else "mumps")
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:

@@ -6,19 +6,63 @@ The global vector and matrix are sums over the cells c of the element vectors an
 
 where A_c picks the degrees of freedom of cell c. The place in memory of every entry of every
 element tensor is determined once; each assembly is then one loop over the cells in C
-(`datagen.solver.element_loop`), without PETSc's search for the place of each matrix entry.
+(`datagen.discretisation.element_loop`), without PETSc's search for the place of each matrix entry.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import cell_kernel, pack_constants
-from datagen.solver.element_loop import ElementLoop, cell_dofs
+from datagen.discretisation.element_loop import ElementLoop
+from datagen.discretisation.sparsity import sparsity
+from datagen.discretisation.unknowns import Unknowns
+from datagen.solver.weak_form import WeakForm, kernel_of
+
+
+class CellSums:
+    """Loops over the cells of one rank that sum up tangent and internal forces.
+
+    Parameters
+    ----------
+    forms : WeakForm
+    unknowns : Unknowns
+    dropped : array of bool
+        Entries of the state, ghosts included, whose rows and columns of the tangent are not summed.
+
+    Attributes
+    ----------
+    pattern : Sparsity
+        Of the tangent.
+    """
+
+    def __init__(self, forms: WeakForm, unknowns: Unknowns, dropped: NDArray[np.bool_]) -> None:
+        state, dofs = unknowns.state, unknowns.cell_dofs
+        block_size = state.function_space.dofmap.index_map_bs
+        size = len(dropped)
+        self.pattern = sparsity(dofs, size, block_size, dropped)
+        self._forces = ElementLoop(
+            kernel_of(forms.internal), state, dofs, dofs, size, forms.elimination
+        )
+        self._tangent = ElementLoop(
+            kernel_of(forms.tangent),
+            state,
+            dofs,
+            self.pattern.places,
+            len(self.pattern.indices) + 1,  # the last value takes the dropped entries
+            forms.elimination,
+        )
+        self.tangent_values = self._tangent.values[:-1]
+
+    def sum_forces(self) -> NDArray[np.float64]:
+        """f_int of the cells of this rank, in N, in the layout of the state."""
+        return self._forces.run()
+
+    def sum_tangent(self) -> NDArray[np.float64]:
+        """Values of the tangent of the cells of this rank, in N/m."""
+        self._tangent.run()
+        return self.tangent_values
 
 
 class SerialAssembly:
@@ -26,75 +70,36 @@ class SerialAssembly:
 
     Parameters
     ----------
-    internal, tangent : dolfinx forms
-        f_int(u) in N and K(u) = ∂f_int/∂u in N/m.
-    u : dolfinx.fem.Function
-        Displacement in m.
-    clamped : array of int
-        Clamped degrees of freedom: the tangent has the rows and columns of the identity there.
+    forms : WeakForm
+    unknowns : Unknowns
+    held : array of int
+        Held degrees of freedom: the tangent has the rows and columns of the identity there.
 
     Attributes
     ----------
     matrix : PETSc.Mat
-        Sequential, (n_nodes · d, n_nodes · d), in compressed rows; `assemble_tangent` changes its
-        values in place.
+        Sequential, in compressed rows; `assemble_tangent` changes its values in place.
     """
 
-    def __init__(self, internal: Any, tangent: Any, u: Any, clamped: NDArray[np.intp]) -> None:
-        space = u.function_space
-        dofs = cell_dofs(space)
-        size = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    def __init__(self, forms: WeakForm, unknowns: Unknowns, held: NDArray[np.intp]) -> None:
+        size = unknowns.owned
         dropped = np.zeros(size, dtype=bool)
-        dropped[clamped] = True
-        indptr, indices = _sparsity(dofs, size)
-        places = _places(dofs, indptr, indices, dropped)
-        self._forces = ElementLoop(cell_kernel(internal), pack_constants(internal), u, dofs, size)
-        self._tangent = ElementLoop(
-            cell_kernel(tangent), pack_constants(tangent), u, places, len(indices) + 1
-        )  # the last value, outside the matrix, takes the dropped entries
-        self._diagonal = _diagonal(indptr, indices)[dropped]
+        dropped[held] = True
+        self._sums = CellSums(forms, unknowns, dropped)
+        pattern = self._sums.pattern
+        self._diagonal = pattern.diagonal[dropped]
         self.matrix = PETSc.Mat().createAIJWithArrays(
-            (size, size), (indptr, indices, self._tangent.values[:-1]), comm=PETSc.COMM_SELF
+            (size, size),
+            (pattern.indptr, pattern.indices, self._sums.tangent_values),
+            comm=PETSc.COMM_SELF,
         )
-        self.matrix.setBlockSize(space.dofmap.index_map_bs)
+        self.matrix.setBlockSize(unknowns.state.function_space.dofmap.index_map_bs)
 
     def assemble_tangent(self) -> None:
-        """Assemble the matrix at the current displacement, the identity in the clamped rows."""
-        self._tangent.run()[self._diagonal] = 1.0
+        """Assemble the matrix at the current state, the identity in the held rows."""
+        self._sums.sum_tangent()[self._diagonal] = 1.0
         self.matrix.assemble()
 
     def assemble_forces(self, b: PETSc.Vec) -> None:
-        """Replace `b` by the internal forces at the current displacement, in N."""
-        b.array_w[:] = self._forces.run()
-
-
-def _sparsity(dofs: NDArray[np.int32], size: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Row pointers and column indices of the matrix that couples the dofs of every cell."""
-    per_cell = dofs.shape[1]
-    rows = np.repeat(dofs, per_cell, axis=1).ravel().astype(np.int64)
-    columns = np.tile(dofs, (1, per_cell)).ravel()
-    keys = np.unique(rows * size + columns)
-    indptr = np.searchsorted(keys, np.arange(size + 1, dtype=np.int64) * size)
-    return indptr.astype(PETSc.IntType), (keys % size).astype(PETSc.IntType)
-
-
-def _places(
-    dofs: NDArray[np.int32],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
-    dropped: NDArray[np.bool_],
-) -> NDArray[np.int32]:
-    """Index of each element matrix entry among the matrix values; past the end if dropped."""
-    size = len(dropped)
-    row_of = np.repeat(np.arange(size, dtype=np.int64), np.diff(indptr))
-    keys = row_of * size + indices
-    rows, columns = dofs[:, :, None].astype(np.int64), dofs[:, None, :]
-    places = np.searchsorted(keys, rows * size + columns)
-    places[dropped[rows] | dropped[columns]] = len(indices)
-    return np.ascontiguousarray(places.reshape(len(dofs), -1), dtype=np.int32)
-
-
-def _diagonal(indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> NDArray[np.intp]:
-    """Index of the diagonal entry of every row among the matrix values."""
-    rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-    return np.flatnonzero(rows == indices)
+        """Replace `b` by the internal forces at the current state, in N."""
+        b.array_w[:] = self._sums.sum_forces()

@@ -47,6 +47,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "dolfinx_versions",
         "mesh",
         "loads",
+        "discretisation",
         "solver",
         "cases",
         "farm",

@@ -18,7 +18,7 @@ from shared_schema.material import Volumetric
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]
-SETTINGS = SolverSettings()
+SETTINGS = SolverSettings(tolerance=1e-8)
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])

@@ -13,7 +13,7 @@ from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 
-SETTINGS = SolverSettings()
+SETTINGS = SolverSettings(tolerance=1e-8)
 NODES = np.array([63])  # the corner (4, 1) of the beam
 FORCES = np.array([[0.5, -2.0]])
 
