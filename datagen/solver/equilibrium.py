@@ -38,6 +38,7 @@ from datagen.discretisation.element_loop import ElementLoop
 from datagen.discretisation.unknowns import Unknowns, mean_edge
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.corotation import CorotatedMultigrid
 from datagen.solver.distributed_assembly import DistributedAssembly
 from datagen.solver.linear_solver import (
     INEXACT_TOLERANCE,
@@ -45,6 +46,7 @@ from datagen.solver.linear_solver import (
     chosen_solver,
     set_up_direct,
     set_up_multigrid,
+    set_up_preconditioned,
 )
 from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.serial_assembly import SerialAssembly
@@ -178,6 +180,7 @@ class EquilibriumProblem:
             settings.linear_solver, self.kind, self.dimension, self._residual.size
         )
         self.is_direct = self.linear_solver == "lu"
+        self._corotated: CorotatedMultigrid | None = None
         self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
 
@@ -195,9 +198,15 @@ class EquilibriumProblem:
         snes.setType("newtonls")
         if linear_solver == "lu":
             set_up_direct(snes, self.dimension, self.kind.has_pressure)
+            return snes
+        owned = self.unknowns.point_dofs[:, 0] < self.unknowns.owned
+        points = self.unknowns.points(self.mesh.coordinates)[owned]
+        if linear_solver == "multigrid":
+            set_up_multigrid(snes, points)
         else:
-            owned = self.unknowns.point_dofs[:, 0] < self.unknowns.owned
-            set_up_multigrid(snes, self.unknowns.points(self.mesh.coordinates)[owned])
+            self.reset()
+            self._corotated = CorotatedMultigrid(self.tangent().copy(), points, self.unknowns)
+            set_up_preconditioned(snes, self._corotated)
         return snes
 
     def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:
@@ -277,7 +286,14 @@ class EquilibriumProblem:
 
     def close(self) -> None:
         """Release PETSc's memory, which garbage collection does not; unusable afterwards."""
-        for thing in (self.snes, self._direct_snes, self._assembly.matrix, self._residual, self._x):
+        for thing in (
+            self.snes,
+            self._direct_snes,
+            self._corotated,
+            self._assembly.matrix,
+            self._residual,
+            self._x,
+        ):
             if thing is not None:
                 thing.destroy()
 
@@ -382,7 +398,14 @@ class EquilibriumProblem:
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile()
-        self.tangent()
+        if self._corotated is None:
+            self.tangent()
+            return
+        if x.norm() == 0.0:
+            self._corotated.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        else:
+            self.tangent()
+        self._corotated.turn()
 
 
 def reason_name(reason: int) -> str:

@@ -9,6 +9,7 @@ With multigrid the steps are inexact: step k stops its Krylov iteration when
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -22,15 +23,12 @@ from shared_schema.common.errors import InputError
 Solver = Literal["lu", "multigrid", "corotated"]
 CROSSOVER = {2: 30_000, 3: 3_000}  # unknowns from which on multigrid is faster than LU, by d
 
-GAMG_OPTIONS = {
-    "pc_gamg_agg_nsmooths": 1,
-    "pc_gamg_threshold": 0.02,
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": 1,
-    "mg_levels_esteig_ksp_type": "cg",
-    "mg_levels_pc_type": "jacobi",
-    "mg_coarse_ksp_type": "preonly",
-    "mg_coarse_pc_type": "lu",
+GAMG_OPTIONS = {"pc_gamg_agg_nsmooths": 1, "pc_gamg_threshold": 0.02}
+CASCADE_OPTIONS = GAMG_OPTIONS | {  # from coarse to fine, one incomplete Cholesky step on each
+    "pc_mg_type": "kaskade",
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_pc_type": "bjacobi",
+    "mg_levels_sub_pc_type": "icc",
 }
 RESTART, MAX_ITERATIONS = 100, 200
 INEXACT_NEWTON = {  # the relative tolerance η_k of the Krylov iteration in step k
@@ -118,14 +116,51 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     snes.computeJacobian(undeformed, tangent)
     tangent.setNearNullSpace(rigid_body_modes(tangent, points))
     ksp = snes.getKSP()
-    ksp.setType("gmres")
-    ksp.setGMRESRestart(RESTART)
-    ksp.setPCSide(PETSc.PC.Side.RIGHT)
-    ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
+    _set_up_gmres(ksp)
     ksp.getPC().setType("gamg")
     _from_options(ksp, GAMG_OPTIONS)
     ksp.setOperators(tangent)
     ksp.setUp()
+
+
+def set_up_preconditioned(snes: PETSc.SNES, preconditioner: Any) -> None:
+    """Solve inexact steps by GMRES with a preconditioner of our own.
+
+    Parameters
+    ----------
+    snes : PETSc.SNES
+    preconditioner : object
+        Context of PETSc's type ``python``, with a method ``apply(pc, x, y)``.
+    """
+    _from_options(snes, FULL_STEPS | INEXACT_NEWTON)
+    ksp = snes.getKSP()
+    _set_up_gmres(ksp)
+    ksp.getPC().setType("python")
+    ksp.getPC().setPythonContext(preconditioner)
+
+
+def multigrid(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.PC:
+    """Build the hierarchy of a positive definite matrix, whose cycle goes from coarse to fine.
+
+    Parameters
+    ----------
+    matrix : PETSc.Mat
+    points : array, (n_owned_points, d)
+        Positions in m of the points that this rank owns, in the order of their degrees of freedom.
+    """
+    matrix.setNearNullSpace(rigid_body_modes(matrix, points))
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOperators(matrix)
+    pc.setType("gamg")
+    _from_options(pc, CASCADE_OPTIONS, pc.setUp)
+    return pc
+
+
+def _set_up_gmres(ksp: PETSc.KSP) -> None:
+    ksp.setType("gmres")
+    ksp.setGMRESRestart(RESTART)
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
 
 
 def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.NullSpace:
@@ -161,13 +196,19 @@ def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.Nu
     return PETSc.NullSpace().create(vectors=basis, comm=matrix.comm)
 
 
-def _from_options(solver: Any, options: dict[str, Any]) -> None:
-    """Configure one solver by options under a prefix of its own, removed again afterwards."""
+def _from_options(
+    solver: Any, options: dict[str, Any], build: Callable[[], None] = lambda: None
+) -> None:
+    """Configure one solver by options under a prefix of its own, removed again afterwards.
+
+    Levels of multigrid read theirs when they are built, by `build`.
+    """
     prefix = f"solver_{solver.handle}_"
     solver.setOptionsPrefix(prefix)
     database = PETSc.Options()
     for name, value in options.items():
         database[prefix + name] = value
     solver.setFromOptions()
+    build()
     for name in options:
         database.delValue(prefix + name)
