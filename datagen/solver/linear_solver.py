@@ -24,11 +24,11 @@ Solver = Literal["lu", "multigrid", "corotated"]
 CROSSOVER = {2: 30_000, 3: 3_000}  # unknowns from which on multigrid is faster than LU, by d
 
 GAMG_OPTIONS = {"pc_gamg_agg_nsmooths": 1, "pc_gamg_threshold": 0.02}
-CASCADE_OPTIONS = GAMG_OPTIONS | {  # from coarse to fine, one incomplete Cholesky step on each
+CASCADE_OPTIONS = GAMG_OPTIONS | {  # from coarse to fine, two sweeps of Gauss and Seidel on each
     "pc_mg_type": "kaskade",
     "mg_levels_ksp_type": "richardson",
-    "mg_levels_pc_type": "bjacobi",
-    "mg_levels_sub_pc_type": "icc",
+    "mg_levels_ksp_max_it": 2,
+    "mg_levels_pc_type": "sor",
 }
 RESTART, MAX_ITERATIONS = 100, 200
 INEXACT_NEWTON = {  # the relative tolerance η_k of the Krylov iteration in step k
