@@ -280,9 +280,10 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     checksum, history = journal.stiffness, journal.history
     if checksum is None:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
-        stiffness = stiffness_of(mesh, case.material)
+        stiffness = stiffness_of(mesh, case.material, case.element)
         first_digest = history[0].case_digest if history else case.digest()
-        checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
+        if stiffness is not None:
+            checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
     return Manifest(
         kind="nodal",
         name=case.name,

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.sparse import coo_array
 
+from datagen.discretisation.element import Element, element_kind
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -14,11 +15,20 @@ from shared_schema.material import NeoHookean
 from shared_schema.stiffness import Stiffness
 
 
-def stiffness_of(mesh: RawMesh, material: NeoHookean) -> Stiffness:
-    """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone."""
+def stiffness_of(
+    mesh: RawMesh, material: NeoHookean, element: Element = "linear"
+) -> Stiffness | None:
+    """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone.
+
+    It is None for elements with unknowns beside the displacements of the nodes of the mesh: without
+    those, the stiffness of the nodes is not sparse.
+    """
+    if not element_kind(element, mesh.cell_type).corners_only:
+        return None
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     domain = distributed(mesh, MPI.COMM_SELF)
-    problem = EquilibriumProblem(domain, material, free, SolverSettings())
+    settings = SolverSettings(tolerance=1.0, linear_solver="lu")  # nothing is solved
+    problem = EquilibriumProblem(domain, material, free, settings, element)
     d, nodes = problem.dimension, problem.numbering.node_of_block
     number = (nodes[:, None] * d + np.arange(d)).ravel()
     indptr, indices, data = problem.tangent().getValuesCSR()

@@ -19,6 +19,7 @@ from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
+from surrogate.mechanics.elements_of_case import material_of_response, require_linear_elements
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
 from surrogate.networks.field_network import FieldNetwork
@@ -142,7 +143,14 @@ class Surrogate:
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """The finite-element equilibrium of the body; InputError if the run names no material."""
+        """The finite-element equilibrium of the body.
+
+        Raises
+        ------
+        InputError
+            If the run names no material, or its elements are not linear.
+        """
+        require_linear_elements(self.description.data.case)
         return Equilibrium(self.geometry, self.description.data.material)
 
     def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
@@ -327,7 +335,8 @@ def make_surrogate(
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
     config, data = description.run, description.data
-    network = config.build(geometry, data.info, data.material if config.needs_material else None)
+    material = material_of_response(data.material, data.case) if config.needs_material else None
+    network = config.build(geometry, data.info, material)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 
