@@ -21,6 +21,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError, WorkError
+from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.point_load import nodal_forces
 from shared_schema.common.solution_file import require_suffix, write_solution
 
@@ -225,15 +226,19 @@ def _solve(options: argparse.Namespace) -> None:
     require_writable(options.out)
     case = read_case(options.case, options.volumetric, trust=options.trust)
     body = make_body(case, MPI.COMM_SELF)
+    if (warning := body.warning()) is not None:
+        print(f"datagen: warning: {warning}", file=sys.stderr)
     forces = nodal_forces(options.load, body.mesh.coordinates, body.clamped)
     nodes = np.flatnonzero(forces.any(axis=1))
     origin = ""
+    began = time.perf_counter()
     if options.start is None:
         report = solve_load_case(body.problem, nodes, forces[nodes], case.solver)
     else:
         start = read_start(options.start, body.mesh.coordinates)
         report, used = solve_from(start, body.problem, nodes, forces[nodes], case.solver)
         origin = f"from {options.start}, " if used else "from rest, "
+    elapsed = time.perf_counter() - began
     if not report.solved:
         raise WorkError(
             f"no equilibrium found beyond {report.load_factor:.1%} of the load "
@@ -251,7 +256,11 @@ def _solve(options: argparse.Namespace) -> None:
     print(
         f"{options.out}: largest displacement {largest:.6g} m, {origin}"
         f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
-        f"residual {report.residual_norm:.2g} N"
+        f"residual {report.residual_norm:.2g} N (tolerance {body.problem.tolerance():.2g} N)"
+    )
+    print(
+        f"{body.problem.size} unknowns, {body.problem.linear_solver}: {elapsed:.3g} s a solve, "
+        f"{megabytes(largest_resident())} at most"
     )
 
 

@@ -15,6 +15,7 @@ from datagen.loads import DrawnLoads, LoadableNodes
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.locking import locking_warning
 from shared_schema.cells import boundary_facets
 from shared_schema.common.errors import InputError
 
@@ -25,6 +26,7 @@ class Body:
 
     Attributes
     ----------
+    case : Case
     mesh : Mesh
     clamped : array of bool, (n_nodes,)
         True for clamped nodes, by node number.
@@ -36,11 +38,17 @@ class Body:
         Built once; distributed over the ranks of the communicator that the body was made with.
     """
 
+    case: Case
     mesh: Mesh
     clamped: NDArray[np.bool_]
     loadable: NDArray[np.bool_]
     loads: DrawnLoads
     problem: EquilibriumProblem
+
+    def warning(self) -> str | None:
+        """What the numbers of this body are not good for, if there is something."""
+        material = self.case.material
+        return locking_warning(self.case.element, self.mesh.cell_type, material.poisson_ratio)
 
     def shard_arrays(self) -> dict[str, Any]:
         """Arrays of the mesh that every shard holds, by their paths in the schema."""
@@ -89,7 +97,7 @@ def make_body(case: Case, comm: Any) -> Body:
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     problem = EquilibriumProblem(mesh, case.material, clamped, case.solver, case.element)
-    return Body(mesh, clamped, loadable, loads, problem)
+    return Body(case, mesh, clamped, loadable, loads, problem)
 
 
 def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool_]:

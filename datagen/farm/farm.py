@@ -9,6 +9,7 @@ samples that are there are not solved again.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,9 +28,9 @@ from datagen.ranks import RankGroup, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.layout import Arrays
-from shared_schema.manifest import Manifest, ShardEntry, write_manifest
+from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
@@ -83,9 +84,14 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+        solver: SolverRecord | None = None
         if remaining:
-            _make_shards(case, journal, remaining, group, body or _body(case, group))
-        manifest = on_rank_zero(comm, lambda: _finish(case, journal))
+            body = body or _body(case, group)
+            if comm.rank == 0 and (warning := body.warning()) is not None:
+                print(f"datagen: warning: {warning}", file=sys.stderr)
+            _make_shards(case, journal, remaining, group, body)
+            solver = _solver_record(body, comm)
+        manifest = on_rank_zero(comm, lambda: _finish(case, journal, solver))
     finally:
         journal.close()
     if manifest.samples == 0:
@@ -255,7 +261,16 @@ def _body(case: Case, group: RankGroup) -> Body:
     return body
 
 
-def _finish(case: Case, journal: Journal) -> Manifest:
+def _solver_record(body: Body, comm: MPI.Comm) -> SolverRecord:
+    """How the samples were solved (collective)."""
+    problem = body.problem
+    memory = comm.allreduce(largest_resident(), op=MPI.MAX)
+    return SolverRecord(
+        linear_solver=problem.linear_solver, unknowns=problem.size, memory=memory
+    )
+
+
+def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manifest:
     """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
     complete = _complete(case, journal)
     for shard in (
@@ -268,7 +283,8 @@ def _finish(case: Case, journal: Journal) -> Manifest:
     shards = tuple(complete[k] for k in range(shard_count(case)))
     manifest = journal.complete_manifest(shards)
     if manifest is None:
-        manifest = write_manifest(journal.folder, _manifest(case, journal, shards))
+        made = _manifest(case, journal, shards).model_copy(update={"solver": solver})
+        manifest = write_manifest(journal.folder, made)
     journal.remove()
     return manifest
 

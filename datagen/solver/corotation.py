@@ -71,8 +71,8 @@ class CorotatedMultigrid:
         back = np.einsum("nij,nj->ni", self._rotations, y.array_r.reshape(shape))
         y.array_w[:] = back.ravel()
 
-    def destroy(self) -> None:
-        """Release PETSc's memory."""
+    def destroy(self, pc: PETSc.PC) -> None:
+        """Release PETSc's memory, called by PETSc as it releases the solver."""
         for thing in (self._cycle, self._turned, self.undeformed):
             thing.destroy()
 

@@ -184,6 +184,11 @@ class EquilibriumProblem:
         self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
 
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self._residual.size)
+
     def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
         settings = self._settings
         snes = PETSc.SNES().create(self.comm)
@@ -289,7 +294,6 @@ class EquilibriumProblem:
         for thing in (
             self.snes,
             self._direct_snes,
-            self._corotated,
             self._assembly.matrix,
             self._residual,
             self._x,
