@@ -48,6 +48,8 @@ class Unknowns:
         Entries of the state of each corner's displacement, in the order of `numbering`.
     point_dofs : array of int, (n_points, d)
         The same for all points; corners among them.
+    cell_points : array of int, (n_owned_cells, n_points_of_a_cell)
+        Numbers of the points of each cell.
     interpolation : sparse array, (n_points, n_corners)
         N_a(x_b) of every point b and corner a of this rank.
     owned : int
@@ -74,6 +76,7 @@ class Unknowns:
         self.dofs, corner_of = _numbered(at_points[:, :corners])
         owned_corners = int((self.dofs[:, 0] < self.owned).sum())
         self.numbering = node_numbering(mesh, corner_of, owned_corners)
+        self.cell_points = point_of[:owned_cells]
         self.interpolation = _interpolation(weights, point_of, corner_of)
 
     def set_displacement(self, displacement: NDArray[np.float64]) -> None:
@@ -81,12 +84,11 @@ class Unknowns:
         at_corners = displacement[self.numbering.node_of_block]
         self.state.x.array[self.point_dofs] = self.interpolation @ at_corners
 
-    def points(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions in m of all points, (n_points, d), from those of the nodes, (n_nodes, d)."""
-        positions: NDArray[np.float64] = (
-            self.interpolation @ coordinates[self.numbering.node_of_block]
-        )
-        return positions
+    def owned_points(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions in m of the points that this rank owns, (n, d), from those of the nodes."""
+        positions = self.interpolation @ coordinates[self.numbering.node_of_block]
+        owned: NDArray[np.float64] = positions[self.point_dofs[:, 0] < self.owned]
+        return owned
 
     def held(self, clamped: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Entries of the points all of whose corners are clamped: nodes' (n_nodes,) → (n, d)."""

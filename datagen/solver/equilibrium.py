@@ -38,7 +38,7 @@ from datagen.discretisation.element_loop import ElementLoop
 from datagen.discretisation.unknowns import Unknowns, mean_edge
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.solver.corotation import CorotatedMultigrid
+from datagen.solver.corotation import Corotation
 from datagen.solver.distributed_assembly import DistributedAssembly
 from datagen.solver.linear_solver import (
     INEXACT_TOLERANCE,
@@ -179,8 +179,11 @@ class EquilibriumProblem:
         self.linear_solver = chosen_solver(
             settings.linear_solver, self.kind, self.dimension, self._residual.size
         )
+        self._corotated: Corotation | None = None
+        if self.linear_solver == "corotated":
+            at_rest = self.tangent().copy()
+            self._corotated = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
         self.is_direct = self.linear_solver == "lu"
-        self._corotated: CorotatedMultigrid | None = None
         self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
 
@@ -204,13 +207,9 @@ class EquilibriumProblem:
         if linear_solver == "lu":
             set_up_direct(snes, self.dimension, self.kind.has_pressure)
             return snes
-        owned = self.unknowns.point_dofs[:, 0] < self.unknowns.owned
-        points = self.unknowns.points(self.mesh.coordinates)[owned]
-        if linear_solver == "multigrid":
-            set_up_multigrid(snes, points)
+        if self._corotated is None:
+            set_up_multigrid(snes, self.unknowns.owned_points(self.mesh.coordinates))
         else:
-            self.reset()
-            self._corotated = CorotatedMultigrid(self.tangent().copy(), points, self.unknowns)
             set_up_preconditioned(snes, self._corotated)
         return snes
 
