@@ -57,7 +57,8 @@ from shared_schema.common.nodal_forces import sum_per_node
 from shared_schema.material import NeoHookean
 
 INVERTED = "inverted element (J <= 0)"
-LINEAR_LOADS = 1e3  # loads below so many times the rounding errors of the residual at rest
+LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
+EXACT = 1e-10  # relative tolerance of Krylov iterations under such loads
 
 
 @dataclass(frozen=True)
@@ -265,10 +266,14 @@ class EquilibriumProblem:
             Solve the linear systems by LU, even if the settings ask for multigrid.
         """
         snes = self.snes
-        hopeless = self._round_off.at_rest * LINEAR_LOADS > self._force_norm > 0.0
-        if direct or hopeless:  # Krylov iterations end on residuals, which rounding hides
+        if direct:
             self._direct_snes = self._direct_snes or self._make_snes("lu")
             snes = self._direct_snes
+        if snes is not self._direct_snes:
+            inexact = self._force_norm > LINEAR_LOADS * self._round_off.at_rest
+            snes.setUseEW(inexact)
+            if not inexact:  # rounding may hide what a first, inexact step leaves
+                snes.getKSP().setTolerances(rtol=EXACT)
         snes.setForceIteration(self._force_norm > 0.0)
         self.load_factor = load_factor
         self._inverted = False

@@ -16,10 +16,10 @@ from datagen.discretisation.element import Element
 LARGEST_RATIO = 0.4  # of Poisson, up to which linear elements are used without a word
 RATIOS = (0.4, 0.45, 0.49, 0.499)
 SHORTFALL = {
-    "triangle": (0.30, 0.40, 0.67, 0.90),
-    "quad": (0.09, 0.13, 0.30, 0.60),
-    "tetra": (0.25, 0.36, 0.68, 0.90),
-    "hexahedron": (0.05, 0.07, 0.20, 0.50),
+    "triangle": (0.23, 0.34, 0.68, 0.93),
+    "quad": (0.07, 0.13, 0.44, 0.87),
+    "tetra": (0.25, 0.36, 0.68, 0.93),
+    "hexahedron": (0.05, 0.08, 0.20, 0.44),
 }
 
 
