@@ -56,9 +56,7 @@ def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]
     return dolfinx.fem.VectorFunctionSpace(domain, (family, degree), dim=d)
 
 
-def mixed_space(
-    domain: dolfinx.mesh.Mesh, degree: int, d: int, scalar: tuple[str, int]
-) -> Any:
+def mixed_space(domain: dolfinx.mesh.Mesh, degree: int, d: int, scalar: tuple[str, int]) -> Any:
     """Space of continuous vectors and two scalars (0.7: elements are basix's, before UFL's).
 
     Parameters

@@ -68,8 +68,9 @@ def sparsity(
             indices[first + i * stride + j] = columns * block_size + j
 
     block = np.searchsorted(found, keys)
-    at = first[block][:, :, None, :, None] + stride[block][:, :, None, :, None] * (
-        inner[:, None, None]
+    at = (
+        first[block][:, :, None, :, None]
+        + stride[block][:, :, None, :, None] * (inner[:, None, None])
     )
     places = (at + inner).reshape(len(dofs), per_row * block_size, per_row * block_size)
     places[dropped[dofs][:, :, None] | dropped[dofs][:, None, :]] = len(indices)

@@ -1,11 +1,11 @@
-"""Unknowns of a discretised body: displacements, and with some elements dilations and pressures.
+r"""Unknowns of a discretised body: displacements, and with some elements dilations and pressures.
 
 Displacements are those of the *points* of the elements: the corners of the cells and, if they are
 quadratic, points between them. Everything that enters or leaves the solver (loads, supports,
 displacements) belongs to the corners, which are the nodes of the mesh. At a point between corners,
 a given field has the value that the linear shape functions :math:`N_a` of the cell interpolate,
 
-.. math:: u_b = \\sum_a N_a(x_b) \\, u_a,
+.. math:: u_b = \sum_a N_a(x_b) \, u_a,
 
 and a force at such a point counts as the forces :math:`N_a(x_b) f_b` at the corners, which do the
 same work.
@@ -119,7 +119,9 @@ def _corner_weights(domain: Any, degree: int) -> NDArray[np.float64]:
     """Linear shape functions at the points of a reference cell: (n_points, n_corners)."""
     cell = getattr(basix.CellType, domain.topology.cell_type.name)
     variant = basix.LagrangeVariant.gll_warped
-    linear, own = (basix.create_element(basix.ElementFamily.P, cell, k, variant) for k in (1, degree))
+    linear, own = (
+        basix.create_element(basix.ElementFamily.P, cell, k, variant) for k in (1, degree)
+    )
     weights = linear.tabulate(0, own.points)[0]
     weights = weights.reshape(len(own.points), -1)
     return np.round(weights, 12)  # halves, quarters and eighths

@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case
+from datagen.discretisation.element import element_kind
 from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
@@ -80,7 +81,8 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     body: Body | None = None
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input is found here, before anything is written
-        on_rank_zero(comm, lambda: _require_memory(case, body.mesh.coordinates.size))
+        dofs = body.mesh.coordinates.size
+        on_rank_zero(comm, lambda: _require_memory(case, dofs))
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
@@ -265,9 +267,7 @@ def _solver_record(body: Body, comm: MPI.Comm) -> SolverRecord:
     """How the samples were solved (collective)."""
     problem = body.problem
     memory = comm.allreduce(largest_resident(), op=MPI.MAX)
-    return SolverRecord(
-        linear_solver=problem.linear_solver, unknowns=problem.size, memory=memory
-    )
+    return SolverRecord(linear_solver=problem.linear_solver, unknowns=problem.size, memory=memory)
 
 
 def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manifest:
@@ -294,12 +294,11 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     path = journal.folder / shards[0].file
     first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
     checksum, history = journal.stiffness, journal.history
-    if checksum is None:
+    if checksum is None and element_kind(case.element, cell_type).corners_only:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
         stiffness = stiffness_of(mesh, case.material, case.element)
         first_digest = history[0].case_digest if history else case.digest()
-        if stiffness is not None:
-            checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
+        checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
     return Manifest(
         kind="nodal",
         name=case.name,

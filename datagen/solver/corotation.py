@@ -85,7 +85,7 @@ class Corotation:
         self._rotations = rotations((self._mean @ f.reshape(-1, d * d)).reshape(-1, d, d))
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y = P x, called by PETSc."""
+        """Y = P x, called by PETSc."""
         values = x.array_r.copy()
         values[self._dofs] = np.einsum("nji,nj->ni", self._rotations, values[self._dofs])
         self._turned.array_w[:] = values

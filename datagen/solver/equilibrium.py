@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +120,8 @@ class EquilibriumProblem:
         The Newton solver.
     linear_solver : str
         Name of the linear solver that `snes` uses.
+    corotation : Corotation or None
+        Preconditioner of the linear solver `corotated`.
     is_direct : bool
         True if `snes` solves the linear systems by LU.
     load_factor : float
@@ -146,7 +147,7 @@ class EquilibriumProblem:
         size = mean_edge(mesh.coordinates, mesh.cells)
         self.forms = weak_form(self.unknowns, self.kind, material, size)
 
-        held = self.unknowns.held(clamped).ravel()
+        held = self.unknowns.held(clamped).ravel().astype(np.intp)
         self._held = held[held < self.unknowns.owned]
         self._assembly: SerialAssembly | DistributedAssembly
         if self.comm.size == 1:
@@ -180,10 +181,10 @@ class EquilibriumProblem:
         self.linear_solver = chosen_solver(
             settings.linear_solver, self.kind, self.dimension, self._residual.size
         )
-        self._corotated: Corotation | None = None
+        self.corotation: Corotation | None = None
         if self.linear_solver == "corotated":
             at_rest = self.tangent().copy()
-            self._corotated = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
+            self.corotation = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
         self.is_direct = self.linear_solver == "lu"
         self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
@@ -208,10 +209,10 @@ class EquilibriumProblem:
         if linear_solver == "lu":
             set_up_direct(snes, self.dimension, self.kind.has_pressure)
             return snes
-        if self._corotated is None:
+        if self.corotation is None:
             set_up_multigrid(snes, self.unknowns.owned_points(self.mesh.coordinates))
         else:
-            set_up_preconditioned(snes, self._corotated)
+            set_up_preconditioned(snes, self.corotation)
         return snes
 
     def set_load(self, nodes: NDArray[np.int64], forces: NDArray[np.float64]) -> None:
@@ -226,7 +227,7 @@ class EquilibriumProblem:
         """
         nodes, forces = sum_per_node(nodes, forces)
         positions, blocks = self.numbering.owned_blocks(nodes)
-        self._load_dofs = self.unknowns.dofs[blocks].ravel()
+        self._load_dofs = self.unknowns.dofs[blocks].ravel().astype(np.intp)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()
         self._force_norm = float(np.linalg.norm(forces))
 
@@ -406,14 +407,14 @@ class EquilibriumProblem:
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile()
-        if self._corotated is None:
+        if self.corotation is None:
             self.tangent()
             return
         if x.norm() == 0.0:
-            self._corotated.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            self.corotation.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         else:
             self.tangent()
-        self._corotated.turn()
+        self.corotation.turn()
 
 
 def reason_name(reason: int) -> str:

@@ -51,7 +51,7 @@ class SolverSettings(Frozen):
 
     @model_serializer(mode="wrap")
     def _with_one_tolerance(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out the tolerance that is not used; cases with an absolute one keep their digest."""
+        """Leave out the unused tolerance; so cases with an absolute one keep their digest."""
         content: dict[str, Any] = plain(self)
         del content["tolerance" if self.tolerance is None else "relative_tolerance"]
         return content

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.sparse import coo_array
 
-from datagen.discretisation.element import Element, element_kind
+from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -15,16 +15,12 @@ from shared_schema.material import NeoHookean
 from shared_schema.stiffness import Stiffness
 
 
-def stiffness_of(
-    mesh: RawMesh, material: NeoHookean, element: Element = "linear"
-) -> Stiffness | None:
+def stiffness_of(mesh: RawMesh, material: NeoHookean, element: Element = "linear") -> Stiffness:
     """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone.
 
-    It is None for elements with unknowns beside the displacements of the nodes of the mesh: without
-    those, the stiffness of the nodes is not sparse.
+    The element must have no unknowns beside the displacements of the nodes of the mesh
+    (`ElementKind.corners_only`): without those, the stiffness of the nodes is not sparse.
     """
-    if not element_kind(element, mesh.cell_type).corners_only:
-        return None
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     domain = distributed(mesh, MPI.COMM_SELF)
     settings = SolverSettings(tolerance=1.0, linear_solver="lu")  # nothing is solved

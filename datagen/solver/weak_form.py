@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.discretisation.element import ElementKind
-from datagen.discretisation.element_loop import Elimination, ElementLoop, Kernel
+from datagen.discretisation.element_loop import ElementLoop, Elimination, Kernel
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import cell_kernel, form, mixed_space, pack_constants
 from datagen.solver.material import deformation_gradient, strain_energy
@@ -64,9 +64,7 @@ class WeakForm:
     elimination: Elimination | None = None
 
 
-def weak_form(
-    unknowns: Unknowns, kind: ElementKind, material: NeoHookean, size: float
-) -> WeakForm:
+def weak_form(unknowns: Unknowns, kind: ElementKind, material: NeoHookean, size: float) -> WeakForm:
     """Derive and compile the forms (collective over the ranks of the mesh).
 
     Parameters
@@ -117,7 +115,7 @@ def kernel_of(compiled: Any) -> Kernel:
 
 
 def cell_volumes(unknowns: Unknowns, dx: Any) -> NDArray[np.float64]:
-    """Volumes of the cells that this rank owns, by a measure: (n_cells,) in m³ (in the plane m²)."""
+    """Volumes of this rank's own cells, by a measure: (n_cells,) in m³ (in the plane m²)."""
     one = dolfinx.fem.Constant(unknowns.state.function_space.mesh, PETSc.ScalarType(1.0))
     volume = form(one * dx, COMPILER_OPTIONS)
     count = len(unknowns.cell_dofs)
@@ -130,4 +128,4 @@ def _derivatives(energy: Any, state: Any) -> tuple[Any, Any, Any]:
     """Energy, its first and its second derivative, compiled."""
     internal = ufl.derivative(energy, state)
     tangent = ufl.derivative(internal, state)
-    return tuple(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent))  # type: ignore[return-value]
+    return tuple(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent))

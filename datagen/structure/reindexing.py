@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
-from datagen.discretisation.element import Element
+from datagen.discretisation.element import Element, element_kind
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
 from datagen.solver.stiffness import stiffness_of
@@ -120,7 +120,7 @@ def _make(
     """Write the structured dataset into its locked folder."""
     manifest, cell_type = reader.manifest, reader.cell_type
     element: Element = manifest.case.get("element", "linear")
-    stiffness: Stiffness | None
+    stiffness: Stiffness | None = None
     claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split(settings, [stage.samples for stage in manifest.history], manifest.samples)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {manifest.name}")
@@ -144,7 +144,8 @@ def _make(
     progress.close()
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
-    else:  # written by a version whose `datagen run` did not assemble it, or of other elements
+    elif element_kind(element, cell_type).corners_only:
+        # written by a version whose `datagen run` did not assemble it
         stiffness = stiffness_of(_mesh(reader), material, element)
     errors = np.concatenate(round_trips)
     info = StructuredInfo(

@@ -65,7 +65,7 @@ def bent(
     traction: tuple[float, ...],
     settings: SolverSettings,
 ) -> Bent:
-    """Hold a body where x is least, and pull at the side where it is largest by a traction in Pa."""
+    """Hold a body where x is least, and pull where it is largest by a traction in Pa."""
     x = mesh.coordinates
     loaded = np.flatnonzero(np.isclose(x[:, 0], x[:, 0].max()))
     areas = nodal_areas(LoadableNodes(loaded, x, mesh.cells, mesh.cell_type))
@@ -75,9 +75,7 @@ def bent(
     return Bent(problem, report, problem.displacement(), loaded)
 
 
-def beam_tip(
-    cells_across: int, simplices: bool, element: Element, poisson_ratio: float
-) -> float:
+def beam_tip(cells_across: int, simplices: bool, element: Element, poisson_ratio: float) -> float:
     """Mean deflection in m of the end of the beam of 100 x 20 x 16 mm under an end traction."""
     n = cells_across  # of the thickness
     elements = (round(25 * n / 4), round(5 * n / 4), n)
@@ -91,9 +89,10 @@ def beam_tip(
 
 
 def cook_tip(elements: int, simplices: bool, element: Element, poisson_ratio: float) -> float:
-    """Rise in m of the upper corner of Cook's membrane: corners (0, 0), (48, 44), (48, 60), (0, 44).
+    """Rise in m of the upper corner of Cook's membrane.
 
-    The left side is held, the right one sheared upwards by 100 N (Simo and Armero 1992).
+    Its corners are (0, 0), (48, 44), (48, 60) and (0, 44). The left side is held, the right one
+    sheared upwards by 100 N (Simo and Armero 1992).
     """
     square = box((1.0, 1.0), (elements, elements), simplices)
     x, y = square.coordinates.T

@@ -26,9 +26,7 @@ def bent(
 ) -> tuple[np.ndarray, SolveReport, EquilibriumProblem]:
     """Displacement over length of a beam, 4 times as long as thick, under a force at its tip."""
     upper = (length, *(length / 4 for _ in elements[1:]))
-    mesh = make_mesh(
-        Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF
-    )
+    mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     x = mesh.coordinates / length
     settings = SolverSettings(linear_solver=linear_solver, tolerance=tolerance)
     material = NeoHookean(young_modulus=modulus, poisson_ratio=0.4)
@@ -72,7 +70,7 @@ def test_the_same_body_of_any_size(
 def test_small_loads_move_a_stiff_body_linearly(
     elements: tuple[int, ...], linear_solver: LinearSolver, force: float
 ) -> None:
-    """A beam of steel: u / f is that of 1 N, down to loads that rounding hides from the residual."""
+    """A beam of steel: u / f is that of 1 N, down to loads that rounding hides."""
     expected, _, _ = bent(4.0, 2e11, 1.0, elements, linear_solver)
     u, report, problem = bent(4.0, 2e11, force, elements, linear_solver)
     assert report.solved
