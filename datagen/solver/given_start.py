@@ -5,7 +5,7 @@ Newton's method under the full load starts from the given displacement u if its 
 .. math:: Π(u) = E(u) - f · u
 
 is below that of the undeformed body, which is 0. Its result is accepted if it converges to a state
-of still lower energy. In all other cases the load is stepped up from rest (`load_stepping`), so
+of no higher energy. In all other cases the load is stepped up from rest (`load_stepping`), so
 that a wrong displacement costs time and nothing else.
 """
 
@@ -24,6 +24,7 @@ from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-12  # of energies, relative: a start in equilibrium may end a little above itself
 
 
 def solve_from(
@@ -56,7 +57,7 @@ def solve_from(
     if energy < 0.0:
         result = problem.solve(1.0)
         iterations = result.iterations
-        if result.converged and problem.potential() <= energy:
+        if result.converged and problem.potential() <= energy + ROUNDING * abs(energy):
             report = SolveReport(
                 solved=True,
                 reason=result.reason,

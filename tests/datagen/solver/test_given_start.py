@@ -6,12 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from datagen.cases.body import Body
+from datagen.discretisation.element import Element
+from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
+from shared_schema.material import NeoHookean
+from tests.datagen.solver.cantilever import bent, box
 
 TOLERANCE = 1e-8  # N
 SETTINGS = SolverSettings(tolerance=TOLERANCE)
@@ -98,3 +103,22 @@ def test_files_of_starts(beam: Body, truth: np.ndarray, tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(InputError, match=r"expected a file \.npz"):
             read_start(path, x)
+
+
+def test_an_equilibrium_is_a_start_for_every_element_of_the_corners() -> None:
+    """Its own equilibrium, by one or two iterations and not from rest."""
+    mesh = distributed(box((4.0, 1.0), (12, 3), False), MPI.COMM_SELF)
+    settings = SolverSettings()
+    elements: tuple[Element, ...] = ("linear", "incompressible")
+    material = NeoHookean(young_modulus=500, poisson_ratio=0.49)
+    for element in elements:
+        solved = bent(mesh, element, material, (0.0, -1.0), settings)
+        problem, loaded = solved.problem, solved.loaded
+        forces = np.zeros((len(loaded), 2))
+        forces[:, 1] = -0.25
+        assert solve_load_case(problem, loaded, forces, settings).solved
+        expected = problem.displacement()
+        report, used = solve_from(expected, problem, loaded, forces, settings)
+        assert used
+        assert report.newton_iterations <= 2
+        assert problem.displacement() == pytest.approx(expected, abs=1e-9)
