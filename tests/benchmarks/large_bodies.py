@@ -123,8 +123,8 @@ def table(results: Results) -> str:
         "# Time and memory of large bodies\n\n"
         "A beam of 4 x 1 x 1 m, bent until its end has moved by 0.75 m, to a residual of 1e-9 of "
         "the load. The set-up is done once\nfor a body: forms, matrix, and the hierarchy or the "
-        "factors of the undeformed body. *Processor* is the time that rank 0 worked "
-        "on the solve, which\nother work on the machine hardly changes. Memory is that of all ranks.\n\n"
+        "factors of the undeformed body. *Processor* is the time that rank 0\nworked on the solve, "
+        "which other work on the machine changes little. Memory is that of all ranks.\n\n"
         f"{rows}\n{footer(results)}"
     )
 

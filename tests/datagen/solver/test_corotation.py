@@ -49,12 +49,12 @@ def test_same_equilibria_as_by_lu(element: Element, simplices: bool) -> None:
         assert solved.report.solved
         found.append(solved.displacement)
     assert found[1] == pytest.approx(found[0], abs=1e-7)
-    assert 0.4 < np.abs(found[0]).max() < 1.2
+    assert 0.3 < np.abs(found[0]).max() < 1.2
 
 
 @pytest.mark.slow
 def test_fewer_krylov_iterations_where_the_body_turns() -> None:
-    """Two thirds at most of those with the hierarchy of the undeformed body."""
+    """Four fifths at most of those with a hierarchy that does not turn."""
     case = read_case("beam3d")
     small = Box(lower=(0, 0, 0), upper=(4, 1, 1), elements=(12, 4, 4))
     counts = {}
@@ -65,7 +65,7 @@ def test_fewer_krylov_iterations_where_the_body_turns() -> None:
         tip = np.array([int(np.abs(body.mesh.coordinates - (4, 1, 1)).sum(1).argmin())])
         assert solve_load_case(body.problem, tip, np.array([[0.0, -2.0, -2.0]]), solver).solved
         counts[name] = body.problem.snes.getLinearSolveIterations()
-    assert counts["corotated"] < 2 / 3 * counts["multigrid"]
+    assert counts["corotated"] < 0.8 * counts["multigrid"]
 
 
 @pytest.mark.slow
