@@ -56,6 +56,31 @@ def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]
     return dolfinx.fem.VectorFunctionSpace(domain, (family, degree), dim=d)
 
 
+def mixed_space(domain: dolfinx.mesh.Mesh, degree: int, d: int, scalar: tuple[str, int]) -> Any:
+    """Space of continuous vectors and two scalars (0.7: elements are basix's, before UFL's).
+
+    Parameters
+    ----------
+    domain : dolfinx.mesh.Mesh
+    degree : int
+        Of the vectors.
+    d : int
+        Number of their components.
+    scalar : (str, int)
+        Family and degree of both scalars.
+    """
+    family, order = scalar
+    cell = domain.topology.cell_type.name
+    if VERSION >= (0, 7):
+        vector = basix.ufl.element("Lagrange", cell, degree, shape=(d,))
+        part = basix.ufl.element(family, cell, order)
+        return dolfinx.fem.functionspace(domain, basix.ufl.mixed_element([vector, part, part]))
+    shape = domain.ufl_cell()
+    part = ufl.FiniteElement(family, shape, order)
+    vector = ufl.VectorElement("Lagrange", shape, degree, dim=d)
+    return dolfinx.fem.FunctionSpace(domain, ufl.MixedElement([vector, part, part]))
+
+
 def geometry_nodes(domain: dolfinx.mesh.Mesh) -> NDArray[np.int32]:
     """Geometry nodes of every cell, (n_cells, n_corners): ``geometry.dofmaps[0]`` (0.11).
 

@@ -44,6 +44,24 @@ class ShardEntry(Frozen):
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
+class SolverRecord(Frozen):
+    """How the load cases of a dataset were solved.
+
+    Attributes
+    ----------
+    linear_solver : str
+        Name of the linear solver: that of the case, or the one chosen for it.
+    unknowns : int
+        Number of unknowns of a load case.
+    memory : int
+        Largest resident memory of a rank in bytes.
+    """
+
+    linear_solver: str
+    unknowns: int = Field(gt=0)
+    memory: int = Field(gt=0)
+
+
 class ComponentStatistics(Frozen):
     """Statistics of one field over the grid points that are nodes, component by component.
 
@@ -170,6 +188,8 @@ class Manifest(Frozen):
     stiffness : str or None
         SHA-256 of the stiffness file of a nodal dataset; absent from the file if it has none. A
         structured dataset has it in `structured`.
+    solver : SolverRecord or None
+        How the load cases were solved; absent from the file if it is not known.
     digest : str
         SHA-256 of everything above.
     """
@@ -190,6 +210,7 @@ class Manifest(Frozen):
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
     stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
+    solver: SolverRecord | None = None
     digest: str = ""
 
     @model_serializer(mode="wrap")
@@ -199,6 +220,8 @@ class Manifest(Frozen):
             del content["stiffness"]
         if not self.history:
             del content["history"]
+        if self.solver is None:
+            del content["solver"]
         return content
 
     @property

@@ -288,3 +288,8 @@ def materials_of(content: Any, source: str) -> Materials:
 def as_tuple(materials: Materials | Sequence[ShippedMaterial]) -> tuple[ShippedMaterial, ...]:
     """Return one material or several as a tuple."""
     return (materials,) if isinstance(materials, ShippedMaterial) else tuple(materials)
+
+
+def ratio_at_rest(material: ShippedMaterial) -> float:
+    """Poisson's ratio ν = λ / (2 (λ + μ)) of the undeformed body."""
+    return material.lame_lambda / (2 * (material.lame_lambda + material.lame_mu))

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from datagen.cases.case import Case
 from datagen.cases.support import can_move
+from datagen.discretisation.locking import locking_warning
 from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
@@ -21,6 +22,7 @@ from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.bodies.groups import group_arrays
 from shared_schema.cells import boundary_facets
 from shared_schema.common.errors import InputError
+from shared_schema.material import ShippedMaterial, ratio_at_rest
 
 Driven = Callable[[Mesh, NDArray[np.bool_]], CommandLoads]
 
@@ -31,6 +33,7 @@ class Body:
 
     Attributes
     ----------
+    case : Case
     mesh : Mesh
     held : array of bool, (n_nodes, d)
         Components of displacement that supports hold at zero, by node number.
@@ -42,6 +45,7 @@ class Body:
         Built once; distributed over the ranks of the communicator that the body was made with.
     """
 
+    case: Case
     mesh: Mesh
     held: NDArray[np.bool_]
     parts: NDArray[np.int64] | None
@@ -60,6 +64,12 @@ class Body:
         for part in self.loads.parts:
             loadable[part.loadable.nodes] = True
         return loadable
+
+    def warning(self) -> str | None:
+        """What the numbers of this body are not good for, if there is something."""
+        shipped = [m for m in self.case.materials if isinstance(m, ShippedMaterial)]
+        ratio = max((ratio_at_rest(material) for material in shipped), default=0.0)
+        return locking_warning(self.case.element, self.mesh.cell_type, ratio)
 
     def shard_arrays(self) -> dict[str, Any]:
         """Arrays of the mesh that every shard holds, by their paths in the schema."""
@@ -127,12 +137,12 @@ def make_body(case: Case, comm: Any, driven: Driven | None = None) -> Body:
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     drive = loads if driven is None else driven(mesh, held)
-    body = mesh, case.material, held, case.solver, parts
+    body = mesh, case.material, held, case.solver, case.element, parts
     try:
         problem = EquilibriumProblem(*body, drive.moved, drive.surfaces)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    return Body(mesh, held, parts, loads, problem)
+    return Body(case, mesh, held, parts, loads, problem)
 
 
 def _material_of_cells(case: Case, mesh: Mesh) -> NDArray[np.int64] | None:

@@ -6,10 +6,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import (
+    Field,
+    SerializeAsAny,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+)
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.cases.support import Support
+from datagen.discretisation.element import Element
 from datagen.loads import LoadFamily, load_family
 from datagen.materials import material_of
 from datagen.mesh.geometry import Geometry
@@ -36,6 +44,8 @@ class Case(Frozen):
         Geometry and its mesh.
     material : Material, or tuple of some
         Material of the whole body; several are those of groups of cells.
+    element : {"linear", "quadratic", "incompressible"}
+        Kind of the finite elements.
     supports : tuple of Support
         Regions whose nodes are clamped, or held in some components.
     load : LoadFamily, or tuple of some
@@ -49,10 +59,19 @@ class Case(Frozen):
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
     material: SerializeAsAny[Material] | tuple[SerializeAsAny[Material], ...]
+    element: Element = "linear"
     supports: tuple[Support, ...] = Field(min_length=1)
     load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...]
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
+
+    @model_serializer(mode="wrap")
+    def _without_linear_element(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out linear elements, so that cases without the key keep their digest."""
+        content: dict[str, Any] = plain(self)
+        if self.element == "linear":
+            del content["element"]
+        return content
 
     @field_validator("load", mode="before")
     @classmethod

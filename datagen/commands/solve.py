@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix, write_solution
 
 
@@ -77,10 +80,18 @@ def run(options: argparse.Namespace) -> None:
     assert given is not None
     if options.start is not None and (given.surfaces or given.moved.any()):
         raise InputError(f"--start '{options.start}': expected forces only, no pressure or --move")
+    if options.stresses and case.element != "linear":
+        raise InputError(
+            f"--stresses: key 'element' = '{case.element}': expected 'linear', the only elements "
+            "whose stresses are computed"
+        )
+    if (warning := body.warning()) is not None:
+        print(f"datagen: warning: {warning}", file=sys.stderr)
     for note in given.notes:
         print(note)
     nodes = np.flatnonzero(given.forces.any(axis=1))
     load, origin = (nodes, given.forces[nodes]), ""
+    began = time.perf_counter()
     if options.start is None:
         drive = np.array(given.pressures), given.displacement
         report = solve_load_case(body.problem, *load, case.solver, *drive)
@@ -88,12 +99,13 @@ def run(options: argparse.Namespace) -> None:
         start = read_start(options.start, body.mesh.coordinates)
         report, used = solve_from(start, body.problem, *load, case.solver)
         origin = f"from {options.start}, " if used else "from rest, "
+    elapsed = time.perf_counter() - began
     if not report.solved:
         raise WorkError(
             f"no equilibrium found beyond {report.load_factor:.1%} of the load "
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
-    displacement = body.problem.displacement()
+    displacement, tolerance = body.problem.displacement(), body.problem.tolerance()
     grip = np.where(given.moved, body.problem.reactions(), 0.0)
     fields, of_cells = {"force": given.at_rest + grip, "displacement": displacement}, {}
     stress = ""
@@ -107,5 +119,9 @@ def run(options: argparse.Namespace) -> None:
     print(
         f"{options.out}: largest displacement {largest:.6g} m, {stress}{origin}"
         f"{report.load_steps} load steps, {report.newton_iterations} Newton iterations, "
-        f"residual {report.residual_norm:.2g} N"
+        f"residual {report.residual_norm:.2g} N (tolerance {tolerance:.2g} N)"
+    )
+    print(
+        f"{body.problem.size} unknowns, {body.problem.linear_solver}: {elapsed:.3g} s a solve, "
+        f"{megabytes(largest_resident())} at most"
     )

@@ -108,8 +108,11 @@ def dry_run(case: Case, comm: MPI.Comm, ranks_per_solve: int = 1) -> DryRun:
     counted = times[1:] or times  # the first one allocates and compiles
     found = comm.allgather((counted, job.done, len(job.failed)))
     mesh = body.mesh
-    raw = RawMesh(mesh.coordinates, mesh.cells, mesh.cell_type)
-    stiffness = stiffness_of(raw, case.material, body.parts)
+    of_stiffness = 0
+    if body.problem.kind.corners_only:
+        raw = RawMesh(mesh.coordinates, mesh.cells, mesh.cell_type)
+        stiffness = stiffness_of(raw, case.material, case.element, body.parts)
+        of_stiffness = stiffness.data.nbytes + stiffness.indices.nbytes
     return DryRun(
         nodes=len(mesh.coordinates),
         cells=len(mesh.cells),
@@ -121,6 +124,5 @@ def dry_run(case: Case, comm: MPI.Comm, ranks_per_solve: int = 1) -> DryRun:
         seconds=float(np.mean([seconds for some, _, _ in found for seconds in some])),
         bytes=of_samples / max(len(job.solved), 1) * case.dataset.samples
         + (of_mesh + SHARD_OVERHEAD) * shard_count(case)
-        + stiffness.data.nbytes
-        + stiffness.indices.nbytes,
+        + of_stiffness,
     )

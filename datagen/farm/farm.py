@@ -9,6 +9,7 @@ samples that are there are not solved again.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mpi4py import MPI
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case
+from datagen.discretisation.element import element_kind
 from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
@@ -27,9 +29,9 @@ from datagen.ranks import RankGroup, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.layout import Arrays
-from shared_schema.manifest import Manifest, ShardEntry, write_manifest
+from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
@@ -79,13 +81,19 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     body: Body | None = None
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input is found here, before anything is written
-        on_rank_zero(comm, lambda: _require_memory(case, body.mesh.coordinates.size))
+        dofs = body.mesh.coordinates.size
+        on_rank_zero(comm, lambda: _require_memory(case, dofs))
     on_rank_zero(comm, lambda: journal.open(case))
     try:
         remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+        solver: SolverRecord | None = None
         if remaining:
-            _make_shards(case, journal, remaining, group, body or _body(case, group))
-        manifest = on_rank_zero(comm, lambda: _finish(case, journal))
+            body = body or _body(case, group)
+            if comm.rank == 0 and (warning := body.warning()) is not None:
+                print(f"datagen: warning: {warning}", file=sys.stderr)
+            _make_shards(case, journal, remaining, group, body)
+            solver = _solver_record(body, comm)
+        manifest = on_rank_zero(comm, lambda: _finish(case, journal, solver))
     finally:
         journal.close()
     if manifest.samples == 0:
@@ -255,7 +263,14 @@ def _body(case: Case, group: RankGroup) -> Body:
     return body
 
 
-def _finish(case: Case, journal: Journal) -> Manifest:
+def _solver_record(body: Body, comm: MPI.Comm) -> SolverRecord:
+    """How the samples were solved (collective)."""
+    problem = body.problem
+    memory = comm.allreduce(largest_resident(), op=MPI.MAX)
+    return SolverRecord(linear_solver=problem.linear_solver, unknowns=problem.size, memory=memory)
+
+
+def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manifest:
     """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
     complete = _complete(case, journal)
     for shard in (
@@ -268,7 +283,8 @@ def _finish(case: Case, journal: Journal) -> Manifest:
     shards = tuple(complete[k] for k in range(shard_count(case)))
     manifest = journal.complete_manifest(shards)
     if manifest is None:
-        manifest = write_manifest(journal.folder, _manifest(case, journal, shards))
+        made = _manifest(case, journal, shards).model_copy(update={"solver": solver})
+        manifest = write_manifest(journal.folder, made)
     journal.remove()
     return manifest
 
@@ -278,9 +294,10 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     path = journal.folder / shards[0].file
     first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
     checksum, history = journal.stiffness, journal.history
-    if checksum is None:
+    if checksum is None and element_kind(case.element, cell_type).corners_only:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
-        stiffness = stiffness_of(mesh, case.material, first.get("mesh/material"))
+        parts = first.get("mesh/material")
+        stiffness = stiffness_of(mesh, case.material, case.element, parts)
         first_digest = history[0].case_digest if history else case.digest()
         checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
     return Manifest(

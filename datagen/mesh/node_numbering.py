@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.dolfinx_versions import cell_blocks, geometry_nodes
+from datagen.dolfinx_versions import geometry_nodes
 from datagen.mesh.distributed_mesh import Mesh
 
 
 @dataclass(frozen=True)
 class NodeNumbering:
-    """Node numbers of the degrees of freedom of a P1 or Q1 vector space, on one rank.
+    """Node numbers of the corners of the cells, on one rank.
 
     The d degrees of freedom of a node form a block. Each block is owned by one rank; ranks that
     share a cell with it hold a copy (ghost).
@@ -59,17 +59,18 @@ class NodeNumbering:
         return positions, blocks[positions]
 
 
-def node_numbering(mesh: Mesh, space: Any) -> NodeNumbering:
-    """Number the blocks of a space by the nodes of its mesh, on this rank.
+def node_numbering(mesh: Mesh, blocks: NDArray[np.integer[Any]], owned: int) -> NodeNumbering:
+    """Number the blocks of the cells' corners by the nodes of the mesh, on this rank.
 
     Parameters
     ----------
     mesh : Mesh
-    space : dolfinx function space
-        P1 or Q1 vectors on `mesh`.
+    blocks : array of int, (n_cells, n_corners)
+        Blocks of the corners of this rank's cells, ghosts included: 0, 1, …, owned ones first.
+    owned : int
+        Number of blocks that this rank owns.
     """
     number = np.asarray(mesh.domain.geometry.input_global_indices, dtype=np.int64)
-    index_map = space.dofmap.index_map
-    node_of_block = np.empty(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
-    node_of_block[cell_blocks(space)] = number[geometry_nodes(mesh.domain)]
-    return NodeNumbering(node_of_block, index_map.size_local, index_map.size_global)
+    node_of_block = np.empty(int(blocks.max(initial=-1)) + 1, dtype=np.int64)
+    node_of_block[blocks] = number[geometry_nodes(mesh.domain)]
+    return NodeNumbering(node_of_block, owned, len(mesh.coordinates))

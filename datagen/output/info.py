@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shared_schema.common.memory import megabytes
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
@@ -27,6 +28,7 @@ def summary(folder: Path) -> str:
     """
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
+    rows += _solver(reader.manifest)
     rows += _nodal(reader) if reader.manifest.kind == "nodal" else _structured(reader.manifest)
     growth = find_unfinished(folder)
     if growth is not None:
@@ -53,6 +55,18 @@ def _common(manifest: Manifest, body: Arrays) -> list[Row]:
         ),
         ("made by", ", ".join(f"{k} {v}" for k, v in manifest.software.items())),
         ("digest", manifest.digest),
+    ]
+
+
+def _solver(manifest: Manifest) -> list[Row]:
+    """How the samples were solved, where the manifest says it."""
+    solver = manifest.solver
+    if solver is None:
+        return []
+    element = manifest.case.get("element", "linear")
+    return [
+        ("elements", f"{element}, {solver.unknowns} unknowns"),
+        ("linear solver", f"{solver.linear_solver}, {megabytes(solver.memory)} a rank at most"),
     ]
 
 

@@ -1,17 +1,22 @@
-"""Assembly over several ranks, by dolfinx and PETSc.
+"""Assembly over several ranks.
 
-Each rank computes the element tensors of the cells that it owns. Contributions to the rows of
-another rank's nodes are sent to that rank and added there.
+Each rank sums up the element tensors of the cells that it owns, as on one rank
+(`datagen.solver.serial_assembly`). Contributions to the rows of another rank's nodes are sent to
+that rank and added there.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import ufl
 from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
+
+from datagen.discretisation.unknowns import Unknowns
+from datagen.dolfinx_versions import COMPILER_OPTIONS, form
+from datagen.solver.serial_assembly import CellSums
+from datagen.solver.weak_form import WeakForm
 
 
 class DistributedAssembly:
@@ -21,42 +26,51 @@ class DistributedAssembly:
 
     Parameters
     ----------
-    internal, tangent : dolfinx forms
-        f_int(u) in N and K(u) = ∂f_int/∂u in N/m.
-    supports : list of dolfinx Dirichlet conditions
-        Clamped degrees of freedom: the tangent has the rows and columns of the identity there.
+    forms : WeakForm
+    unknowns : Unknowns
+    held : array of int
+        Held degrees of freedom of this rank, ghosts included: the tangent has the rows and columns
+        of the identity there.
     moved : array of int
-        Degrees of freedom of this rank with a prescribed displacement: the tangent has the rows of
-        the identity there, and keeps their columns.
+        Those with a prescribed displacement, ghosts included: the tangent has the rows of the
+        identity there, and keeps their columns.
 
     Attributes
     ----------
     matrix : PETSc.Mat
-        Distributed by rows: each rank holds those of the nodes that it owns.
+        Distributed by rows: each rank holds those of the entries of the state that it owns.
     """
 
     def __init__(
         self,
-        internal: Any,
-        tangent: Any,
-        supports: list[Any],
-        moved: NDArray[np.intp] | None = None,
+        forms: WeakForm,
+        unknowns: Unknowns,
+        held: NDArray[np.intp],
+        moved: NDArray[np.intp],
     ) -> None:
-        self._internal, self._tangent, self._supports = internal, tangent, supports
-        self._moved = moved
-        self.matrix = fem_petsc.create_matrix(tangent)
+        space = unknowns.state.function_space
+        self._sums = CellSums(forms, unknowns, held, moved)
+        indptr, indices = self._sums.pattern.indptr, self._sums.pattern.indices
+        # One row after the other, with local numbers.
+        self._rows = indptr, indices, np.arange(len(indptr) - 1, dtype=PETSc.IntType)
+        product = ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx
+        self.matrix = fem_petsc.create_matrix(form(product, COMPILER_OPTIONS))
 
     def assemble_tangent(self) -> None:
-        """Assemble the matrix at the current displacement, the identity in the clamped rows."""
+        """Assemble the matrix at the current state, the identity in the fixed rows."""
+        indptr, indices, rows = self._rows
         self.matrix.zeroEntries()
-        fem_petsc.assemble_matrix(self.matrix, self._tangent, bcs=self._supports)
+        self.matrix.setValuesLocalIJV(
+            indptr,
+            indices,
+            self._sums.sum_tangent(),
+            addv=PETSc.InsertMode.ADD_VALUES,
+            rowmap=rows,
+        )
         self.matrix.assemble()
-        if self._moved is not None:
-            self.matrix.zeroRowsLocal(self._moved.astype(PETSc.IntType), diag=1.0)
 
     def assemble_forces(self, b: PETSc.Vec) -> None:
-        """Replace `b` by the internal forces at the current displacement, in N."""
+        """Replace `b` by the internal forces at the current state, in N."""
         with b.localForm() as local:
-            local.set(0.0)
-        fem_petsc.assemble_vector(b, self._internal)
+            local.array_w[:] = self._sums.sum_forces()
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

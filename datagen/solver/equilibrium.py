@@ -12,9 +12,16 @@ and the load factor :math:`s`, the part of the load that acts. Step k of Newton'
 
 .. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂f_{int}/∂u,
 
-and the iteration ends when :math:`‖R‖_2` is at most the tolerance. In the rows of the clamped
-degrees of freedom the residual is u and the tangent is the identity. Where a displacement is
-prescribed the residual is :math:`u - s \bar u`; the first step moves the rest of the body with it.
+and the iteration ends when :math:`‖R‖_2` is at most the tolerance (`datagen.solver.tolerance`). In
+the rows of the clamped degrees of freedom the residual is u and the tangent is the identity. Where
+a displacement is prescribed the residual is :math:`u - s \bar u`; the first step moves the rest of
+the body with it.
+
+Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
+triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
+of them. Loads, supports and results are those of the nodes of the mesh, the corners of the cells: a
+displacement is prescribed between corners where it is at all of them, and a pressure acts on the
+facets that the corners span.
 
 Over several ranks, each rank owns some nodes, with their rows of residual and tangent. A nodal
 force is subtracted on the rank that owns the node, after the internal forces of all cells have been
@@ -25,23 +32,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import dolfinx
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.dolfinx_versions import create_vector, functionspace
+from datagen.discretisation.element import Element, element_kind
+from datagen.discretisation.unknowns import Unknowns, mean_edge
+from datagen.dolfinx_versions import create_vector
 from datagen.materials import OwnMaterial
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.mesh.node_numbering import node_numbering
+from datagen.solver.corotation import Corotation
 from datagen.solver.distributed_assembly import DistributedAssembly
 from datagen.solver.follower_pressure import FollowerPressure
-from datagen.solver.linear_solver import INEXACT_TOLERANCE, set_up_direct, set_up_multigrid
+from datagen.solver.linear_solver import (
+    INEXACT_TOLERANCE,
+    Solver,
+    chosen_solver,
+    set_up_direct,
+    set_up_multigrid,
+    set_up_preconditioned,
+)
 from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.serial_assembly import SerialAssembly
 from datagen.solver.settings import SolverSettings
+from datagen.solver.tolerance import RoundOff
 from datagen.solver.weak_form import weak_form
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
@@ -49,6 +64,8 @@ from shared_schema.material import Material
 
 INVERTED = "inverted element (J <= 0)"
 STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
+LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
+EXACT = 1e-10  # relative tolerance of Krylov iterations under such loads
 
 
 @dataclass(frozen=True)
@@ -91,6 +108,7 @@ class EquilibriumProblem:
     clamped : array of bool, (n_nodes,) or (n_nodes, d)
         True for nodes, or for components of them, whose displacement is zero, by node number.
     settings : SolverSettings
+    element : {"linear", "quadratic", "incompressible"}
     parts : array of int, (n_cells,), optional
         Position of each cell's material in the sequence.
     moved : array of bool, (n_nodes, d), optional
@@ -108,16 +126,21 @@ class EquilibriumProblem:
     mesh : Mesh
     dimension : int
         Number of space dimensions d.
+    kind : ElementKind
+        The element on the cells of the mesh.
+    unknowns : Unknowns
     numbering : NodeNumbering
-        Node numbers of this rank's degrees of freedom.
+        Node numbers of the cells' corners on this rank.
     forms : WeakForm
         Strain energy, internal forces and tangent at `u`.
-    supports : list of dolfinx Dirichlet conditions
-        u = 0 at the clamped nodes.
     u : dolfinx.fem.Function
-        Displacement in m: the current state of the body.
+        The current state of the body in m: displacements, and other unknowns if there are any.
     snes : petsc4py.PETSc.SNES
         The Newton solver.
+    linear_solver : str
+        Name of the linear solver that `snes` uses.
+    corotation : Corotation or None
+        Preconditioner of the linear solver `corotated`.
     is_direct : bool
         True if `snes` solves the linear systems by LU.
     load_factor : float
@@ -132,6 +155,7 @@ class EquilibriumProblem:
         material: Material | Sequence[Material],
         clamped: NDArray[np.bool_],
         settings: SolverSettings,
+        element: Element = "linear",
         parts: NDArray[np.int64] | None = None,
         moved: NDArray[np.bool_] | None = None,
         surfaces: Sequence[NDArray[np.int64]] = (),
@@ -139,67 +163,95 @@ class EquilibriumProblem:
         self.mesh = mesh
         self.comm = mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
-        space = functionspace(mesh.domain, ("Lagrange", 1, (self.dimension,)))
-        self.numbering = node_numbering(mesh, space)
-        self.u = dolfinx.fem.Function(space, name="displacement")
+        self.kind = element_kind(element, mesh.cell_type)
+        self.unknowns = Unknowns(mesh, self.kind)
+        self.numbering, self.u = self.unknowns.numbering, self.unknowns.state
+        size = mean_edge(mesh.coordinates, mesh.cells)
         local_parts = None if parts is None else mesh.of_local_cells(parts)
-        self.forms = weak_form(self.u, material, local_parts)
+        self.forms = weak_form(self.unknowns, self.kind, material, size, local_parts)
 
-        held = clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
-        self.supports = self._supports(held, space)
-        self._clamped = self._owned_dofs(held)
-        self._moved = np.empty(0, dtype=np.intp) if moved is None else self._owned_dofs(moved)
+        fixed = (
+            clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
+        )
+        self._is_moved = np.zeros_like(fixed) if moved is None else moved
+        self._is_driven = bool(self._is_moved.any())
+        held_points = self.unknowns.held(fixed)
+        self._moved_points = self.unknowns.held(fixed | self._is_moved) & ~held_points
+        held, driven = (
+            self.unknowns.point_dofs[points].astype(np.intp)
+            for points in (held_points, self._moved_points)
+        )
+        self._held = held[held < self.unknowns.owned]
+        self._owns_moved = driven < self.unknowns.owned
+        self._moved = driven[self._owns_moved]
         self._prescribed = np.zeros(len(self._moved))
-        internal, tangent = self.forms.internal, self.forms.tangent
-        moves = None if moved is None or not moved.any() else self._moved
         self._assembly: SerialAssembly | DistributedAssembly
-        if self.comm.size == 1:
-            self._assembly = SerialAssembly(
-                internal, tangent, self.u, self._clamped, moves, local_parts
-            )
-        else:
-            self._assembly = DistributedAssembly(internal, tangent, self.supports, moves)
-        self._min_j = MinimumJ(self.u)
+        assembly = SerialAssembly if self.comm.size == 1 else DistributedAssembly
+        self._assembly = assembly(self.forms, self.unknowns, held, driven)
+        self._min_j = MinimumJ(self.unknowns, self.kind)
+        to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
+        self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
 
         self._load_dofs = np.empty(0, dtype=np.intp)
         self._load_values = np.empty(0)
         self._pressure: FollowerPressure | None = None
         if len(surfaces):
-            is_moved = np.zeros_like(held) if moved is None else moved
             self._pressure = FollowerPressure(
                 mesh.coordinates,
                 surfaces,
                 self.numbering,
-                self._row_of_node(space),
-                held | is_moved,
-                is_moved,
+                self._rows_of_nodes(),
+                fixed | self._is_moved,
+                self._is_moved,
             )
         self.load_factor = 0.0
         self.meanwhile: Callable[[], None] = lambda: None
 
-        self._residual = create_vector(space)
+        self._residual = create_vector(self.u.function_space)
         self._x = self._residual.duplicate()  # SNES must not be given the vector of `u` itself
-        self._inverted = False
+        self._inverted = self._is_loaded = False
         self._settings = settings
-        self.is_direct = settings.linear_solver == "lu"
-        self.snes = self._make_snes(self.is_direct)
+        self._round_off = RoundOff(0.0, 0.0)
+        if settings.tolerance is None:
+            self._round_off = RoundOff.of(self.tangent(), size)
+        self._force_norm = self._grip_norm = 0.0
+        self.linear_solver = chosen_solver(
+            settings.linear_solver, self.kind, self.dimension, self._residual.size
+        )
+        self.corotation: Corotation | None = None
+        if self.linear_solver == "corotated":
+            at_rest = self.tangent().copy()
+            self.corotation = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
+        self.is_direct = self.linear_solver == "lu"
+        self.snes = self._make_snes(self.linear_solver)
         self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
         if any(isinstance(m, OwnMaterial) for m in (material, *_several(material))):
             self._require_no_stress_at_rest()
 
-    def _make_snes(self, direct: bool) -> PETSc.SNES:
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self._residual.size)
+
+    def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
         settings = self._settings
         snes = PETSc.SNES().create(self.comm)
         snes.setFunction(self._compute_residual, self._residual)
         snes.setJacobian(self._compute_tangent, self._assembly.matrix)
-        atol = settings.tolerance * (1.0 if direct else INEXACT_TOLERANCE)
-        snes.setTolerances(rtol=0.0, atol=atol, stol=0.0, max_it=settings.max_iterations)
-        snes.setType("newtonls")
-        if direct:
-            set_up_direct(snes, self.dimension)
+        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
+        if settings.tolerance is None:
+            snes.setConvergenceTest(self._has_converged)
         else:
-            owned = self.numbering.node_of_block[: self.numbering.owned]
-            set_up_multigrid(snes, self.mesh.coordinates[owned])
+            stricter = INEXACT_TOLERANCE if linear_solver == "multigrid" else 1.0
+            snes.setTolerances(atol=stricter * settings.tolerance)
+        snes.setType("newtonls")
+        if linear_solver == "lu":
+            set_up_direct(snes, self.dimension, self.kind.has_pressure)
+            return snes
+        if self.corotation is None:
+            set_up_multigrid(snes, self.unknowns.owned_points(self.mesh.coordinates))
+        else:
+            set_up_preconditioned(snes, self.corotation)
         return snes
 
     def set_load(
@@ -226,12 +278,44 @@ class EquilibriumProblem:
             self._pressure.pressures[:] = 0.0 if pressures is None else pressures
         self._prescribed[:] = 0.0
         if displacement is not None:
-            local = displacement[self.numbering.node_of_block].ravel()
-            self._prescribed[:] = local[self._moved]
+            at_points = self.unknowns.at_points(displacement)[self._moved_points]
+            self._prescribed[:] = at_points[self._owns_moved]
         nodes, forces = sum_per_node(nodes, forces)
         positions, blocks = self.numbering.owned_blocks(nodes)
-        self._load_dofs = self._dofs_of(blocks)
+        self._load_dofs = self.unknowns.dofs[blocks].ravel().astype(np.intp)
         self._load_values = np.ascontiguousarray(forces[positions]).ravel()
+        self._force_norm = float(np.linalg.norm(forces))
+        if self._is_pressed:
+            assert self._pressure is not None
+            at_rest = self._pressure.forces(np.zeros(self.mesh.coordinates.shape))
+            self._force_norm = float(np.hypot(self._force_norm, np.linalg.norm(at_rest)))
+        self._grip_norm = 0.0
+        self._is_loaded = self._force_norm > 0.0 or (
+            displacement is not None and bool(displacement[self._is_moved].any())
+        )
+
+    def tolerance(self) -> float:
+        """Tolerance on ‖R‖ in N under the present load, at the present state (collective)."""
+        if self._settings.tolerance is not None:
+            return self._settings.tolerance
+        self._x.array_w[:] = self.u.x.array[: self._x.local_size]
+        return self._relative_tolerance(self._x.norm())
+
+    def _relative_tolerance(self, displacement_norm: float) -> float:
+        forces = float(np.hypot(self._force_norm, self._grip_norm))
+        relative = self._settings.relative_tolerance * forces
+        return max(relative, self._round_off.floor(displacement_norm))
+
+    def _has_converged(
+        self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
+    ) -> int:
+        """Convergence test for SNES, if the tolerance is relative; one iteration at least."""
+        reasons = PETSc.SNES.ConvergedReason
+        displacement, _, residual = norms
+        if iteration == 0 and self._is_loaded:
+            return int(reasons.ITERATING)
+        small = residual <= self._relative_tolerance(displacement)
+        return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
 
     def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0 by Newton's method, starting from `u`.
@@ -248,8 +332,14 @@ class EquilibriumProblem:
         """
         snes = self.snes
         if direct:
-            self._direct_snes = self._direct_snes or self._make_snes(direct=True)
+            self._direct_snes = self._direct_snes or self._make_snes("lu")
             snes = self._direct_snes
+        if snes is not self._direct_snes:
+            inexact = self._is_driven or self._force_norm > LINEAR_LOADS * self._round_off.at_rest
+            snes.setUseEW(inexact)
+            if not inexact:  # rounding may hide what a first, inexact step leaves
+                snes.getKSP().setTolerances(rtol=EXACT)
+        snes.setForceIteration(self._is_loaded)
         self.load_factor = load_factor
         self._inverted = False
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
@@ -257,7 +347,7 @@ class EquilibriumProblem:
         self._take(self._x)
         reason, residual_norm = snes.getConvergedReason(), snes.getFunctionNorm()
         reasons = PETSc.SNES.ConvergedReason
-        if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self._settings.tolerance:
+        if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self.tolerance():
             # Inexact steps iterate to INEXACT_TOLERANCE · tolerance; the tolerance itself suffices.
             reason = reasons.CONVERGED_FNORM_ABS
         return NewtonResult(
@@ -270,29 +360,36 @@ class EquilibriumProblem:
 
     def close(self) -> None:
         """Release PETSc's memory, which garbage collection does not; unusable afterwards."""
-        for thing in (self.snes, self._direct_snes, self._assembly.matrix, self._residual, self._x):
+        for thing in (
+            self.snes,
+            self._direct_snes,
+            self._assembly.matrix,
+            self._residual,
+            self._x,
+        ):
             if thing is not None:
                 thing.destroy()
 
     def reset(self) -> None:
-        """Set the displacement to zero."""
+        """Set the displacement and all other unknowns to zero."""
         self.u.x.array[:] = 0.0
 
     def set_displacement(self, displacement: NDArray[np.float64]) -> None:
         """Set the displacement: (n_nodes, d) in m by node number, the same on every rank."""
-        self.u.x.array[:] = displacement[self.numbering.node_of_block].ravel()
+        self.reset()
+        self.unknowns.set_displacement(displacement)
 
     def state(self) -> NDArray[np.float64]:
-        """Copy the displacement of this rank's degrees of freedom, ghosts included."""
+        """Copy the state of this rank's degrees of freedom, ghosts included."""
         return self.u.x.array.copy()
 
     def restore(self, state: NDArray[np.float64]) -> None:
-        """Set the displacement to a copy made by `state`."""
+        """Set the state to a copy made by `state`."""
         self.u.x.array[:] = state
 
     def displacement(self) -> NDArray[np.float64]:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
-        return self._gather(self.u.x.array)
+        return self._gather(self.u.x.array[self.unknowns.dofs])
 
     def reactions(self) -> NDArray[np.float64]:
         """Gather f_int(u) − s f − s f_p(u) by node number: (n_nodes, d) in N, on every rank.
@@ -301,12 +398,13 @@ class EquilibriumProblem:
         reactions of the supports, and where displacements are prescribed those of the grip.
         """
         self._assemble_out_of_balance(self._residual)
-        return self._gather(self._residual.array_r)
+        values = np.zeros(len(self.u.x.array))
+        values[: self.unknowns.owned] = self._residual.array_r
+        return self._gather(self.unknowns.forces_at_corners(values), add=True)
 
     def energy(self) -> float:
         """Integrate the strain energy ∫ W dV of the current state, in J; the same on every rank."""
-        local = dolfinx.fem.assemble_scalar(self.forms.energy)
-        return float(self.comm.allreduce(local))
+        return float(self.comm.allreduce(float(self._energy.run()[0])))
 
     def potential(self) -> float:
         """Integrate Π(u) = ∫ W dV − f · u under the full load, in J; the same on every rank.
@@ -322,54 +420,36 @@ class EquilibriumProblem:
     @property
     def is_dead(self) -> bool:
         """True if the load consists of dead forces, which have a potential."""
-        pressed = self._pressure is not None and self._pressure.pressures.any()
-        return not pressed and not len(self._prescribed)
+        return not self._is_pressed and not self._is_driven
+
+    @property
+    def _is_pressed(self) -> bool:
+        return self._pressure is not None and bool(self._pressure.pressures.any())
 
     def hold_supports(self) -> None:
         """Set the displacement of the clamped nodes to zero."""
-        self.u.x.array[self._clamped] = 0.0
+        self.u.x.array[self._held] = 0.0
         self.u.x.scatter_forward()
 
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
         self._assembly.assemble_tangent()
         matrix = self._assembly.matrix
-        if self._pressure is not None and self._pressure.pressures.any():
+        if self._is_pressed:
+            assert self._pressure is not None
             self._pressure.add_tangent(matrix, self.displacement(), self.load_factor)
         return matrix
 
-    def _dofs_of(self, blocks: NDArray[Any]) -> NDArray[np.intp]:
-        """Local degrees of freedom of given blocks, d for each block in turn."""
-        dofs = blocks[:, None].astype(np.intp) * self.dimension + np.arange(self.dimension)
-        return np.asarray(dofs.ravel())
-
-    def _owned_dofs(self, components: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Degrees of freedom of this rank among some components, (n_nodes, d)."""
-        owned = self.numbering.node_of_block[: self.numbering.owned]
-        return np.flatnonzero(components[owned].ravel())
-
-    def _supports(self, held: NDArray[np.bool_], space: Any) -> list[Any]:
-        """Dirichlet conditions u = 0: of nodes, and of single components of others."""
-        local = held[self.numbering.node_of_block]
-        clamped = local.all(axis=1)
-        zero = np.zeros(self.dimension, dtype=PETSc.ScalarType)
-        blocks = np.flatnonzero(clamped).astype(np.int32)
-        supports = [dolfinx.fem.dirichletbc(zero, blocks, space)]
-        for axis in range(self.dimension):
-            single = np.flatnonzero(local[:, axis] & ~clamped).astype(np.int32)
-            dofs = single * self.dimension + axis
-            value = PETSc.ScalarType(0.0)
-            supports.append(dolfinx.fem.dirichletbc(value, dofs.astype(np.int32), space.sub(axis)))
-        return supports
-
-    def _row_of_node(self, space: Any) -> NDArray[np.int64]:
-        """Position of every node among the blocks of the distributed matrix, (n_nodes,)."""
-        first = space.dofmap.index_map.local_range[0]
-        numbers = self.numbering.node_of_block[: self.numbering.owned]
-        row_of_node = np.empty(self.numbering.total, dtype=np.int64)
-        for start, some in self.comm.allgather((first, numbers)):
-            row_of_node[some] = start + np.arange(len(some))
-        return row_of_node
+    def _rows_of_nodes(self) -> NDArray[np.int64]:
+        """Rows of the distributed matrix that belong to every node, (n_nodes, d)."""
+        index_map = self.u.function_space.dofmap.index_map
+        first = index_map.local_range[0] * self.u.function_space.dofmap.index_map_bs
+        owned = self.numbering.owned
+        numbers, rows = self.numbering.node_of_block[:owned], self.unknowns.dofs[:owned]
+        rows_of_nodes = np.empty((self.numbering.total, self.dimension), dtype=np.int64)
+        for some, of_some in self.comm.allgather((numbers, first + rows)):
+            rows_of_nodes[some] = of_some
+        return rows_of_nodes
 
     def _require_no_stress_at_rest(self) -> None:
         """Raise InputError if internal forces act in the undeformed body (collective)."""
@@ -384,23 +464,29 @@ class EquilibriumProblem:
                 f"{np.abs(forces).max():g} N in the undeformed body, expected none"
             )
 
-    def _gather(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Collect the owned values of all ranks by node number: (n_nodes, d) on every rank."""
-        owned = self.numbering.owned
-        part = local[: owned * self.dimension].reshape(owned, self.dimension)
-        numbers = self.numbering.node_of_block[:owned]
-        result = np.empty((self.numbering.total, self.dimension))
+    def _gather(self, local: NDArray[np.float64], add: bool = False) -> NDArray[np.float64]:
+        """Collect values at this rank's corners, (n_corners, d), by node number on every rank.
+
+        Parameters
+        ----------
+        local : array, (n_corners, d)
+            Values of owned nodes, then of ghosts.
+        add : bool
+            Add the values of ghosts to those of the nodes; otherwise they are left out.
+        """
+        count = len(local) if add else self.numbering.owned
+        part, numbers = local[:count], self.numbering.node_of_block[:count]
+        result = np.zeros((self.numbering.total, self.dimension))
         if self.comm.size == 1:
             result[numbers] = part
         else:
             for some_numbers, values in self.comm.allgather((numbers, part)):
-                result[some_numbers] = values
+                result[some_numbers] += values
         return result
 
     def _take(self, x: PETSc.Vec) -> None:
         """Set the displacement to the solver's vector, and update the ghosts."""
-        owned = self.numbering.owned * self.dimension
-        self.u.x.array[:owned] = x.array_r
+        self.u.x.array[: self.unknowns.owned] = x.array_r
         if self.comm.size > 1:
             self.u.x.scatter_forward()
 
@@ -408,10 +494,13 @@ class EquilibriumProblem:
         """Replace `b` by f_int(u) − s f, clamped rows included."""
         self._assembly.assemble_forces(b)
         b.array_w[self._load_dofs] -= self.load_factor * self._load_values
-        if self._pressure is not None and self._pressure.pressures.any():
-            numbers = self.numbering.node_of_block[: self.numbering.owned]
-            pushed = self._pressure.forces(self.displacement())[numbers].ravel()
-            b.array_w[: len(pushed)] -= self.load_factor * pushed
+        if self._is_pressed:
+            assert self._pressure is not None
+            owned = self.numbering.owned
+            pushed = self._pressure.forces(self.displacement())[
+                self.numbering.node_of_block[:owned]
+            ]
+            b.array_w[self.unknowns.dofs[:owned]] -= self.load_factor * pushed
 
     def _compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual for SNES; NaN where an element is inverted, so that the solve fails."""
@@ -421,15 +510,24 @@ class EquilibriumProblem:
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
         self._assemble_out_of_balance(b)
-        b.array_w[self._clamped] = x.array_r[self._clamped]  # u = 0 there
-        if len(self._moved):
+        b.array_w[self._held] = x.array_r[self._held]  # u = 0 there
+        if self._is_driven:
+            grip = b.array_r[self._moved]
+            self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
             wanted = self.load_factor * self._prescribed
             b.array_w[self._moved] = x.array_r[self._moved] - wanted
 
     def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile()
-        self.tangent()
+        if self.corotation is None:
+            self.tangent()
+            return
+        if x.norm() == 0.0 and not self._is_pressed:
+            self.corotation.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        else:
+            self.tangent()
+        self.corotation.turn()
 
 
 def _several(material: Material | Sequence[Material]) -> tuple[Material, ...]:

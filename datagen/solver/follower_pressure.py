@@ -41,8 +41,8 @@ class FollowerPressure:
     surfaces : sequence of array of int, (n_facets, n_corners)
         Facets of every surface by node number, seen from outside.
     numbering : NodeNumbering
-    row_of_node : array of int, (n_nodes,)
-        Position of every node among the blocks of the distributed matrix.
+    rows_of_nodes : array of int, (n_nodes, d)
+        Rows of the distributed matrix that belong to every node.
     fixed : array of bool, (n_nodes, d)
         Components without an equation, whose rows and columns stay as they are.
     moved : array of bool, (n_nodes, d)
@@ -59,18 +59,16 @@ class FollowerPressure:
         coordinates: Array,
         surfaces: Sequence[NDArray[np.int64]],
         numbering: NodeNumbering,
-        row_of_node: NDArray[np.int64],
+        rows_of_nodes: NDArray[np.int64],
         fixed: NDArray[np.bool_],
         moved: NDArray[np.bool_],
     ) -> None:
         self._coordinates, self._surfaces, self._numbering = coordinates, surfaces, numbering
         self.pressures = np.zeros(len(surfaces))
-        d = coordinates.shape[1]
-        dofs = row_of_node[:, None] * d + np.arange(d)
         owned = np.zeros(len(coordinates), dtype=bool)
         owned[numbering.node_of_block[: numbering.owned]] = True
-        self._rows = np.where(owned[:, None] & ~fixed, dofs, -1).astype(PETSc.IntType)
-        self._columns = np.where(fixed & ~moved, -1, dofs).astype(PETSc.IntType)
+        self._rows = np.where(owned[:, None] & ~fixed, rows_of_nodes, -1).astype(PETSc.IntType)
+        self._columns = np.where(fixed & ~moved, -1, rows_of_nodes).astype(PETSc.IntType)
 
     def forces(self, u: Array) -> Array:
         """Nodal forces of the full pressures at a displacement in m: (n_nodes, d) in N."""

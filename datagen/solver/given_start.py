@@ -5,11 +5,12 @@ Newton's method under the full load starts from the given displacement u if its 
 .. math:: Π(u) = E(u) - f · u
 
 is below that of the undeformed body, which is 0. Its result is accepted if it converges to a state
-of still lower energy. In all other cases the load is stepped up from rest (`load_stepping`), so
+of no higher energy. In all other cases the load is stepped up from rest (`load_stepping`), so
 that a wrong displacement costs time and nothing else.
 
-From rest, multigrid goes on to a hundredth of the tolerance, and the last Krylov iterations often
-to much less. From a given displacement both stop at the tolerance, since it has few steps to make.
+From rest, multigrid goes on to a hundredth of an absolute tolerance, and the last Krylov iterations
+often to much less. From a given displacement both stop at the tolerance, since it has few steps to
+make.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from shared_schema.common.errors import InputError
 
 Array = NDArray[np.float64]
 KRYLOV = 0.3  # residual of the last Krylov iteration over the tolerance
+ROUNDING = 1e-12  # of energies, relative: a start in equilibrium may end a little above itself
 
 
 def solve_from(
@@ -63,7 +65,7 @@ def solve_from(
         with no_further_than(settings.tolerance, problem):
             result = problem.solve(1.0)
         iterations = result.iterations
-        if result.converged and problem.potential() <= energy:
+        if result.converged and problem.potential() <= energy + ROUNDING * abs(energy):
             report = SolveReport(
                 solved=True,
                 reason=result.reason,
@@ -80,9 +82,12 @@ def solve_from(
 
 
 @contextmanager
-def no_further_than(tolerance: float, problem: EquilibriumProblem) -> Iterator[None]:
-    """Let Newton's method with multigrid stop at a tolerance in N, its Krylov iterations below."""
-    if problem.is_direct:
+def no_further_than(tolerance: float | None, problem: EquilibriumProblem) -> Iterator[None]:
+    """Let Newton's method with multigrid stop at a tolerance in N, its Krylov iterations below.
+
+    Where the tolerance is relative to the load (None), it stops there in any case.
+    """
+    if problem.is_direct or tolerance is None:
         yield
         return
     snes, ksp = problem.snes, problem.snes.getKSP()

@@ -9,21 +9,27 @@ With multigrid the steps are inexact: step k stops its Krylov iteration when
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-GAMG_OPTIONS = {
-    "pc_gamg_agg_nsmooths": 1,
-    "pc_gamg_threshold": 0.02,
-    "mg_levels_ksp_type": "chebyshev",
+from datagen.discretisation.element import ElementKind
+from datagen.solver.settings import LinearSolver
+from shared_schema.common.errors import InputError
+
+Solver = Literal["lu", "multigrid", "corotated"]
+CROSSOVER = {2: 8_000, 3: 2_000}  # unknowns from which on multigrid is faster than LU, by d
+
+GAMG_OPTIONS = {"pc_gamg_agg_nsmooths": 1, "pc_gamg_threshold": 0.02}
+CASCADE_OPTIONS = GAMG_OPTIONS | {  # from coarse to fine, one incomplete Cholesky step on each
+    "pc_mg_type": "kaskade",
+    "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
-    "mg_levels_esteig_ksp_type": "cg",
-    "mg_levels_pc_type": "jacobi",
-    "mg_coarse_ksp_type": "preonly",
-    "mg_coarse_pc_type": "lu",
+    "mg_levels_pc_type": "bjacobi",
+    "mg_levels_sub_pc_type": "icc",  # unlike Gauss-Seidel it bears singular blocks of coarse levels
 }
 RESTART, MAX_ITERATIONS = 100, 200
 INEXACT_NEWTON = {  # the relative tolerance η_k of the Krylov iteration in step k
@@ -42,7 +48,34 @@ FULL_STEPS = {"snes_linesearch_type": "basic"}
 BUILT_ONCE = {"snes_lag_preconditioner": -2}  # PETSc: build at the first tangent, never again
 
 
-def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
+def chosen_solver(wanted: LinearSolver, kind: ElementKind, dimension: int, dofs: int) -> Solver:
+    """Linear solver of a problem, where the settings leave the choice.
+
+    Parameters
+    ----------
+    wanted : {"auto", "lu", "multigrid", "corotated"}
+    kind : ElementKind
+    dimension : int
+        Number of space dimensions d.
+    dofs : int
+        Number of unknowns.
+
+    Raises
+    ------
+    InputError
+        If multigrid is wanted for an element with pressures.
+    """
+    if kind.has_pressure and wanted == "multigrid":
+        raise InputError(
+            "key 'solver.linear_solver' = 'multigrid': expected auto, lu or corotated for "
+            "incompressible triangles or tetrahedra, whose pressures are unknowns"
+        )
+    if wanted != "auto":
+        return wanted
+    return "lu" if dofs < CROSSOVER[dimension] else "corotated"
+
+
+def set_up_direct(snes: PETSc.SNES, dimension: int, indefinite: bool = False) -> None:
     """Solve each step by LU: PETSc's own in the plane on one rank, else MUMPS.
 
     Parameters
@@ -50,12 +83,15 @@ def set_up_direct(snes: PETSc.SNES, dimension: int) -> None:
     snes : PETSc.SNES
     dimension : int
         Number of space dimensions d.
+    indefinite : bool
+        The tangent has zeros on its diagonal, so that rows must be exchanged (MUMPS).
     """
     _from_options(snes, FULL_STEPS)
     ksp = snes.getKSP()
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
-    ksp.getPC().setFactorSolverType("petsc" if ksp.comm.size == 1 and dimension == 2 else "mumps")
+    own = ksp.comm.size == 1 and dimension == 2 and not indefinite
+    ksp.getPC().setFactorSolverType("petsc" if own else "mumps")
 
 
 def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
@@ -79,14 +115,62 @@ def set_up_multigrid(snes: PETSc.SNES, points: NDArray[np.float64]) -> None:
     snes.computeJacobian(undeformed, tangent)
     tangent.setNearNullSpace(rigid_body_modes(tangent, points))
     ksp = snes.getKSP()
-    ksp.setType("gmres")
-    ksp.setGMRESRestart(RESTART)
-    ksp.setPCSide(PETSc.PC.Side.RIGHT)
-    ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
+    set_up_gmres(ksp)
     ksp.getPC().setType("gamg")
     _from_options(ksp, GAMG_OPTIONS)
     ksp.setOperators(tangent)
     ksp.setUp()
+
+
+def set_up_preconditioned(snes: PETSc.SNES, preconditioner: Any) -> None:
+    """Solve inexact steps by GMRES with a preconditioner of our own.
+
+    Parameters
+    ----------
+    snes : PETSc.SNES
+    preconditioner : object
+        Context of PETSc's type ``python``, with a method ``apply(pc, x, y)``.
+    """
+    _from_options(snes, FULL_STEPS | INEXACT_NEWTON)
+    ksp = snes.getKSP()
+    set_up_gmres(ksp)
+    ksp.getPC().setType("python")
+    ksp.getPC().setPythonContext(preconditioner)
+
+
+def multigrid(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.PC:
+    """Build the hierarchy of a positive definite matrix, whose cycle goes from coarse to fine.
+
+    Parameters
+    ----------
+    matrix : PETSc.Mat
+    points : array, (n_owned_points, d)
+        Positions in m of the points that this rank owns, in the order of their degrees of freedom.
+    """
+    matrix.setNearNullSpace(rigid_body_modes(matrix, points))
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOperators(matrix)
+    pc.setType("gamg")
+    _from_options(pc, CASCADE_OPTIONS, pc.setUp)
+    return pc
+
+
+def factors(matrix: PETSc.Mat) -> PETSc.PC:
+    """Factorise a matrix by MUMPS, as an operator that applies its inverse (collective)."""
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOperators(matrix)
+    pc.setType("lu")
+    pc.setFactorSolverType("mumps")
+    pc.setUp()
+    return pc
+
+
+def set_up_gmres(ksp: PETSc.KSP) -> None:
+    """Use GMRES, preconditioned from the right, so that it sees true residuals."""
+    ksp.setType("gmres")
+    ksp.setGMRESRestart(RESTART)
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.setTolerances(atol=0.0, max_it=MAX_ITERATIONS)
 
 
 def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.NullSpace:
@@ -122,13 +206,19 @@ def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.Nu
     return PETSc.NullSpace().create(vectors=basis, comm=matrix.comm)
 
 
-def _from_options(solver: Any, options: dict[str, Any]) -> None:
-    """Configure one solver by options under a prefix of its own, removed again afterwards."""
+def _from_options(
+    solver: Any, options: dict[str, Any], build: Callable[[], None] = lambda: None
+) -> None:
+    """Configure one solver by options under a prefix of its own, removed again afterwards.
+
+    Levels of multigrid read theirs when they are built, by `build`.
+    """
     prefix = f"solver_{solver.handle}_"
     solver.setOptionsPrefix(prefix)
     database = PETSc.Options()
     for name, value in options.items():
         database[prefix + name] = value
     solver.setFromOptions()
+    build()
     for name in options:
         database.delValue(prefix + name)

@@ -120,6 +120,33 @@ def energy_density(f: Expression, material: Material, domain: Any) -> Expression
     return material.model_copy(update=numbers).energy(i1, i2, ufl.det(f), ufl.ln)
 
 
+def longitudinal_modulus(material: Material) -> float:
+    """λ + 2μ = ∂²W/∂F₁₁² at rest in Pa; of a user's own material by differences.
+
+    Raises
+    ------
+    InputError
+        If the energy of a user's own material has no such modulus.
+    """
+    if isinstance(material, ShippedMaterial):
+        return material.lame_lambda + 2 * material.lame_mu
+    assert isinstance(material, OwnMaterial)
+    own = material
+
+    def energy(stretch: float) -> float:
+        f = ufl.as_tensor([[stretch, 0, 0], [0, 1, 0], [0, 0, 1]])
+        return float(_own_energy(f, own)(()))
+
+    step = 1e-3
+    modulus = (energy(1 + step) - 2 * energy(1.0) + energy(1 - step)) / step**2
+    if not 0 < modulus < float("inf"):
+        raise InputError(
+            f"model '{material.model}': the energy has a modulus of {modulus:g} Pa in the "
+            "undeformed body, expected a positive one"
+        )
+    return modulus
+
+
 def _constant(value: float, domain: Any) -> Expression:
     return dolfinx.fem.Constant(domain, PETSc.ScalarType(value))
 

@@ -9,10 +9,11 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
-from datagen.solver.element_loop import ElementLoop
+from datagen.discretisation.element import ElementKind
+from datagen.discretisation.element_loop import ElementLoop, Kernel
+from datagen.discretisation.unknowns import Unknowns
+from datagen.dolfinx_versions import COMPILER_OPTIONS, point_expression
 from datagen.solver.material import deformation_gradient
-from datagen.solver.weak_form import QUADRATURE_DEGREE
 
 
 class MinimumJ:
@@ -23,30 +24,27 @@ class MinimumJ:
 
     Parameters
     ----------
-    u : dolfinx.fem.Function
-        Displacement in m, P1 or Q1 vectors. Each rank evaluates the cells that it owns.
+    unknowns : Unknowns
+        Each rank evaluates the cells that it owns.
+    kind : ElementKind
     """
 
-    def __init__(self, u: Any) -> None:
-        domain = u.function_space.mesh
+    def __init__(self, unknowns: Unknowns, kind: ElementKind) -> None:
+        state = unknowns.state
+        domain = state.function_space.mesh
         cell = getattr(basix.CellType, domain.topology.cell_type.name)
-        points, _ = basix.make_quadrature(cell, QUADRATURE_DEGREE)
-        j = ufl.det(deformation_gradient(u))
-        self._domain = domain
-        self._expression = point_expression(j, points, COMPILER_OPTIONS)
-        count = domain.topology.index_map(domain.topology.dim).size_local
-        self._cells = np.arange(count, dtype=np.int32)
-        self._loop: ElementLoop | None = None
-        if domain.comm.size == 1:
-            kernel = self._expression.ufcx_expression.tabulate_tensor_float64
-            places = np.arange(count * len(points), dtype=np.int32).reshape(count, -1)
-            self._loop = ElementLoop(kernel, np.empty(0), u, places, places.size)
+        points, _ = basix.make_quadrature(cell, kind.quadrature_degree)
+        u = ufl.split(state)[0] if kind.has_pressure else state
+        self._comm = domain.comm
+        self._expression: Any = point_expression(
+            ufl.det(deformation_gradient(u)), points, COMPILER_OPTIONS
+        )
+        kernel = Kernel(self._expression.ufcx_expression.tabulate_tensor_float64, np.empty(0))
+        count = len(unknowns.cell_dofs)
+        places = np.arange(count * len(points), dtype=np.int32).reshape(count, -1)
+        self._loop = ElementLoop(kernel, state, unknowns.cell_dofs, places, places.size)
 
     def value(self) -> float:
         """Smallest J at the current displacement, the same on every rank (collective)."""
-        if self._loop is not None:
-            return float(self._loop.run().min())
-        local = np.inf
-        if self._cells.size:
-            local = float(evaluate(self._expression, self._domain, self._cells).min())
-        return float(self._domain.comm.allreduce(local, op=MPI.MIN))
+        here = float(self._loop.run().min(initial=np.inf))
+        return here if self._comm.size == 1 else float(self._comm.allreduce(here, op=MPI.MIN))

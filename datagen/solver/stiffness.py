@@ -9,6 +9,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
+from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -20,12 +21,18 @@ from shared_schema.stiffness import Stiffness
 def stiffness_of(
     mesh: RawMesh,
     material: Material | Sequence[Material],
+    element: Element = "linear",
     parts: NDArray[np.int64] | None = None,
 ) -> Stiffness:
-    """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone."""
+    """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone.
+
+    The element must have no unknowns beside the displacements of the nodes of the mesh
+    (`ElementKind.corners_only`): without those, the stiffness of the nodes is not sparse.
+    """
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     domain = distributed(mesh, MPI.COMM_SELF)
-    problem = EquilibriumProblem(domain, material, free, SolverSettings(), parts)
+    settings = SolverSettings(tolerance=1.0, linear_solver="lu")  # nothing is solved
+    problem = EquilibriumProblem(domain, material, free, settings, element, parts)
     d, nodes = problem.dimension, problem.numbering.node_of_block
     number = (nodes[:, None] * d + np.arange(d)).ravel()
     indptr, indices, data = problem.tangent().getValuesCSR()

@@ -11,13 +11,19 @@ the energy, the tangent stiffness is the derivative of the internal forces:
     f_{int}(u)·v = \frac{dE}{du}[v] = \int_Ω P(F) : ∇v \, dV, \quad P = \frac{∂W}{∂F},
     \qquad K(u) = \frac{∂f_{int}}{∂u}.
 
-UFL forms both derivatives symbolically; FFCx compiles them to C. Displacements are linear (P1) on
-triangles and tetrahedra, bi- or trilinear (Q1) on quadrilaterals and hexahedra.
+UFL forms both derivatives symbolically; FFCx compiles them to C. Elements with a dilation θ have
+the energy Π(u, θ, p) of `datagen.discretisation.element`. Where θ and p are unknowns, they are
+scaled to lengths, so that all unknowns are in m and all residuals in N:
+
+.. math:: θ = 1 + t / h, \qquad p = (λ + 2μ) \, q / h,
+
+with the size h of the cells, the unknowns t and q in m, and the largest λ + 2μ of the materials at
+rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,45 +31,79 @@ import dolfinx
 import numpy as np
 import ufl
 from numpy.typing import NDArray
+from petsc4py import PETSc
 
-from datagen.dolfinx_versions import COMPILER_OPTIONS, form
-from datagen.solver.material import deformation_gradient, energy_density
+from datagen.discretisation.element import ElementKind
+from datagen.discretisation.element_loop import ElementLoop, Elimination, FormLoop, Kernel
+from datagen.discretisation.unknowns import Unknowns
+from datagen.dolfinx_versions import (
+    COMPILER_OPTIONS,
+    cell_kernels,
+    form,
+    mixed_space,
+    pack_constants,
+)
+from datagen.solver.material import deformation_gradient, energy_density, longitudinal_modulus
 from shared_schema.material import Material
-
-QUADRATURE_DEGREE = 2  # 2 Gauss points along each axis of a quadrilateral or hexahedron
 
 
 @dataclass(frozen=True)
 class WeakForm:
-    """Compiled forms of one displacement function on one mesh.
+    """Compiled forms of the state of a body on one mesh.
 
     Attributes
     ----------
     energy : dolfinx form
-        E(u), a scalar in J.
+        E(u) or Π, a scalar in J.
     internal : dolfinx form
         f_int(u), a vector in N.
     tangent : dolfinx form
         K(u), a matrix in N/m.
+    parts : array of int, (n_cells,), or None
+        Material of each of this rank's own cells, if there are several.
+    eliminations : mapping from int to Elimination, or None
+        What eliminates dilation and pressure in the cells of each material, if they are constant
+        in each cell: the forms then have both beside the unknowns of the body.
     """
 
     energy: Any
     internal: Any
     tangent: Any
+    parts: NDArray[np.int64] | None = None
+    eliminations: Mapping[int, Elimination] | None = None
+
+    def loop(
+        self, compiled: Any, unknowns: Unknowns, places: NDArray[np.int32], size: int
+    ) -> FormLoop:
+        """Loop over this rank's own cells that evaluates one of the forms."""
+        return FormLoop(
+            kernels_of(compiled),
+            unknowns.state,
+            unknowns.cell_dofs,
+            places,
+            size,
+            self.parts,
+            self.eliminations,
+        )
 
 
 def weak_form(
-    u: Any,
+    unknowns: Unknowns,
+    kind: ElementKind,
     material: Material | Sequence[Material],
+    size: float,
     parts: NDArray[np.int64] | None = None,
 ) -> WeakForm:
     """Derive and compile the forms (collective over the ranks of the mesh).
 
     Parameters
     ----------
-    u : dolfinx.fem.Function
-        Displacement in m, P1 or Q1 vectors. The forms are evaluated at its current values.
+    unknowns : Unknowns
+        The forms are evaluated at the current values of its state.
+    kind : ElementKind
     material : Material, or sequence of some
+    size : float
+        Size of the cells in m, the unit of dilations and pressures.
     parts : array of int, (n_local_cells,), optional
         Position of each cell's material in the sequence.
 
@@ -72,20 +112,73 @@ def weak_form(
     InputError
         If the energy of a user's own material is none.
     """
-    domain = u.function_space.mesh
-    dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-    f = deformation_gradient(u)
-    if isinstance(material, Material):
-        energy = energy_density(f, material, domain) * dx
-    else:
+    state = unknowns.state
+    domain = state.function_space.mesh
+    d = domain.geometry.dim
+    dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": kind.quadrature_degree})
+    several = [(-1, material)] if isinstance(material, Material) else list(enumerate(material))
+    own_parts = None
+    measures = {-1: dx}
+    if not isinstance(material, Material):
         assert parts is not None
+        own_parts = parts[: len(unknowns.cell_dofs)]
         numbers = np.arange(len(parts), dtype=np.int32)
         of_cells = dolfinx.mesh.meshtags(
             domain, domain.topology.dim, numbers, parts.astype(np.int32)
         )
-        dx = dx(subdomain_data=of_cells)
-        first, *others = (energy_density(f, m, domain) * dx(i) for i, m in enumerate(material))
-        energy = sum(others, start=first)
-    internal = ufl.derivative(energy, u)
-    tangent = ufl.derivative(internal, u)
-    return WeakForm(*(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent)))
+        of_parts = dx(subdomain_data=of_cells)
+        measures = {part: of_parts(part) for part, _ in several}
+
+    def energy_of(density: Callable[[Any], Any]) -> Any:
+        first, *others = (density(m) * measures[part] for part, m in several)
+        return sum(others, start=first)
+
+    if kind.dilation == "pointwise":
+        f = deformation_gradient(state)
+        energy = energy_of(lambda m: energy_density(f, m, domain))
+        return WeakForm(*_derivatives(energy, state), own_parts)
+    if kind.dilation == "cell":
+        state = dolfinx.fem.Function(mixed_space(domain, kind.degree, d, ("DG", 0)))
+        u, dilation, pressure = ufl.split(state)
+    else:
+        u, t, q = ufl.split(state)
+        modulus = max(longitudinal_modulus(m) for _, m in several)
+        length, scale = (
+            dolfinx.fem.Constant(domain, PETSc.ScalarType(value))
+            for value in (size, modulus / size)
+        )
+        dilation, pressure = 1 + t / length, scale * q
+    f = deformation_gradient(u)
+    j = ufl.det(f)
+    f_bar = (dilation / j) ** (1 / d) * f
+    energy = energy_of(lambda m: energy_density(f_bar, m, domain) + pressure * (j - dilation))
+    forms = _derivatives(energy, state)
+    if kind.dilation == "continuous":
+        return WeakForm(*forms, own_parts)
+    volumes = cell_volumes(unknowns, dx)
+    eliminations = {
+        part: Elimination(kernel, volumes) for part, kernel in kernels_of(forms[1]).items()
+    }
+    return WeakForm(*forms, own_parts, eliminations)
+
+
+def kernels_of(compiled: Any) -> dict[int, Kernel]:
+    """Kernels of the cells of a compiled form, by part of the mesh."""
+    constants = pack_constants(compiled)
+    return {part: Kernel(each, constants) for part, each in cell_kernels(compiled).items()}
+
+
+def cell_volumes(unknowns: Unknowns, dx: Any) -> NDArray[np.float64]:
+    """Volumes of this rank's own cells, by a measure: (n_cells,) in m³ (in the plane m²)."""
+    one = dolfinx.fem.Constant(unknowns.state.function_space.mesh, PETSc.ScalarType(1.0))
+    (kernel,) = kernels_of(form(one * dx, COMPILER_OPTIONS)).values()
+    count = len(unknowns.cell_dofs)
+    places = np.arange(count, dtype=np.int32)[:, None]
+    return ElementLoop(kernel, unknowns.state, unknowns.cell_dofs, places, count).run()
+
+
+def _derivatives(energy: Any, state: Any) -> tuple[Any, Any, Any]:
+    """Energy, its first and its second derivative, compiled."""
+    internal = ufl.derivative(energy, state)
+    tangent = ufl.derivative(internal, state)
+    return tuple(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent))

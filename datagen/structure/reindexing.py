@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
+from datagen.discretisation.element import Element, element_kind
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
 from datagen.solver.stiffness import stiffness_of
@@ -39,7 +40,7 @@ from shared_schema.manifest import (
 )
 from shared_schema.material import materials_of
 from shared_schema.shard_writer import write_shard
-from shared_schema.stiffness import read_stiffness, write_stiffness
+from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 IMPORT = "import"  # name of the step that made a dataset of other files, with its split
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
@@ -110,6 +111,8 @@ def _make(
 ) -> Manifest:
     """Write the structured dataset into its locked folder."""
     manifest, cell_type = reader.manifest, reader.cell_type
+    element: Element = manifest.case.get("element", "linear")
+    stiffness: Stiffness | None = None
     claim_folder(folder, manifest.model_copy(update={"kind": "structured"}))
     is_test = split_of(manifest, settings)
     progress = Progress(manifest.samples, 0, "samples", f"datagen structure {manifest.name}")
@@ -133,11 +136,13 @@ def _make(
     progress.close()
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
-    else:  # written by a version whose `datagen run` did not assemble it
+    elif element_kind(element, cell_type).corners_only:
+        # written by a version whose `datagen run` did not assemble it
         source = f"{reader.folder / MANIFEST}: case.material"
         stiffness = stiffness_of(
             _mesh(reader),
             materials_of(manifest.case.get("material"), source),
+            element,
             reader.body.get("mesh/material"),
         )
     errors = np.concatenate(round_trips)
@@ -154,7 +159,9 @@ def _make(
         embedding=EmbeddingInfo(mean_error=errors.mean(), max_error=errors.max())
         if not grid.points_are_nodes
         else None,
-        stiffness=write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
+        stiffness=None
+        if stiffness is None
+        else write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
     )
     update: dict[str, Any] = {
         "kind": "structured",

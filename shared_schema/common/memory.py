@@ -1,4 +1,4 @@
-"""Memory that this process may still take, and refusal of what cannot fit into it."""
+"""Memory that this process has taken and may still take, and refusal of what cannot fit."""
 
 from __future__ import annotations
 
@@ -35,6 +35,16 @@ def require_memory(needed: float, what: str) -> None:
             f"{what}: needs {needed / GIB:.3g} GiB of memory at least, expected at most the "
             f"{available / GIB:.3g} GiB that are free"
         )
+
+
+def largest_resident() -> int:
+    """Largest resident memory that this process has had so far, in bytes."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # in kB on Linux
+
+
+def megabytes(size: float) -> str:
+    """Spell a size in bytes as megabytes."""
+    return f"{size / 1e6:.0f} MB"
 
 
 def _of_machine() -> float:

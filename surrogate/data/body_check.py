@@ -11,7 +11,7 @@ import numpy as np
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
 
-BODY_KEYS = ("mesh", "supports", "material")  # of a case configuration
+BODY_KEYS = ("mesh", "supports", "material", "element")  # of a case configuration
 
 
 @dataclass(frozen=True)

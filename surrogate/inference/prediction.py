@@ -21,6 +21,7 @@ from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.elements_of_case import material_of_response, require_linear_elements
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
 from surrogate.mechanics.stresses import cell_stresses, reactions
@@ -162,7 +163,14 @@ class Surrogate:
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """The finite elements of the body; InputError if its material is none of the shipped."""
+        """The finite-element equilibrium of the body.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or its elements are not linear.
+        """
+        require_linear_elements(self.description.data.case)
         for module in self.network.modules():
             if isinstance(module, Compliance):
                 return module.equilibrium
@@ -405,7 +413,8 @@ def make_surrogate(
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
     config, data = description.run, description.data
-    network = config.build(geometry, data.info, data.material if config.needs_material else None)
+    material = material_of_response(data.material, data.case) if config.needs_material else None
+    network = config.build(geometry, data.info, material)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

@@ -217,5 +217,5 @@ def require_stiffness(dataset: Dataset, where: str) -> None:
     if dataset.stiffness is None:
         raise InputError(
             f"{where}: the dataset has no stiffness; make it again, by 'datagen structure' into a "
-            "new folder"
+            "new folder (quadratic elements, incompressible triangles and tetrahedra have none)"
         )

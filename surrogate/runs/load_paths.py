@@ -17,6 +17,7 @@ from shared_schema.common.command_line import Progress
 from shared_schema.common.memory import require_memory
 from surrogate.data.dataset import Dataset
 from surrogate.data.sample_paths import SamplePaths
+from surrogate.mechanics.elements_of_case import require_linear_elements
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.load_path import follow, neighbours, random_changes
 from surrogate.runs.tensor_file import Tensors, load_tensors, save_atomically
@@ -85,7 +86,14 @@ def path_file(dataset: Dataset, number: int, count: int) -> Path:
 
 
 def compute_missing(dataset: Dataset, rows: Tensor, count: int) -> None:
-    """Compute the load paths of all files of some rows that are not there; OSError if it cannot."""
+    """Compute the load paths of all files of some rows that are not there; OSError if it cannot.
+
+    Raises
+    ------
+    InputError
+        If the elements of the case are not linear.
+    """
+    require_linear_elements(dataset.manifest.case)
     missing = [n for n in files_of(rows) if not path_file(dataset, n, count).is_file()]
     if not missing:
         return

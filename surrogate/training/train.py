@@ -29,6 +29,7 @@ from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
 from surrogate.hardware import hardware, require_device_memory
 from surrogate.inference.prediction import load, make_surrogate
+from surrogate.mechanics.elements_of_case import material_of_response
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork
@@ -127,7 +128,9 @@ def train(
     with ExitStack() as held:
         ranks.from_first(lambda: held.enter_context(run.owned()))
         began = time.perf_counter()
-        material = dataset.material if config.needs_material else None
+        material = None
+        if config.needs_material:
+            material = material_of_response(dataset.material, dataset.manifest.case)
         network = config.build(dataset.geometry, dataset.info, material)
         if start is None:
             config.start_from_data(network, dataset, first_samples(split, config.seed))

@@ -60,9 +60,19 @@ def picked_loads(case: Case, body: Body, samples: int) -> Iterator[LoadCase]:
         yield case.loads[0].draw(index * STRIDE, case.dataset.seed, body.loads.loadable)
 
 
+def case_of(label: str) -> Case:
+    """Case of a row: the name of a shipped one, and a linear solver instead of the case's."""
+    name, _, linear_solver = label.partition(", ")
+    case = read_case(name)
+    if not linear_solver:
+        return case
+    solver = case.solver.model_copy(update={"linear_solver": linear_solver})
+    return case.model_copy(update={"solver": solver})
+
+
 def compare(name: str, samples: int) -> Results:
     """Time both methods in turn on the same loads; keep those that both solve without a cutback."""
-    case = read_case(name)
+    case = case_of(name)
     body = make_body(case, MPI.COMM_SELF)
     problem = TutorialProblem(case, body)
     solver = tutorial_solver(problem)
@@ -104,7 +114,7 @@ def time_parts(name: str, samples: int, kept: list[int]) -> list[Results]:
 
     PETSc's log must be on. The rest is the whole less the parts that are logged.
     """
-    case = read_case(name)
+    case = case_of(name)
     body = make_body(case, MPI.COMM_SELF)
     problem = LoggedTutorialProblem(case, body)
     solver = tutorial_solver(problem)
@@ -221,6 +231,7 @@ def measure(options: argparse.Namespace) -> Results:
         "beam2d": options.samples_2d,
         "lshape2d": options.samples_2d,
         "beam3d": options.samples_3d,
+        "beam3d, corotated": options.samples_3d,
     }
     comparison = [compare(name, samples) for name, samples in sizes.items()]
     PETSc.Log.begin()  # cannot be ended, so it begins after the comparison

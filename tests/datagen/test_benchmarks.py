@@ -16,6 +16,8 @@ BENCHMARKS = {
     "scaling": "scaling",
     "two-nodes": "two_nodes",
     "hdf5": "hdf5_throughput",
+    "elements": "elements",
+    "large-bodies": "large_bodies",
 }
 
 

@@ -53,6 +53,7 @@ LAYERS = {  # packages and root modules, from the lowest layer upwards
         "own_class",
         "mesh",
         "loads",
+        "discretisation",
         "materials",
         "solver",
         "cases",

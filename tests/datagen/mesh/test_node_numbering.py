@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from datagen.dolfinx_versions import functionspace
+from datagen.dolfinx_versions import cell_blocks, functionspace
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.mesh.node_numbering import node_numbering
@@ -20,7 +20,7 @@ def test_numbering_maps_degrees_of_freedom_to_nodes(
 ) -> None:
     mesh = make_mesh(Box(lower=(0.0,) * len(upper), upper=upper, elements=elements), MPI.COMM_SELF)
     space = functionspace(mesh.domain, ("Lagrange", 1, (mesh.coordinates.shape[1],)))
-    numbering = node_numbering(mesh, space)
+    numbering = node_numbering(mesh, cell_blocks(space), space.dofmap.index_map.size_local)
     at = space.tabulate_dof_coordinates()[:, : len(upper)]
     assert at == pytest.approx(mesh.coordinates[numbering.node_of_block])
     nodes = np.array([5, 0, 7])

@@ -1,0 +1,1 @@
+"""Finite elements: their kinds, unknowns and quadrature, and the loop over the cells in C."""

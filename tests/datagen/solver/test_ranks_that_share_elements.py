@@ -1,0 +1,48 @@
+"""Two ranks that share a solve find what one rank finds, with every element and linear solver."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import yaml
+
+from shared_schema.shard_reader import read_shard
+from tests.datagen.farm_runs import execute
+from tests.datagen.solver.cantilever import box
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("linear_solver", ["lu", "corotated"])
+@pytest.mark.parametrize("simplices", [False, True])
+@pytest.mark.parametrize("element", ["linear", "quadratic", "incompressible"])
+def test_same_displacements(
+    tmp_path: Path, element: str, simplices: bool, linear_solver: str
+) -> None:
+    """Residuals end at 1e-12 of loads of about 1 N, so displacements are equal to 1e-9 m."""
+    raw = box((4.0, 1.0), (12, 4), simplices)
+    meshio.write_points_cells(tmp_path / "beam.vtu", raw.coordinates, {raw.cell_type: raw.cells})
+    content: dict[str, Any] = {
+        "name": "beam",
+        "mesh": {"kind": "file", "path": "beam.vtu"},
+        "material": {"young_modulus": 500, "poisson_ratio": 0.45},
+        "element": element,
+        "supports": [{"x": 0}],
+        "load": {"family": "random_node", "region": {"x": 4}, "range": [-1, 1]},
+        "solver": {"relative_tolerance": 1e-12, "linear_solver": linear_solver},
+        "dataset": {"samples": 2, "seed": 1, "test_fraction": 0.5},
+    }
+    case = tmp_path / "case.yaml"
+    case.write_text(yaml.safe_dump(content))
+    found = []
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        result = execute(ranks, case, out, "--ranks-per-solve", str(ranks))
+        assert result.returncode == 0, result.stderr
+        found.append(read_shard(out / "shard-00000.h5", "nodal")["samples/displacement"])
+    assert np.abs(found[0] - found[1]).max() < 1e-9
+    assert np.abs(found[0]).max() > 0.05
