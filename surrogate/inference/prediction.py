@@ -14,6 +14,7 @@ from torch import Tensor
 
 from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
+from surrogate.data.elements_of_case import material_of_response, require_linear_elements
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
 from surrogate.hardware import memory_errors
@@ -21,7 +22,6 @@ from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.elements_of_case import material_of_response, require_linear_elements
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
 from surrogate.mechanics.stresses import cell_stresses, reactions

@@ -16,8 +16,8 @@ from torch import Tensor
 from shared_schema.common.command_line import Progress
 from shared_schema.common.memory import require_memory
 from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.data.sample_paths import SamplePaths
-from surrogate.mechanics.elements_of_case import require_linear_elements
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.load_path import follow, neighbours, random_changes
 from surrogate.runs.tensor_file import Tensors, load_tensors, save_atomically

@@ -21,6 +21,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import material_of_response
 from surrogate.data.mirror import with_mirror_images
 from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import DeviceStore
@@ -29,7 +30,6 @@ from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
 from surrogate.hardware import hardware, require_device_memory
 from surrogate.inference.prediction import load, make_surrogate
-from surrogate.mechanics.elements_of_case import material_of_response
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork

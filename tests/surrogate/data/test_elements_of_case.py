@@ -6,7 +6,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, Yeoh, ratio_at_rest
-from surrogate.mechanics.elements_of_case import material_of_response, require_linear_elements
+from surrogate.data.elements_of_case import material_of_response, require_linear_elements
 
 SILICONE = NeoHookean(young_modulus=5e5, poisson_ratio=0.49)
 
