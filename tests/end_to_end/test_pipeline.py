@@ -156,6 +156,6 @@ def test_a_run_of_another_case_is_refused(work: Path) -> None:
 @pytest.mark.mpi
 def test_the_report_stands_alone(work: Path) -> None:
     page = (work / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 4
+    assert page.count("data:image/png;base64,") == 5
     assert "http" not in page
     assert "0.3" in page  # ē of the paper in mm

@@ -99,7 +99,7 @@ def test_figures_that_a_killed_process_left_half_written_are_removed(
     (run.figures / "sweep.png").write_bytes(b"of an evaluation before")
     assert main(["evaluate", str(run.folder), "--data", str(data), "--device", "cpu"]) == 0
     names = sorted(path.name for path in run.figures.iterdir())
-    assert names == ["deformed.png", "error_field.png", "errors.png", "loss.png"]
+    assert names == ["deformed.png", "error_field.png", "errors.png", "loss.png", "von_mises.png"]
     assert not list(run.folder.glob(".*"))
 
 

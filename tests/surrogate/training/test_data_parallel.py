@@ -107,7 +107,7 @@ def test_noise_differs_by_rank(
 
 
 class _NoProgress:
-    def update(self, done: int) -> None: ...
+    def update(self, done: int, note: str = "") -> None: ...
 
 
 def torchrun(
