@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+import pytest
 
 DRIVER = """
 source "$1"; shift
@@ -24,3 +27,14 @@ def offered(script: Path, *words: str) -> list[str]:
     )
     assert done.stderr == ""
     return done.stdout.split()
+
+
+def write_script(
+    main: Callable[[Sequence[str]], int], path: Path, capsys: pytest.CaptureFixture[str]
+) -> Path:
+    """Write the completion script that a program prints for bash."""
+    with pytest.raises(SystemExit) as end:
+        main(["--print-completion", "bash"])
+    assert end.value.code == 0
+    path.write_text(capsys.readouterr().out)
+    return path

@@ -3,18 +3,7 @@
  * dolfinx passes every element matrix to PETSc, which searches for the place of each entry. Here
  * the places are given, since they are the same in every assembly. */
 
-#include <stdint.h>
-
-#ifdef KERNEL_HAS_CUSTOM_DATA /* a last argument of kernels, see dolfinx_versions.py */
-#define AND_CUSTOM_DATA(data) , data
-#else
-#define AND_CUSTOM_DATA(data)
-#endif
-
-typedef void element_kernel(double *restrict tensor, const double *restrict coefficients,
-                            const double *restrict constants, const double *restrict coordinates,
-                            const int *restrict entity, const uint8_t *restrict permutation
-                            AND_CUSTOM_DATA(void *data));
+#include "element_kernel.h"
 
 /* kernel       element tensor of one cell, as FFCx generates it
  * n_cells      number of cells

@@ -202,7 +202,8 @@ class FormLoop:
 def _load(file: str, name: str, kernels: int, arrays: int) -> Any:
     """Load a function of kernels, 4 counts and arrays, compiling it if no earlier start has."""
     source = FOLDER / f"{file}.c"
-    content = source.read_bytes() + " ".join(COMPILER_FLAGS).encode()
+    texts = source.read_bytes() + (FOLDER / "element_kernel.h").read_bytes()
+    content = texts + " ".join(COMPILER_FLAGS).encode()
     key = hashlib.sha256(content).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "datagen"
     library = cache / f"{file}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX')}"

@@ -7,18 +7,7 @@
  *
  *     K = K_uu + (K_uθ K_pu + K_up K_θu) / V + a K_up K_pu / V². */
 
-#include <stdint.h>
-
-#ifdef KERNEL_HAS_CUSTOM_DATA /* a last argument of kernels, see dolfinx_versions.py */
-#define AND_CUSTOM_DATA(data) , data
-#else
-#define AND_CUSTOM_DATA(data)
-#endif
-
-typedef void element_kernel(double *restrict tensor, const double *restrict coefficients,
-                            const double *restrict constants, const double *restrict coordinates,
-                            const int *restrict entity, const uint8_t *restrict permutation
-                            AND_CUSTOM_DATA(void *data));
+#include "element_kernel.h"
 
 /* The arguments are those of `add_element_tensors` (element_loop.c), where n_entries is 1 (energy),
  * n_dofs (forces) or n_dofs² (tangent) and counts u only, and

@@ -28,7 +28,6 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "hexahedron": "HEXA_8",
 }
 NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
-BACKENDS = ("hf_datasets", "cgns", "zarr")
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
 

@@ -19,7 +19,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +26,11 @@ from numpy.typing import NDArray
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.errors import InputError
+from shared_schema.common.solution_file import read_field
 
 Array = NDArray[np.float64]
 KRYLOV = 0.3  # residual of the last Krylov iteration over the tolerance
+SAME_PLACE = 1e-6  # largest difference of positions over the size of the mesh
 ROUNDING = 1e-12  # of energies, relative: a start in equilibrium may end a little above itself
 
 
@@ -109,22 +109,4 @@ def read_start(path: Path, coordinates: Array) -> Array:
     InputError
         If the file is no such file, or is of another mesh.
     """
-    try:
-        with np.load(path) as file:
-            displacement = np.asarray(file["displacement"], dtype=np.float64)
-            theirs = np.asarray(file["coordinates"], dtype=np.float64)
-    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile):
-        raise InputError(
-            f"--start '{path}': expected a file .npz with 'displacement' and 'coordinates'"
-        ) from None
-    size = np.ptp(coordinates, axis=0).max()
-    if (
-        displacement.shape != coordinates.shape
-        or theirs.shape != coordinates.shape
-        or not np.abs(theirs - coordinates).max() < 1e-6 * size
-    ):
-        raise InputError(
-            f"--start '{path}': displacement of shape {displacement.shape} on another mesh, "
-            f"expected {coordinates.shape} at the nodes of the case"
-        )
-    return displacement
+    return read_field(path, "displacement", coordinates, "--start", SAME_PLACE)

@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from shared_schema.bodies.facet_quadrature import facet_shares, pressure_forces
 from shared_schema.cells import outward_facets
 from shared_schema.common.errors import InputError
 from shared_schema.common.point_load import RELATIVE_TOLERANCE, nodal_forces
+from shared_schema.common.solution_file import read_field
 
 Array = NDArray[np.float64]
 LARGEST_FILE = 1 << 26  # bytes of a .csv
@@ -273,24 +273,7 @@ def _numbers(text: str, option: str, expected: str, counts: tuple[int, ...]) -> 
 
 def _solution_forces(path: Path, coordinates: Array) -> Array:
     """Read the forces of a solution on the same mesh."""
-    try:
-        with np.load(path) as file:
-            forces = np.asarray(file["force"], dtype=np.float64)
-            theirs = np.asarray(file["coordinates"], dtype=np.float64)
-    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile):
-        raise InputError(
-            f"--forces '{path}': expected a file .npz with 'force' and 'coordinates'"
-        ) from None
-    tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
-    if (
-        forces.shape != coordinates.shape
-        or theirs.shape != coordinates.shape
-        or not np.abs(theirs - coordinates).max() <= tolerance
-    ):
-        raise InputError(
-            f"--forces '{path}': forces of shape {forces.shape} on another mesh, "
-            f"expected {coordinates.shape} at its nodes"
-        )
+    forces = read_field(path, "force", coordinates, "--forces", RELATIVE_TOLERANCE)
     if not np.abs(forces).max() <= MOST:
         raise InputError(f"--forces '{path}': expected finite forces, at most {MOST:g} N")
     return forces

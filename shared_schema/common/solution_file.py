@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,3 +93,45 @@ def _write_mesh(
         meshio.write(path, mesh, file_format="xdmf", data_format="XML")
     else:
         meshio.write(path, mesh, file_format="vtu")
+
+
+def read_field(
+    path: Path, name: str, coordinates: NDArray[np.float64], option: str, tolerance: float
+) -> NDArray[np.float64]:
+    """Read a field of a solution (``.npz``) on the same mesh, (n_nodes, d).
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        Field, such as ``displacement``.
+    coordinates : array, (n_nodes, d)
+        Of the mesh that the field is for, in m.
+    option : str
+        Option that names the file, for messages.
+    tolerance : float
+        Largest difference of positions, relative to the size of the mesh.
+
+    Raises
+    ------
+    InputError
+        If the file is no such file, or is of another mesh.
+    """
+    try:
+        with np.load(path) as file:
+            values = np.asarray(file[name], dtype=np.float64)
+            theirs = np.asarray(file["coordinates"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile):
+        raise InputError(
+            f"{option} '{path}': expected a file .npz with '{name}' and 'coordinates'"
+        ) from None
+    if (
+        values.shape != coordinates.shape
+        or theirs.shape != coordinates.shape
+        or not np.abs(theirs - coordinates).max() < tolerance * np.ptp(coordinates, axis=0).max()
+    ):
+        raise InputError(
+            f"{option} '{path}': {name} of shape {values.shape} on another mesh, "
+            f"expected {coordinates.shape} at its nodes"
+        )
+    return values

@@ -5,17 +5,12 @@ from pathlib import Path
 import pytest
 
 from surrogate.command_line import main
-from tests.completion import offered
+from tests.completion import offered, write_script
 
 
 @pytest.fixture
 def script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    with pytest.raises(SystemExit) as end:
-        main(["--print-completion", "bash"])
-    assert end.value.code == 0
-    path = tmp_path / "surrogate.bash"
-    path.write_text(capsys.readouterr().out)
-    return path
+    return write_script(main, tmp_path / "surrogate.bash", capsys)
 
 
 def test_names_of_configurations_and_networks(script: Path) -> None:
