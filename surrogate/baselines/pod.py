@@ -220,9 +220,6 @@ class PODNetwork(Fitted):
         self.mean, self.modes = torch.from_numpy(pca.mean_), torch.from_numpy(pca.components_)
         self.truncation = rest.square().mean(dim=0).sqrt()
         self.loaded = force.flatten(2).any(dim=0).any(dim=0).nonzero().squeeze(1)
-        if self.config.linear_modes:
-            mean_square = self._inputs(force).square().mean(dim=0)
-            self.encoder = self.encoder / mean_square.pow(0.25)[:, None]
         generator = torch.Generator().manual_seed(seed)
         self.regression.fit(self._inputs(force), torch.from_numpy(coefficients), generator)
 

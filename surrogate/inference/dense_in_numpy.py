@@ -67,6 +67,14 @@ class ReducedInNumPy:
             assert isinstance(member, DenseNetwork)
             self.members.append(DenseInNumPy(member, len(network.modes)))
         self.points = network.points.numpy()
+        self.orders: list[tuple[NDArray[np.int64], Single, Single]] = []
+        if network.series is not None:
+            scales = network.series.input_scales.numpy()
+            for order, matrix, scale in zip(
+                network.series.orders, network.series.coefficients, scales, strict=True
+            ):
+                factors = network.series.get_buffer(f"factors_{order}").numpy()
+                self.orders.append((factors, matrix.numpy(), scale))
 
         def by_point(modes: Tensor) -> Single:
             """Reorder the columns of modes: by point, then by component."""
@@ -84,11 +92,17 @@ class ReducedInNumPy:
             coefficients = force[loaded] @ self.encoder[loaded]
         else:
             coefficients = force @ self.encoder
-        first, *others = (member(coefficients) for member in self.members)
+        inputs, terms = [coefficients], []
+        for factors, matrix, scale in self.orders:
+            terms.append(coefficients[factors].prod(axis=0) @ matrix)
+            inputs.append(terms[-1] * scale)
+        x = np.concatenate(inputs) if terms else coefficients
+        first, *others = (member(x) for member in self.members)
+        total = sum(others, start=first)
+        for term in terms:
+            total += term * np.float32(len(self.members))
         correction = np.zeros_like(fields)
-        correction[self.points] = (sum(others, start=first) @ self.modes).reshape(
-            -1, fields.shape[1]
-        )
+        correction[self.points] = (total @ self.modes).reshape(-1, fields.shape[1])
         return correction
 
 

@@ -16,6 +16,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.models.load_series import series_on_grid
 from surrogate.models.network_model import (
     Bayesian,
     Deterministic,
@@ -28,9 +29,12 @@ from surrogate.networks.reduced_network import (
     ReducedConfig,
     ReducedNetwork,
     VariationalLayers,
+    chosen_rows,
 )
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream
+
+LARGEST_FIT = 6000  # samples that a series is fitted to
 
 
 class ReducedModel(NetworkModel):
@@ -101,6 +105,22 @@ class ReducedModel(NetworkModel):
             network.force_scale,
             stream(self.seed, INITIAL_WEIGHTS),
         )
+        if reduced.series is not None:
+            self._fit_series(network, dataset, Samples(train.force, correction))
+
+    def _fit_series(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Fit the series to its terms under some training forces; `train` holds corrections."""
+        rows = chosen_rows(len(train), stream(self.seed, INITIAL_WEIGHTS), LARGEST_FIT)
+        some, reduced = train[rows], network.network
+        assert isinstance(reduced, ReducedNetwork)
+        assert isinstance(network.linear, LinearResponse)
+        terms = series_on_grid(dataset, network.linear, some.force)
+        scale = network.displacement_scale
+        reduced.fit_series(
+            some.force / network.force_scale,
+            [term * network.movable / scale for term in terms[: len(self.network.series)]],
+            some.displacement / scale,
+        )
 
     @property
     def architecture(self) -> str:
@@ -108,7 +128,8 @@ class ReducedModel(NetworkModel):
         network = self.network
         count = f"{self.ensemble} reduced networks" if self.ensemble > 1 else "reduced network"
         shape = f"{network.input_modes} → {network.depth} × {network.width}"
-        return f"{count}, {shape} → {network.output_modes}, linear response"
+        inside = "load series" if network.series else "linear response"
+        return f"{count}, {shape} → {network.output_modes}, {inside}"
 
 
 class DeterministicReduced(Deterministic, ReducedModel):

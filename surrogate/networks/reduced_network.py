@@ -4,24 +4,32 @@ r"""Reduced networks: a dense network between modes of the linear response and o
 
 The columns of Φ are the leading orthonormal modes of the linear responses :math:`U_{lin} = S F` of
 the training samples, those of V the leading modes of their corrections :math:`U - U_{lin}`. As S is
-symmetric, :math:`a = (S Φ)^T F` needs no solve. A network with standard deviations σ of the
-coefficients c gives, with the part ε of the corrections that the modes cannot represent,
+symmetric, :math:`a = (S Φ)^T F` needs no solve. Every coefficient a is divided by the square root
+of its root mean square, as half of the way to equal sizes. With a series (`ModalSeries`), its terms
+of second and third order are inputs of the network as well, and its output is added to them:
+
+.. math:: c = s_2(a) + s_3(a) + N(a, s_2, s_3)
+
+A network with standard deviations σ of the coefficients c gives, with the part ε of the corrections
+that the modes cannot represent,
 
 .. math:: σ_i^2 = \sum_k V_{ik}^2 \, σ_k(a)^2 + \overline{ε_i^2}
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Annotated, Literal, Self
 
 import torch
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
 from surrogate.networks.field_network import SMALLEST_STD
+from surrogate.networks.modal_series import ModalSeries, half_whitening
+from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.flipout import FlipoutDense, VariationalConfig
 from surrogate.probabilistic.likelihoods import Prediction
 
@@ -62,6 +70,9 @@ class ReducedConfig(Frozen):
         Width and number of the hidden layers.
     activation : {"relu", "gelu", "silu"}
         Function after every layer but the last.
+    series : tuple of int
+        Numbers of leading modes in the products of two, and of three, that the terms of second and
+        third order of the load series are made of; by default there is no series.
     """
 
     input_modes: int = Field(48, ge=1, le=10**4)
@@ -69,6 +80,21 @@ class ReducedConfig(Frozen):
     width: int = Field(256, ge=1, le=10**5)
     depth: int = Field(3, ge=1, le=100)
     activation: Literal["relu", "gelu", "silu"] = "silu"
+    series: tuple[Annotated[int, Field(ge=1, le=200)], ...] = Field((), max_length=2)
+
+    @model_validator(mode="after")
+    def _modes_of_the_series(self) -> Self:
+        if any(count > self.input_modes for count in self.series):
+            raise ValueError(
+                f"'series' = {list(self.series)}: expected {self.input_modes} modes at most, the "
+                "number of 'input_modes'"
+            )
+        return self
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs of the dense network."""
+        return self.input_modes + len(self.series) * self.output_modes
 
 
 class DenseNetwork(nn.Module):
@@ -99,7 +125,7 @@ class DenseNetwork(nn.Module):
             is_random = variational is not None and variational.covers(number)
             return FlipoutDense(dense, variational) if variational and is_random else dense
 
-        self.first = layer(0, config.input_modes, config.width)
+        self.first = layer(0, config.inputs, config.width)
         self.hidden = nn.ModuleList(
             layer(number, config.width, config.width) for number in range(1, config.depth)
         )
@@ -123,8 +149,8 @@ class ReducedNetwork(nn.Module):
     Parameters
     ----------
     dense : nn.Module
-        Network (N, input_modes) → (K·N, output_modes) or twice as many outputs: first the means,
-        then ρ of the standard deviations.
+        Network (N, inputs) → (K·N, output_modes) or twice as many outputs: first the means, then ρ
+        of the standard deviations.
     config : ReducedConfig
     dimension : int
         Number of space dimensions d.
@@ -136,7 +162,9 @@ class ReducedNetwork(nn.Module):
     encoder : Tensor, (input_modes, d · n_free)
         Scaled forces to scaled coefficients a of the linear response.
     modes : Tensor, (output_modes, d · n_free)
-        Modes V, times the root mean square of their coefficients.
+        Modes V, times the root mean square of the coefficients that the network has to learn.
+    series : ModalSeries or None
+        Terms of higher order, in units of these modes.
     truncation : Tensor, (d · n_free,)
         Root mean square of the part of the scaled corrections that the modes cannot represent.
     """
@@ -157,6 +185,7 @@ class ReducedNetwork(nn.Module):
         self.register_buffer("encoder", torch.zeros(config.input_modes, size))
         self.register_buffer("modes", torch.zeros(config.output_modes, size))
         self.register_buffer("truncation", torch.zeros(size))
+        self.series = ModalSeries(config.series, config.output_modes) if config.series else None
 
     @torch.no_grad()
     def fit(
@@ -184,22 +213,58 @@ class ReducedNetwork(nn.Module):
         """
         count = self.config.input_modes
         self.encoder = modal_encoder(respond, linear, self.points, count, force_scale, seed)
-        outputs = self._at_points(correction[chosen_rows(len(correction), seed)])
+        some = chosen_rows(len(correction), seed, LARGEST_SVD)
+        outputs = self._at_points(correction[some])
         modes = leading_modes(outputs, self.config.output_modes, seed)
         coefficients = outputs @ modes.T
         self.modes = modes * coefficients.square().mean().sqrt()
         self.truncation = (outputs - coefficients @ modes).square().mean(dim=0).sqrt()
 
+    @torch.no_grad()
+    def fit_series(self, force: Tensor, terms: Sequence[Tensor], correction: Tensor) -> None:
+        """Fit the series, after `fit`; the network then has to learn less, in smaller units.
+
+        Parameters
+        ----------
+        force : Tensor, (n, d, nx, ny[, nz])
+            Scaled forces of some samples.
+        terms : sequence of Tensor, (n, d, nx, ny[, nz])
+            Their scaled terms of second and third order.
+        correction : Tensor, (n, d, nx, ny[, nz])
+            Their scaled corrections.
+        """
+        assert self.series is not None
+        a, inverse = self._encoded(force), self.modes.T / self.modes[0].square().sum()
+        self.series.fit(a, [self._at_points(term) @ inverse for term in terms])
+        left = self._at_points(correction) @ inverse
+        for term in self.series(a):
+            left = left - term
+        unit = left.square().mean().sqrt()
+        if unit > 0:
+            self.modes = self.modes * unit
+            self.series.in_units_of(unit)
+
     def forward(self, force: Tensor) -> Tensor | Prediction:
         """Predict scaled corrections from scaled forces, both (N, d, nx, ny[, nz])."""
-        y = self.dense(functional.linear(self._at_points(force), self.encoder)).to(force.dtype)
+        a = self._encoded(force)
+        terms = [] if self.series is None else self.series(a)
+        inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
+        y = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
         count = len(self.modes)
-        mean = self._on_grid(y[:, :count] @ self.modes, force)
+        coefficients = y[:, :count]
+        members = len(self.dense.members) if isinstance(self.dense, Ensemble) else 1
+        for term in terms:
+            coefficients = coefficients + (term if members == 1 else term.repeat(members, 1))
+        mean = self._on_grid(coefficients @ self.modes, force)
         if y.shape[1] == count:
             return mean
         std = functional.softplus(y[:, count:])
         variance = std.square() @ self.modes.square() + self.truncation.square()
         return Prediction(mean, self._on_grid((variance + SMALLEST_STD**2).sqrt(), force))
+
+    def _encoded(self, force: Tensor) -> Tensor:
+        """Coefficients a of scaled forces."""
+        return functional.linear(self._at_points(force), self.encoder)
 
     def _at_points(self, grid: Tensor) -> Tensor:
         return at_points(grid, self.points)
@@ -222,10 +287,10 @@ def on_grid(values: Tensor, points: Tensor, like: Tensor) -> Tensor:
     return placed
 
 
-def chosen_rows(count: int, seed: int) -> Tensor:
-    """Return the rows of the samples that are decomposed, sorted."""
+def chosen_rows(count: int, seed: int, largest: int) -> Tensor:
+    """Return random rows of some samples, `largest` at most, sorted."""
     generator = torch.Generator().manual_seed(seed)
-    return torch.randperm(count, generator=generator)[:LARGEST_SVD].sort().values
+    return torch.randperm(count, generator=generator)[:largest].sort().values
 
 
 def modal_encoder(
@@ -238,7 +303,7 @@ def modal_encoder(
 ) -> Tensor:
     """Return (S Φ)ᵀ of the leading modes Φ of linear responses, (count, d · n_points), scaled.
 
-    It takes scaled forces at the points to coefficients whose root mean square is 1 over all modes.
+    It takes scaled forces at the points to scaled coefficients (`half_whitening`).
 
     Parameters
     ----------
@@ -254,11 +319,11 @@ def modal_encoder(
         Unit of the scaled forces, in N.
     seed : int
     """
-    snapshots = at_points(linear[chosen_rows(len(linear), seed)], points)
+    snapshots = at_points(linear[chosen_rows(len(linear), seed, LARGEST_SVD)], points)
     modes = leading_modes(snapshots, count, seed)
-    unit = (snapshots @ modes.T).square().mean().sqrt()
+    scales = half_whitening(snapshots @ modes.T)
     responses = respond(on_grid(modes, points, linear[: len(modes)]))
-    return at_points(responses, points) * (force_scale / unit)
+    return at_points(responses, points) * (force_scale * scales[:, None])
 
 
 def leading_modes(snapshots: Tensor, count: int, seed: int) -> Tensor:

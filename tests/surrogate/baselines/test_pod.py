@@ -193,9 +193,9 @@ def test_spread_of_a_gaussian_process_is_epistemic(runs: dict[str, Path], datase
 def test_inputs_are_coefficients_of_the_linear_response(tmp_path: Path, dataset: Dataset) -> None:
     """With all modes, the coefficients have the norm of u_lin = K⁻¹f, up to a common unit.
 
-    48 training samples span a space of 48 modes at most. The root mean square of all coefficients
-    is 1. The inputs are the coefficients divided by the square roots of their root mean squares,
-    which are then the root mean squares of the inputs.
+    48 training samples span a space of 48 modes at most. The inputs are the coefficients divided
+    by the square roots of their root mean squares, which are then in proportion to the root mean
+    squares of the inputs. The root mean square of all inputs is 1.
     """
     config = config_with("gp", inputs="linear_modes", input_modes=48).model_copy(
         update={"training": SplitConfig()}
@@ -215,7 +215,7 @@ def test_inputs_are_coefficients_of_the_linear_response(tmp_path: Path, dataset:
         rtol=1e-4,
         atol=0,
     )
-    assert coefficients.square().mean().item() == pytest.approx(1, rel=1e-4)
+    assert inputs.square().mean().item() == pytest.approx(1, rel=1e-4)
 
 
 def test_better_than_the_linear_response(

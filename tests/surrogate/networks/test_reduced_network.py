@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,14 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.prediction import load
-from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.models.load_series import series_on_grid
 from surrogate.models.reduced_model import ReducedModel
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.modal_series import ModalSeries
 from surrogate.networks.reduced_network import ReducedNetwork, leading_modes
 from surrogate.optim.optimisers import is_hidden_kernel
 from surrogate.probabilistic.flipout import flipouts
@@ -29,6 +33,13 @@ KINDS: dict[str, dict[str, Any]] = {
     "ensemble": {"ensemble": 3},
     "mle": {"likelihood": "maximum_likelihood"},
     "vb": {"likelihood": "variational_bayes", "variational": {"posterior_std": "gauss_newton"}},
+    "series": {"network": {**SMALL, "series": [6, 3]}},
+    "vb with a series": {
+        "network": {**SMALL, "series": [6, 3]},
+        "likelihood": "variational_bayes",
+        "variational": {"posterior_std": "gauss_newton"},
+    },
+    "ensemble with a series": {"network": {**SMALL, "series": [6, 3]}, "ensemble": 2},
     "vb of the head": {"likelihood": "variational_bayes", "variational": {"layers": [2]}},
 }
 
@@ -61,17 +72,51 @@ def test_it_starts_as_linear_elasticity(dataset: Dataset) -> None:
 
 
 def test_encoder_gives_the_coefficients_of_the_linear_response(dataset: Dataset) -> None:
-    """(S Φ)ᵀ F = Φᵀ (S F): as many modes as free degrees of freedom keep the norm of S F."""
-    free = dataset.geometry.dimension * int(dataset.geometry.free_mask.sum())
-    few = min(free, len(dataset.train))
-    field, network = fitted(reduced(network={**SMALL, "input_modes": few}), dataset)
+    """(S Φ)ᵀ F = Φᵀ (S F), each over the square root of its root mean square."""
+    field, network = fitted(reduced(), dataset)
     assert isinstance(field.linear, LinearResponse)
-    force = dataset.train.force
-    a = points(force / field.force_scale, network) @ network.encoder.T
-    linear = points(field.linear(force)[0], network)
-    ratio = linear.norm(dim=1) / a.norm(dim=1)
-    torch.testing.assert_close(ratio, ratio[0].expand_as(ratio), rtol=1e-3, atol=0)
+    a = points(dataset.train.force / field.force_scale, network) @ network.encoder.T
+    linear = points(field.linear(dataset.train.force)[0], network)
+    coefficients = linear @ leading_modes(linear, 6, seed=0).T
+    expected = coefficients / coefficients.square().mean(dim=0).pow(0.25)
+    expected *= (a.square().mean() / expected.square().mean()).sqrt()
+    torch.testing.assert_close(a.abs(), expected.abs(), rtol=1e-3, atol=1e-4)  # signs are free
     assert float(a.square().mean()) == pytest.approx(1, rel=1e-3)
+
+
+def test_it_starts_as_the_load_series(dataset: Dataset) -> None:
+    """Before its training, the network is u₁ + u₂ + u₃, as far as the modes go."""
+    response = LinearResponse(dataset.geometry, required(dataset.material), gradient=False)
+    force = 3 * dataset.train.force
+    higher = sum(series_on_grid(dataset, response, force))
+    displacement = response(force)[0] + higher
+    dataset = replace(dataset, train_in_memory=Samples(force, displacement))
+    network = {**SMALL, "input_modes": 20, "output_modes": 40}
+    errors = []
+    for series in ([], [12], [12, 4], [20, 6]):
+        field, _ = fitted(reduced(network={**network, "series": series}), dataset)
+        with torch.no_grad():
+            errors.append(float((field(force).mean - displacement).abs().mean()))
+    assert errors[0] == pytest.approx(float(higher.abs().mean()))
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.5 * errors[1]
+    assert errors[3] < errors[2]
+
+
+def test_series_of_known_polynomials() -> None:
+    """Polynomials are found from values, and their scaled values are of order one."""
+    torch.manual_seed(0)
+    a, series = torch.randn(200, 5), ModalSeries((4, 3), 2)
+    second = torch.stack([a[:, 0] * a[:, 3], a[:, 1] ** 2 - a[:, 2] * a[:, 1]], dim=1)
+    third = torch.stack([a[:, 2] ** 3, 0.1 * a[:, 0] * a[:, 1] * a[:, 2]], dim=1)
+    series.fit(a, [second, third])
+    found = series(a)
+    torch.testing.assert_close(found, [second, third], rtol=1e-4, atol=1e-4)
+    scaled = series.scaled(found)
+    assert [float(x.square().mean()) for x in scaled] == pytest.approx([1, 1])
+    series.in_units_of(torch.tensor(0.5))
+    torch.testing.assert_close(series(a)[0], 2 * found[0])
+    torch.testing.assert_close(series.scaled(series(a)), scaled)
 
 
 def test_modes_and_truncation_error(dataset: Dataset) -> None:
@@ -137,7 +182,7 @@ def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None
     expected = model.predict_distribution(force, passes=passes or 1)
     export(run.folder, "onnx", tmp_path / "a.onnx", passes)
     exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
-    assert model.is_probabilistic == (kind != "d")
+    assert model.is_probabilistic == (kind not in ("d", "series"))
     for name, array in expected.fields().items():
         if name in exported:
             scale = np.abs(array).max()
@@ -171,6 +216,10 @@ def test_random_layers_and_layers_of_muon(dataset: Dataset) -> None:
     ("content", "part"),
     [
         ({"network": {**SMALL, "width": 0}}, "key 'network.width' = 0"),
+        (
+            {"network": {**SMALL, "series": [7]}},
+            "'series' = [7]: expected 6 modes at most, the number of 'input_modes'",
+        ),
         ({"network": {"levels": 3}}, "unknown key 'network.levels'"),
         (
             {"likelihood": "variational_bayes", "variational": {"layers": [3]}},
