@@ -18,6 +18,7 @@ from surrogate.inference.dense_in_numpy import ReducedInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.series_response import SeriesResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
@@ -57,7 +58,7 @@ class OneLoad:
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
             self.inputs = values - self.nodes * d if field.skip else values
             self.matrix: Single | None = None
-            if values * self.nodes * d <= LARGEST:
+            if values * self.nodes * d <= LARGEST and not isinstance(field.linear, SeriesResponse):
                 units = torch.split(torch.eye(self.nodes * d).reshape(-1, self.nodes, d), AT_ONCE)
                 self.matrix = torch.cat([self.linear_part(force) for force in units]).numpy()
 
@@ -127,7 +128,9 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
     field = network.network
     linear = field.linear
     maps = network.to_nodes, network.to_grid
-    if not isinstance(linear, LinearResponse) or not field.skip or field.inputs != ("force",):
+    if not isinstance(linear, LinearResponse) or isinstance(linear, SeriesResponse):
+        return None
+    if not field.skip or field.inputs != ("force",):
         return None
     if any(len(sums.weights) > 1 for sums in (*maps, linear.to_grid, linear.to_nodes)):
         return None

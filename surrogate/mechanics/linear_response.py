@@ -66,12 +66,18 @@ class LinearResponse(nn.Module):
     @torch.no_grad()
     def scale_gradient(self, force: Tensor) -> None:
         """Measure the gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
+        channels = force.shape[1] ** 2
         self.gradient_rms.fill_(1.0)
-        batches = torch.split(force, AT_ONCE)
-        total = torch.stack([self(batch)[1].double().square().sum() for batch in batches]).sum()
-        count = len(force) * force.shape[1] ** 2 * force[0, 0].numel()
+        self.gradient_rms.copy_(self._gradient_rms(force, slice(0, channels)))
+
+    def _gradient_rms(self, force: Tensor, channels: slice) -> Tensor:
+        """Root mean square of some channels of the gradients; 1 if it is 0."""
+        total, count = torch.zeros((), dtype=torch.float64), 0
+        for batch in torch.split(force, AT_ONCE):
+            gradient = self(batch)[1][:, channels]
+            total, count = total + gradient.double().square().sum().cpu(), count + gradient.numel()
         rms = (total / count).sqrt()
-        self.gradient_rms.copy_(torch.where(rms > 0, rms, torch.ones_like(rms)))
+        return torch.where(rms > 0, rms, torch.ones_like(rms))
 
     def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
         """Respond to forces.

@@ -17,6 +17,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.mechanics.series_response import SeriesResponse
 from surrogate.models.network_model import (
     Bayesian,
     Deterministic,
@@ -68,8 +69,9 @@ class UNetModel(NetworkModel):
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
         linear = None
         if self.needs_material:
-            linear = LinearResponse(geometry, required(material), gradient=config.needs_gradient)
-        return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip == "linear")
+            kind = SeriesResponse if config.skip == "series" else LinearResponse
+            linear = kind(geometry, required(material), gradient=config.needs_gradient)
+        return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip != "none")
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if the coarsest level would be finer than a point of the grid."""
@@ -124,6 +126,7 @@ class UNetModel(NetworkModel):
         norm = ", batch norm" if network.batch_norm else ""
         shape = f"{network.levels} levels, c = {network.channels}"
         linear = ", linear response" if network.needs_linear_response else ""
+        linear = ", load series" if network.skip == "series" else linear
         return f"{count}, {shape}, {growth}, {activation}{norm}{linear}"
 
 

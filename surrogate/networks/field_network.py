@@ -35,8 +35,8 @@ class FieldNetwork(nn.Module):
         Statistics of the training split, for the scales.
     linear : nn.Module, optional
         Linear response of the body: from forces in N to displacements in m and scaled gradients.
-    inputs : sequence of {"force", "linear_gradient"}
-        Inputs of the network, in order; gradients need `linear`.
+    inputs : sequence of {"force", "linear_gradient", "series_gradient"}
+        Inputs of the network, in order; gradients need `linear`, the last one a `SeriesResponse`.
     skip : bool
         Add the linear response to the mean.
 
@@ -183,7 +183,9 @@ class FieldNetwork(nn.Module):
             displacement, gradient = self.linear(force)
         else:
             displacement, gradient = self.linear.on_grid(response)  # type: ignore[operator]
-        fields = {"force": force / self.force_scale, "linear_gradient": gradient}
+        channels = force.shape[1] ** 2
+        fields = {"force": force / self.force_scale, "linear_gradient": gradient[:, :channels]}
+        fields["series_gradient"] = gradient[:, channels:]
         inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
         return inputs, displacement if self.skip else None
 

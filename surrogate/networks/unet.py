@@ -25,7 +25,7 @@ BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
 Transform = Literal["linear", "asinh", "saturating"]
-Input = Literal["force", "linear_gradient"]
+Input = Literal["force", "linear_gradient", "series_gradient"]
 
 
 def saturating(force: Tensor) -> Tensor:
@@ -59,11 +59,13 @@ class UNetConfig(Frozen):
         Function after every convolution but the last.
     batch_norm : bool
         Normalise every convolution's output over the batch.
-    inputs : tuple of {"force", "linear_gradient"}
-        Input channels of the first convolution: the d components of the force, as in the paper, and
-        the d² components of the displacement gradient of the linear response K⁻¹ f.
-    skip : {"none", "linear"}
-        With ``linear`` the network predicts the difference from the linear response.
+    inputs : tuple of {"force", "linear_gradient", "series_gradient"}
+        Input channels of the first convolution: the d components of the force, as in the paper, the
+        d² components of the displacement gradient of the linear response K⁻¹ f, and those of the
+        terms of second and third order of the load series.
+    skip : {"none", "linear", "series"}
+        With ``linear`` the network predicts the difference from the linear response, with
+        ``series`` that from the series of the displacement in the load, to third order.
     force_transforms : tuple of {"linear", "asinh", "saturating"}
         Function of the scaled forces f that the first convolution is given: f, arsinh f or
         f / √(1 + f²/3). Within the training range, −√3 to √3, all are equally good. Beyond it the
@@ -81,7 +83,7 @@ class UNetConfig(Frozen):
     activation: Literal["relu", "gelu", "silu"] = "relu"
     batch_norm: bool = True
     inputs: tuple[Input, ...] = Field(("force",), min_length=1)
-    skip: Literal["none", "linear"] = "none"
+    skip: Literal["none", "linear", "series"] = "none"
     force_transforms: tuple[Transform, ...] = Field(("linear",), min_length=1, max_length=100)
     dropout: float = Field(0.0, ge=0, lt=1)
 
@@ -89,6 +91,8 @@ class UNetConfig(Frozen):
     def _each_input_once(self) -> Self:
         if len(set(self.inputs)) < len(self.inputs):
             raise ValueError(f"inputs = {list(self.inputs)}: expected each once")
+        if "series_gradient" in self.inputs and self.skip != "series":
+            raise ValueError("inputs = series_gradient: expected with skip 'series'")
         if "force" not in self.inputs and self.force_transforms != ("linear",):
             raise ValueError(
                 f"force_transforms = {list(self.force_transforms)}: expected with input 'force'"
@@ -108,17 +112,19 @@ class UNetConfig(Frozen):
 
     @property
     def needs_gradient(self) -> bool:
-        """True if an input is the gradient of the linear response."""
-        return "linear_gradient" in self.inputs
+        """True if an input is a gradient of the response of the body."""
+        return "linear_gradient" in self.inputs or "series_gradient" in self.inputs
 
     @property
     def needs_linear_response(self) -> bool:
         """True if an input or the output needs the linear response of the body."""
-        return self.needs_gradient or self.skip == "linear"
+        return self.needs_gradient or self.skip != "none"
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of input channels in d dimensions."""
-        channels = {"force": dimension, "linear_gradient": dimension**2}
+        of_gradient = dimension**2
+        channels = {"force": dimension, "linear_gradient": of_gradient}
+        channels["series_gradient"] = of_gradient
         return sum(channels[name] for name in self.inputs)
 
     def level_channels(self) -> list[int]:
