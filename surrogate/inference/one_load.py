@@ -1,7 +1,8 @@
 """Prediction of the displacements under one load in NumPy, where PyTorch's calls take most time.
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
-response, gradient, scales. On small bodies it is one matrix, found by unit forces. On large bodies
+response, gradient, scales; the higher terms of a load series follow from it (`series_in_numpy`). On
+small bodies it is one matrix, found by unit forces. On large bodies
 it is computed by PyTorch; for a reduced network on a grid of nodes, by a few columns of K⁻¹.
 """
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from surrogate.inference.dense_in_numpy import ReducedInNumPy
+from surrogate.inference.series_in_numpy import SeriesInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
@@ -54,11 +56,14 @@ class OneLoad:
         self.grid_sources = to_grid.sources.numpy()[: len(grid_weights)]
         self.grid_weights = grid_weights[:, None].numpy()
         self.response = response_at_nodes(network)
+        self.series = series_at_nodes(network)
+        self.series_channels = field.channels_of("series_gradient")
         with torch.inference_mode():
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
             self.inputs = values - self.nodes * d if field.skip else values
             self.matrix: Single | None = None
-            if values * self.nodes * d <= LARGEST and not isinstance(field.linear, SeriesResponse):
+            nonlinear = isinstance(field.linear, SeriesResponse) and self.series is None
+            if values * self.nodes * d <= LARGEST and not nonlinear:
                 units = torch.split(torch.eye(self.nodes * d).reshape(-1, self.nodes, d), AT_ONCE)
                 self.matrix = torch.cat([self.linear_part(force) for force in units]).numpy()
 
@@ -66,12 +71,18 @@ class OneLoad:
         """Predict displacements in m from forces in N, both (n_nodes, d)."""
         linear = self._linear_part(forces.astype(np.float32))
         fields = linear[: self.inputs].reshape(len(self.network.network.free.ravel()), -1)
+        if self.series is not None:
+            beyond, gradient = self.series(linear[self.inputs :].reshape(self.nodes, -1))
+            if self.series_channels is not None:
+                fields[:, self.series_channels] = gradient
         first, *others = (member(fields) for member in self.members)
         y = sum(others, start=first)
         u = y.take(self.sources, axis=0) * self.scales
         nodal = u[0] if len(u) == 1 else u.sum(axis=0)
         if len(linear) > self.inputs:
             nodal += linear[self.inputs :].reshape(nodal.shape)
+        if self.series is not None:
+            nodal += beyond
         displacement: Array = nodal.astype(np.float64)
         return displacement
 
@@ -102,6 +113,8 @@ class OneLoad:
     def linear_part(self, force: Tensor) -> Tensor:
         """Return the network's inputs and, where its output is added to it, the linear response.
 
+        Where `series` adds them, the terms of higher order are left out.
+
         Parameters
         ----------
         force : Tensor, (N, n_nodes, d)
@@ -113,10 +126,16 @@ class OneLoad:
             Scaled inputs at the grid points, then displacements of the nodes in m.
         """
         field = self.network.network
-        inputs, linear = field.inputs_of(self.network.on_grid(force))
+        on_grid, linear = self.network.on_grid(force), field.linear
+        if self.series is None:
+            inputs, displacement = field.inputs_of(on_grid)
+        else:
+            assert isinstance(linear, SeriesResponse)
+            displacement, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
+            inputs = field.inputs_with(on_grid, gradient)
         parts = [field.scaled(inputs)]
-        if linear is not None:
-            parts.append(self.network.to_nodes((linear * field.movable).flatten(2)))
+        if displacement is not None:
+            parts.append(self.network.to_nodes((displacement * field.movable).flatten(2)))
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
 
 
@@ -136,6 +155,21 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
         return None
     found = linear.compliance
     return found if isinstance(found, Compliance) and not len(found.matrix) else None
+
+
+def series_at_nodes(network: NodalNetwork) -> SeriesInNumPy | None:
+    """Higher terms of the response of a small body whose nodes are the grid points.
+
+    None for all other networks.
+    """
+    linear = network.network.linear
+    if not isinstance(linear, SeriesResponse):
+        return None
+    if any(len(sums.weights) > 1 for sums in (network.to_nodes, network.to_grid)):
+        return None
+    d = len(network.network.displacement_scale)
+    size = linear.higher.weighted.numel() // linear.higher.weighted.shape[2] * d
+    return SeriesInNumPy(linear, d) if size * d * linear.nodes <= LARGEST else None
 
 
 def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:

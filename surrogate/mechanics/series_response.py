@@ -4,22 +4,8 @@ r"""The response of the body to forces on the grid, to third order in the load.
     U = A (u_1 + u_2 + u_3), \qquad u_1 = K^{-1} f, \qquad
     u_k = -K^{-1} \sum_q w_q \, P^{(k)}_q G_a, \qquad k = 2, 3
 
-with the series of `surrogate.mechanics.load_series`. On the path :math:`F = I + t A + t^2 B`, with
-the gradients A of u₁ and B of u₂, the stress of the Neo-Hookean solid has the terms
-
-.. math::
-    X^{(1)} = A, \quad X^{(2)} = B - A^2, \quad X^{(3)} = A^3 - A B - B A, \qquad
-    F^{-1} = I - \sum_k t^k X^{(k)} + O(t^4),
-
-.. math::
-    \ell_1 = \mathrm{tr} A, \quad \ell_2 = \mathrm{tr} B - \tfrac{1}{2} \mathrm{tr} A^2, \quad
-    \ell_3 = \tfrac{1}{3} \mathrm{tr} A^3 - \mathrm{tr} (A B), \qquad \ln J = \sum_k t^k \ell_k,
-
-.. math::
-    P^{(2)} = -μ (A^2)^T + p_2 I - p_1 A^T \quad (B = 0), \qquad
-    P^{(3)} = μ X^{(3) T} + p_3 I - p_2 A^T - p_1 X^{(2) T}
-
-where :math:`J U' = λ (\ln J + g_2 \ln^2 J + g_3 \ln^3 J + …) = \sum_k t^k p_k`.
+with the terms P⁽²⁾ and P⁽³⁾ of the stress (`surrogate.mechanics.series_stress`). The series is that
+of `surrogate.mechanics.load_series`, in the precision of the network and on any device.
 """
 
 from __future__ import annotations
@@ -30,10 +16,9 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-
-# J U' = λ/2 (J² - 1) and λ J (J - 1), in powers of ln J
-VOLUMETRIC = {"paper": (1.0, 2 / 3), "quadratic": (3 / 2, 7 / 6)}
+from surrogate.mechanics.series_stress import SeriesStress
 
 
 class HigherOrders(nn.Module):
@@ -58,8 +43,7 @@ class HigherOrders(nn.Module):
         self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
     ) -> None:
         super().__init__()
-        self.lam, self.mu = material.lame_lambda, material.lame_mu
-        self.g2, self.g3 = VOLUMETRIC[material.volumetric]
+        self.stress = SeriesStress(material)
         cells = torch.from_numpy(geometry.cells)
         self.register_buffer("cells", cells, persistent=False)
         count, points, corners, d = gradients.shape
@@ -83,26 +67,17 @@ class HigherOrders(nn.Module):
         """Forces of stresses (n_cells, N, n_points, d, d): (N, d, n_nodes)."""
         count, samples, points, d, _ = p.shape
         flat = p.transpose(2, 3).reshape(count, samples * d, points * d)
-        at_corners = torch.bmm(flat, self.weighted).reshape(count, samples, d, -1)
-        at_corners = at_corners.permute(1, 2, 0, 3).reshape(samples, d, -1)
+        at_corners = torch.bmm(flat, self.weighted).reshape(count, samples, d, self.cells.shape[1])
+        at_corners = at_corners.permute(1, 2, 0, 3).reshape(samples, d, self.cells.numel())
         return p.new_zeros(samples, d, nodes).index_add(2, self.cells.flatten(), at_corners)
 
     def second(self, a: Tensor) -> Tensor:
         """P⁽²⁾ of a gradient A."""
-        square, trace = a @ a, _trace(a)
-        pressure = self.lam * (self.g2 * trace.square() - _trace(square) / 2)
-        return pressure * _identity(a) - (self.mu * square + self.lam * trace * a).transpose(-1, -2)
+        return self.stress.second(a, _identity(a))
 
     def third(self, a: Tensor, b: Tensor) -> Tensor:
         """P⁽³⁾ of gradients A and B."""
-        square, product = a @ a, a @ b
-        cube = square @ a
-        l1, l2 = _trace(a), _trace(b) - _trace(square) / 2
-        l3 = _trace(cube) / 3 - _trace(product)
-        p2 = self.lam * (l2 + self.g2 * l1.square())
-        p3 = self.lam * (l3 + 2 * self.g2 * l1 * l2 + self.g3 * l1**3)
-        inverse = self.mu * (cube - product - b @ a) - p2 * a - self.lam * l1 * (b - square)
-        return p3 * _identity(a) + inverse.transpose(-1, -2)
+        return self.stress.third(a, b, _identity(a))
 
 
 class SeriesResponse(LinearResponse):
@@ -131,6 +106,7 @@ class SeriesResponse(LinearResponse):
                 "'model: reduced' has series of other ones"
             )
         super().__init__(geometry, material, gradient)
+        assert isinstance(self.compliance, Compliance)
         solid = self.compliance.equilibrium.solid
         self.higher = HigherOrders(geometry, material, solid.gradients, solid.volumes)
         self.register_buffer("series_rms", torch.ones(()))
@@ -145,28 +121,29 @@ class SeriesResponse(LinearResponse):
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return the response, and the gradients of u₁ and of u₂ + u₃: both have d² channels."""
-        _, linear = super().on_grid(nodal)
-        a = self.higher.gradient(nodal)
-        second = self._responded(self.higher.second(a))
-        third = self._responded(self.higher.third(a, self.higher.gradient(second)))
-        beyond = second + third
-        displacement, gradient = super().on_grid(beyond)
-        total = super().on_grid(nodal)[0] + displacement
+        displacement, linear = super().on_grid(nodal)
+        beyond, gradient = super().on_grid(self.beyond_first(nodal))
         gradient = gradient * (self.gradient_rms / self.series_rms)
-        return total, torch.cat([linear, gradient], dim=1)
+        return displacement + beyond, torch.cat([linear, gradient], dim=1)
 
-    def _responded(self, stress: Tensor) -> Tensor:
-        """Displacements that balance a stress at the nodes."""
+    def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what `on_grid` does, without u₂ and u₃: linear in the load."""
+        displacement, linear = super().on_grid(nodal)
+        return displacement, torch.cat([linear, torch.zeros_like(linear)], dim=1)
+
+    def beyond_first(self, nodal: Tensor) -> Tensor:
+        """u₂ + u₃ at the nodes in m, of u₁: (N, d, n_nodes) → same."""
+        a = self.higher.gradient(nodal)
+        second = self.balanced(self.higher.second(a))
+        return second + self.balanced(self.higher.third(a, self.higher.gradient(second)))
+
+    def balanced(self, stress: Tensor) -> Tensor:
+        """Displacements of the nodes that balance stresses: (n_cells, N, n_points, d, d)."""
         free = self.compliance.free_nodes
         forces = self.higher.forces(stress, self.nodes).index_select(2, free)
         u = -self.compliance(forces.flatten(1)).reshape(forces.shape)
-        return u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
-
-
-def _trace(a: Tensor) -> Tensor:
-    """Trace of matrices, (…, 1, 1)."""
-    trace: Tensor = a.diagonal(dim1=-2, dim2=-1).sum(-1)
-    return trace[..., None, None]
+        nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        return nodal
 
 
 def _identity(a: Tensor) -> Tensor:

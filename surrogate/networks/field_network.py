@@ -183,11 +183,23 @@ class FieldNetwork(nn.Module):
             displacement, gradient = self.linear(force)
         else:
             displacement, gradient = self.linear.on_grid(response)  # type: ignore[operator]
+        return self.inputs_with(force, gradient), displacement if self.skip else None
+
+    def inputs_with(self, force: Tensor, gradient: Tensor) -> Tensor:
+        """Inputs of `learned`, with the gradients of the response."""
         channels = force.shape[1] ** 2
         fields = {"force": force / self.force_scale, "linear_gradient": gradient[:, :channels]}
         fields["series_gradient"] = gradient[:, channels:]
-        inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
-        return inputs, displacement if self.skip else None
+        return torch.cat([fields[name] for name in self.inputs], dim=1)
+
+    def channels_of(self, name: str) -> slice | None:
+        """Channels of one of the inputs; None if the network does not have it."""
+        if name not in self.inputs:
+            return None
+        d = len(self.displacement_scale)
+        sizes = [d if other == "force" else d**2 for other in self.inputs]
+        start = sum(sizes[: self.inputs.index(name)])
+        return slice(start, start + sizes[self.inputs.index(name)])
 
     @torch.no_grad()
     def prepared(self, samples: Samples) -> Samples:

@@ -1,0 +1,136 @@
+"""The response to third order against the series in double precision, and networks around it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from shared_schema.common.errors import InputError
+from shared_schema.material import NeoHookean, StVenantKirchhoff
+from surrogate.data.dataset import Dataset
+from surrogate.inference.export import export, load_exported
+from surrogate.inference.prediction import load
+from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.load_series import load_series
+from surrogate.mechanics.series_response import SeriesResponse
+from surrogate.models.unet_model import UNetModel
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.resuming import assert_resumes, trained
+from tests.surrogate.unet_configs import unet_config
+
+SERIES = {"inputs": ["force", "linear_gradient", "series_gradient"], "skip": "series"}
+KINDS: dict[str, dict[str, Any]] = {
+    "deterministic": {},
+    "mle": {"likelihood": "maximum_likelihood"},
+    "vb": {"likelihood": "variational_bayes", "variational": {"convolutions": [2]}},
+    "ensemble": {"ensemble": 2},
+}
+
+
+def config_of(dataset: Dataset, **content: Any) -> UNetModel:
+    """A small U-Net with the series, trained for four epochs."""
+    network = {"levels": 2, "channels": 4, **SERIES}
+    training = {"epochs": 4, "batch_size": 8, "validation_fraction": 0.1}
+    case = dataset.manifest.name
+    return unet_config(case=case, network=network, training=training, **content)
+
+
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
+def test_closed_form_is_the_series(cell_type: str, volumetric: str) -> None:
+    geometry = box(cell_type)
+    material = NeoHookean.model_validate(
+        {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
+    )
+    load = end_load(geometry, *(1.0, -4.0, 2.0)[: geometry.dimension])
+    forces = np.stack([load, -2 * load, 0 * load])
+    series = load_series(Equilibrium(geometry, material), forces)
+    response = SeriesResponse(geometry, material)
+    expected = geometry.grid.to_grid(series.first + series.second + series.third)
+    found, gradient = response(torch.from_numpy(geometry.grid.forces_to_grid(forces)).float())
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    beyond = torch.from_numpy(series.second + series.third).float().transpose(1, 2)
+    linear = LinearResponse(geometry, material)
+    channels = geometry.dimension**2
+    torch.testing.assert_close(
+        gradient[:, channels:], linear.on_grid(beyond)[1], rtol=1e-3, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> None:
+    assert_resumes(config_of(dataset, **KINDS[kind]), dataset, tmp_path, stop_after=2)
+
+
+@pytest.mark.parametrize("kind", ["deterministic", "mle", "ensemble"])
+def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
+    run = trained(config_of(dataset, **KINDS[kind]), dataset, tmp_path / "run")
+    model = load(run.folder)
+    force = np.random.default_rng(0).normal(size=(3, *dataset.geometry.coordinates.shape))
+    force[:, dataset.geometry.clamped] = 0
+    expected = model.predict_distribution(force).fields()
+    export(run.folder, "onnx", tmp_path / "a.onnx")
+    exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
+    for name in {"displacement", "std"} & set(exported):
+        scale = np.abs(expected[name]).max()
+        np.testing.assert_allclose(exported[name].numpy(), expected[name], atol=1e-4 * scale)
+    assert "displacement" in exported
+
+
+def test_a_network_of_zeros_is_the_series(dataset: Dataset) -> None:
+    config = config_of(dataset)
+    network = config.build(dataset.geometry, dataset.info, dataset.material).eval()
+    config.start_from_data(network, dataset, dataset.train)
+    for parameter in network.network.parameters():
+        nn.init.zeros_(parameter)
+    response = SeriesResponse(dataset.geometry, MATERIAL)
+    expected, gradient = response(dataset.test.force)
+    with torch.no_grad():
+        torch.testing.assert_close(network(dataset.test.force).mean, expected)
+    inputs, _ = network.inputs_of(dataset.train.force)
+    assert inputs.shape[1] == 2 + 4 + 4
+    for channels in (slice(2, 6), slice(6, 10)):  # scaled
+        assert float(inputs[:, channels].square().mean()) == pytest.approx(1, rel=1e-4)
+    assert network.channels_of("series_gradient") == slice(6, 10)
+    assert gradient.shape[1] == 8
+
+
+def test_large_bodies_and_their_exported_files(
+    tmp_path: Path, dataset_3d: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without K⁻¹: the body solves with its factor, the file by block elimination."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    run = trained(config_of(dataset_3d), dataset_3d, tmp_path / "run")
+    model = load(run.folder)
+    force = 0.2 * np.random.default_rng(0).normal(size=(2, *dataset_3d.geometry.coordinates.shape))
+    force[:, dataset_3d.geometry.clamped] = 0
+    export(run.folder, "onnx", tmp_path / "a.onnx")
+    exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
+    expected = model.predict(force)
+    found = exported["displacement"].numpy()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("network", "part"),
+    [
+        ({"inputs": ["series_gradient"]}, "series_gradient: expected with skip 'series'"),
+        ({"skip": "cubic"}, "key 'network.skip' = 'cubic'"),
+    ],
+)
+def test_wrong_keys_are_named(network: dict[str, Any], part: str) -> None:
+    with pytest.raises(InputError, match=part):
+        unet_config(network=network)
+
+
+def test_other_materials_are_refused() -> None:
+    geometry = box("quad")
+    material = StVenantKirchhoff(young_modulus=500, poisson_ratio=0.3)
+    with pytest.raises(InputError, match="expected a body of one Neo-Hookean material"):
+        SeriesResponse(geometry, material)
