@@ -1,4 +1,4 @@
-"""The terms of second and third order of a small body in NumPy, for one load at a time."""
+"""The higher terms of the load series of a small body in NumPy, for one load at a time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from surrogate.mechanics.series_response import SeriesResponse
+from surrogate.mechanics.series_stress import SeriesStress
 
 Single = NDArray[np.float32]
 
 
 class SeriesInNumPy:
-    """u₂ + u₃ of u₁, and their gradient on the grid, by dense matrices.
+    """u₂ + u₃ + … of u₁, and their gradient on the grid, by dense matrices.
 
     Parameters
     ----------
@@ -34,29 +35,31 @@ class SeriesInNumPy:
 
     def __init__(self, response: SeriesResponse, dimension: int) -> None:
         d, size = dimension, dimension * response.nodes
-        self.stress = response.higher.stress
-        self.identity = np.eye(d, dtype=np.float32)
+        self.material, self.order = response.higher.material, response.order
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
             slopes = response.higher.gradient(units)
-            self.slopes = _rows(slopes.transpose(0, 1))
-            self.shape = slopes.shape[0], *slopes.shape[2:]
+            self.slopes = _rows(slopes.permute(3, 0, 1, 2, 4))
+            self.shape = d, d, slopes.shape[2] * slopes.shape[4]
             count = int(np.prod(self.shape))
-            stresses = torch.eye(count).reshape(count, *self.shape).transpose(0, 1)
-            self.answers = _rows(response.balanced(stresses.contiguous()).transpose(1, 2))
+            stresses = torch.eye(count).reshape(count, d, d, slopes.shape[2], slopes.shape[4])
+            stresses = stresses.permute(1, 2, 3, 0, 4)
+            self.answers = _rows(response.balanced(stresses).transpose(1, 2))
             scale = response.gradient_rms / response.series_rms
             gradients = response.first_on_grid(units)[1][:, : d * d] * scale
             self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
 
     def __call__(self, first: Single) -> tuple[Single, Single]:
-        """Return u₂ + u₃ in m, (n_nodes, d), and their gradients, (n_grid_points, d²)."""
-        u = first.ravel()
-        a = (u @ self.slopes).reshape(self.shape)
-        second = self.stress.second(a, self.identity).ravel() @ self.answers
-        b = (second @ self.slopes).reshape(self.shape)
-        third = self.stress.third(a, b, self.identity).ravel() @ self.answers
-        beyond: Single = second + third
-        gradient: Single = (beyond @ self.gradients).reshape(-1, self.identity.size)
+        """Return u₂ + u₃ + … in m, (n_nodes, d), and their gradients, (n_grid_points, d²)."""
+        a = (first.ravel() @ self.slopes).reshape(self.shape)
+        series = SeriesStress(self.material, a)
+        term: Single = series.next_without().ravel() @ self.answers
+        beyond = term
+        for _ in range(2, self.order):
+            series.add((term @ self.slopes).reshape(self.shape))
+            term = series.next_without().ravel() @ self.answers
+            beyond = beyond + term
+        gradient: Single = (beyond @ self.gradients).reshape(-1, first.shape[1] ** 2)
         return beyond.reshape(first.shape), gradient
 
 

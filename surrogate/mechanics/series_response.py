@@ -1,10 +1,11 @@
-r"""The response of the body to forces on the grid, to third order in the load.
+r"""The response of the body to forces on the grid, to some order in the load.
 
 .. math::
-    U = A (u_1 + u_2 + u_3), \qquad u_1 = K^{-1} f, \qquad
-    u_k = -K^{-1} \sum_q w_q \, P^{(k)}_q G_a, \qquad k = 2, 3
+    U = A \sum_{k=1}^n u_k, \qquad u_1 = K^{-1} f, \qquad
+    u_k = -K^{-1} \sum_q w_q \, \hat P_{k,q} G_a, \qquad k = 2, …, n
 
-with the terms P⁽²⁾ and P⁽³⁾ of the stress (`surrogate.mechanics.series_stress`). The series is that
+with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
+(`surrogate.mechanics.series_stress`) and the gradients G of the shape functions. The series is that
 of `surrogate.mechanics.load_series`, in the precision of the network and on any device.
 """
 
@@ -22,7 +23,7 @@ from surrogate.mechanics.series_stress import SeriesStress
 
 
 class HigherOrders(nn.Module):
-    """Forces at the nodes that make the terms of second and third order.
+    """Gradients of displacements at the quadrature points, and forces of stresses there.
 
     Fields are (N, d, n_nodes), displacements in m and forces in N.
 
@@ -43,7 +44,7 @@ class HigherOrders(nn.Module):
         self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
     ) -> None:
         super().__init__()
-        self.stress = SeriesStress(material)
+        self.material = material
         cells = torch.from_numpy(geometry.cells)
         self.register_buffer("cells", cells, persistent=False)
         count, points, corners, d = gradients.shape
@@ -55,33 +56,25 @@ class HigherOrders(nn.Module):
         )
 
     def gradient(self, u: Tensor) -> Tensor:
-        """∂u_i/∂x_j at the quadrature points: (n_cells, N, n_points, d, d)."""
+        """∂u_i/∂x_j at the quadrature points: (d, d, n_cells, N, n_points)."""
         count, corners, columns = self.slopes.shape
         samples, d, _ = u.shape
         at_corners = u.index_select(2, self.cells.flatten()).reshape(samples, d, count, corners)
         at_corners = at_corners.permute(2, 0, 1, 3).reshape(count, samples * d, corners)
         h = torch.bmm(at_corners, self.slopes).reshape(count, samples, d, columns // d, d)
-        return h.transpose(2, 3)
+        return h.permute(2, 4, 0, 1, 3)
 
     def forces(self, p: Tensor, nodes: int) -> Tensor:
-        """Forces of stresses (n_cells, N, n_points, d, d): (N, d, n_nodes)."""
-        count, samples, points, d, _ = p.shape
-        flat = p.transpose(2, 3).reshape(count, samples * d, points * d)
+        """Forces of stresses (d, d, n_cells, N, n_points): (N, d, n_nodes)."""
+        d, _, count, samples, points = p.shape
+        flat = p.permute(2, 3, 0, 4, 1).reshape(count, samples * d, points * d)
         at_corners = torch.bmm(flat, self.weighted).reshape(count, samples, d, self.cells.shape[1])
         at_corners = at_corners.permute(1, 2, 0, 3).reshape(samples, d, self.cells.numel())
         return p.new_zeros(samples, d, nodes).index_add(2, self.cells.flatten(), at_corners)
 
-    def second(self, a: Tensor) -> Tensor:
-        """P⁽²⁾ of a gradient A."""
-        return self.stress.second(a, _identity(a))
-
-    def third(self, a: Tensor, b: Tensor) -> Tensor:
-        """P⁽³⁾ of gradients A and B."""
-        return self.stress.third(a, b, _identity(a))
-
 
 class SeriesResponse(LinearResponse):
-    """Grid forces in N to the response in m to third order, and its gradients, on the grid.
+    """Grid forces in N to the response in m to order n, and its gradients, on the grid.
 
     Parameters
     ----------
@@ -90,6 +83,8 @@ class SeriesResponse(LinearResponse):
         A single Neo-Hookean material.
     gradient : bool
         Also compute the gradients.
+    order : int
+        Order n.
 
     Raises
     ------
@@ -99,7 +94,9 @@ class SeriesResponse(LinearResponse):
 
     series_rms: Tensor
 
-    def __init__(self, geometry: Geometry, material: Materials, gradient: bool = True) -> None:
+    def __init__(
+        self, geometry: Geometry, material: Materials, gradient: bool = True, order: int = 3
+    ) -> None:
         if not isinstance(material, NeoHookean):
             raise InputError(
                 "key 'network.skip' = 'series': expected a body of one Neo-Hookean material; "
@@ -109,6 +106,7 @@ class SeriesResponse(LinearResponse):
         assert isinstance(self.compliance, Compliance)
         solid = self.compliance.equilibrium.solid
         self.higher = HigherOrders(geometry, material, solid.gradients, solid.volumes)
+        self.order = order
         self.register_buffer("series_rms", torch.ones(()))
 
     @torch.no_grad()
@@ -120,31 +118,33 @@ class SeriesResponse(LinearResponse):
         self.series_rms.copy_(self._gradient_rms(force, channels))
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the response, and the gradients of u₁ and of u₂ + u₃: both have d² channels."""
+        """Return the response, and the gradients of u₁ and of u₂ + u₃ + …, d² channels each."""
         displacement, linear = super().on_grid(nodal)
         beyond, gradient = super().on_grid(self.beyond_first(nodal))
         gradient = gradient * (self.gradient_rms / self.series_rms)
         return displacement + beyond, torch.cat([linear, gradient], dim=1)
 
     def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what `on_grid` does, without u₂ and u₃: linear in the load."""
+        """Return what `on_grid` does, without u₂, u₃, …: linear in the load."""
         displacement, linear = super().on_grid(nodal)
         return displacement, torch.cat([linear, torch.zeros_like(linear)], dim=1)
 
     def beyond_first(self, nodal: Tensor) -> Tensor:
-        """u₂ + u₃ at the nodes in m, of u₁: (N, d, n_nodes) → same."""
-        a = self.higher.gradient(nodal)
-        second = self.balanced(self.higher.second(a))
-        return second + self.balanced(self.higher.third(a, self.higher.gradient(second)))
+        """u₂ + u₃ + … at the nodes in m, of u₁: (N, d, n_nodes) → same."""
+        first = self.higher.gradient(nodal)
+        series = SeriesStress(self.higher.material, first)
+        beyond = self.balanced(series.next_without())
+        term = beyond
+        for _ in range(2, self.order):
+            series.add(self.higher.gradient(term))
+            term = self.balanced(series.next_without())
+            beyond = beyond + term
+        return beyond
 
     def balanced(self, stress: Tensor) -> Tensor:
-        """Displacements of the nodes that balance stresses: (n_cells, N, n_points, d, d)."""
+        """Displacements of the nodes that balance stresses: (d, d, n_cells, N, n_points)."""
         free = self.compliance.free_nodes
         forces = self.higher.forces(stress, self.nodes).index_select(2, free)
         u = -self.compliance(forces.flatten(1)).reshape(forces.shape)
         nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
         return nodal
-
-
-def _identity(a: Tensor) -> Tensor:
-    return torch.eye(a.shape[-1], dtype=a.dtype, device=a.device)

@@ -1,77 +1,97 @@
-r"""Terms of the Neo-Hookean stress on a path of deformations.
+r"""Series of the Neo-Hookean stress on a path of deformations, term by term.
 
 .. math::
-    F = I + t A + t^2 B, \qquad P = t P^{(1)} + t^2 P^{(2)} + t^3 P^{(3)} + O(t^4)
+    F = I + \sum_k t^k H_k, \qquad F^{-1} = \sum_k t^k G_k, \qquad \ln J = \sum_k t^k \ell_k, \qquad
+    J^a = \sum_k t^k E_k^a, \qquad P = \sum_k t^k P_k
 
-With the terms of the inverse, :math:`F^{-1} = I - \sum_k t^k X^{(k)}`,
-
-.. math::
-    X^{(1)} = A, \qquad X^{(2)} = B - A^2, \qquad X^{(3)} = A^3 - A B - B A,
-
-those of the volume, :math:`\ln J = \sum_k t^k \ell_k`,
+From :math:`F F^{-1} = I`, :math:`(\ln J)' = \mathrm{tr} (F^{-1} F')` and
+:math:`(J^a)' = a \, J^a (\ln J)'` follow, beginning with :math:`G_0 = I` and :math:`E_0^a = 1`,
 
 .. math::
-    \ell_1 = \mathrm{tr} A, \qquad \ell_2 = \mathrm{tr} B - \tfrac{1}{2} \mathrm{tr} A^2, \qquad
-    \ell_3 = \tfrac{1}{3} \mathrm{tr} A^3 - \mathrm{tr} (A B),
-
-and those of :math:`J U' = λ (\ln J + g_2 \ln^2 J + g_3 \ln^3 J + …) = \sum_k t^k p_k`, the parts
-of P that are not linear in A and B are
+    G_k = -\sum_{j=1}^k H_j G_{k-j}, \qquad
+    k \, \ell_k = \sum_{j=1}^k j \, \mathrm{tr} (G_{k-j} H_j), \qquad
+    k \, E_k^a = a \sum_{j=1}^k j \, \ell_j E_{k-j}^a,
 
 .. math::
-    P^{(2)} = -μ (A^2)^T + (p_2 - λ \, \mathrm{tr} B) I - p_1 A^T, \qquad
-    P^{(3)} = μ X^{(3) T} + p_3 I - p_2 A^T - p_1 X^{(2) T}.
+    P_k = μ (H_k - G_k^T) + \sum_{j=1}^k p_j G_{k-j}^T, \qquad
+    p_j = \tfrac{λ}{2} E_j^2 \;\text{or}\; λ (E_j^2 - E_j^1),
 
-The formulas hold for arrays of NumPy as for tensors.
+the coefficients of J U' with the two volumetric terms (`surrogate.mechanics.neo_hookean`). The
+formulas hold for arrays of NumPy as for tensors; those have their components first, (d, d, …).
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
-from numpy.typing import NDArray
-from torch import Tensor
+import numpy as np
+import torch
 
 from shared_schema.material import NeoHookean
 
-Matrices = TypeVar("Matrices", Tensor, NDArray[Any])
-# J U' = λ/2 (J² - 1) and λ J (J - 1), in powers of ln J
-VOLUMETRIC = {"paper": (1.0, 2 / 3), "quadratic": (3 / 2, 7 / 6)}
+Array = Any  # of NumPy, or a Tensor
+# J U' = Σ_a w_a λ (J^a - 1): w_a of every a
+VOLUMETRIC = {"paper": {2: 0.5}, "quadratic": {2: 1.0, 1: -1.0}}
 
 
 class SeriesStress:
-    """P⁽²⁾ and P⁽³⁾ in Pa of matrices (…, d, d).
+    """Terms of the stress in Pa, from terms of the displacement gradient: (d, d, …).
 
     Parameters
     ----------
     material : NeoHookean
+    first : array or Tensor, (d, d, …)
+        H₁.
     """
 
-    def __init__(self, material: NeoHookean) -> None:
+    def __init__(self, material: NeoHookean, first: Array) -> None:
+        library = torch if isinstance(first, torch.Tensor) else np
+        self.stack, self.einsum = library.stack, library.einsum
         self.lam, self.mu = material.lame_lambda, material.lame_mu
-        self.g2, self.g3 = VOLUMETRIC[material.volumetric]
+        self.weights = VOLUMETRIC[material.volumetric]
+        trace = _trace(first)
+        self.h, self.multiples = [first], [first]  # H_j and j H_j
+        self.g = [-first]  # G₁, G₂, …
+        self.l = [trace]  # j ℓ_j
+        self.powers = {a: [a * trace] for a in self.weights}  # E₁, E₂, …
+        self.p = [self._pressure()]
 
-    def second(self, a: Matrices, identity: Matrices) -> Matrices:
-        """P⁽²⁾ of A; B has no part in it."""
-        square, l1 = a @ a, trace(a)
-        pressure = self.lam * (self.g2 * l1 * l1 - trace(square) / 2)
-        p: Matrices = pressure * identity - (self.mu * square + self.lam * l1 * a).swapaxes(-1, -2)
-        return p
+    def next_without(self) -> Array:
+        """The next P_k without the part that is linear in H_k, as if H_k = 0."""
+        k = len(self.h) + 1
+        backwards = self.stack(self.g[::-1])
+        inverse = self.einsum("mij...,mjk...->ik...", self.stack(self.h), backwards)
+        l_k = self.einsum("mij...,mji...->...", self.stack(self.multiples), backwards)
+        for a, e in self.powers.items():
+            products = self.einsum("m...,m...->...", self.stack(self.l), self.stack(e[::-1]))
+            e.append((a / k) * (products + l_k))
+        self.l.append(l_k)
+        stress = self.einsum("m...,mij...->ji...", self.stack(self.p), backwards)
+        stress = stress + self.mu * inverse.swapaxes(0, 1)
+        self.g.append(-inverse)
+        self.p.append(self._pressure())
+        for i in range(len(inverse)):
+            stress[i, i] += self.p[-1]
+        return stress
 
-    def third(self, a: Matrices, b: Matrices, identity: Matrices) -> Matrices:
-        """P⁽³⁾ of A and B."""
-        square, product = a @ a, a @ b
-        cube = square @ a
-        l1, l2 = trace(a), trace(b) - trace(square) / 2
-        l3 = trace(cube) / 3 - trace(product)
-        p2 = self.lam * (l2 + self.g2 * l1 * l1)
-        p3 = self.lam * (l3 + 2 * self.g2 * l1 * l2 + self.g3 * l1 * l1 * l1)
-        others = self.mu * (cube - product - b @ a) - p2 * a - self.lam * l1 * (b - square)
-        p: Matrices = p3 * identity + others.swapaxes(-1, -2)
-        return p
+    def add(self, h: Array) -> None:
+        """Set H_k, after `next_without`."""
+        trace, k = _trace(h), len(self.h) + 1
+        self.h.append(h)
+        self.multiples.append(k * h)
+        self.g[-1] = self.g[-1] - h
+        self.l[-1] = self.l[-1] + k * trace
+        for a, e in self.powers.items():
+            e[-1] = e[-1] + a * trace
+        self.p[-1] = self._pressure()
+
+    def _pressure(self) -> Array:
+        """The last p_k."""
+        parts = [self.lam * w * self.powers[a][-1] for a, w in self.weights.items()]
+        return sum(parts[1:], start=parts[0])
 
 
-def trace(a: Matrices) -> Matrices:
-    """Traces of matrices: (…, d, d) → (…, 1, 1)."""
-    diagonal = [a[..., i, i] for i in range(a.shape[-1])]
-    total: Matrices = sum(diagonal[1:], start=diagonal[0])
-    return total[..., None, None]
+def _trace(h: Array) -> Array:
+    """Traces: (d, d, …) → (…)."""
+    diagonal = [h[i, i] for i in range(len(h))]
+    return sum(diagonal[1:], start=diagonal[0])

@@ -69,8 +69,11 @@ class UNetModel(NetworkModel):
         network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
         linear = None
         if self.needs_material:
-            kind = SeriesResponse if config.skip == "series" else LinearResponse
-            linear = kind(geometry, required(material), gradient=config.needs_gradient)
+            body = geometry, required(material), config.needs_gradient
+            is_series = config.skip == "series"
+            linear = (
+                SeriesResponse(*body, config.series_order) if is_series else LinearResponse(*body)
+            )
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip != "none")
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:

@@ -62,10 +62,12 @@ class UNetConfig(Frozen):
     inputs : tuple of {"force", "linear_gradient", "series_gradient"}
         Input channels of the first convolution: the d components of the force, as in the paper, the
         d² components of the displacement gradient of the linear response K⁻¹ f, and those of the
-        terms of second and third order of the load series.
+        higher terms of the load series.
     skip : {"none", "linear", "series"}
         With ``linear`` the network predicts the difference from the linear response, with
-        ``series`` that from the series of the displacement in the load, to third order.
+        ``series`` that from the series of the displacement in the load.
+    series_order : int
+        Order of the last term of that series.
     force_transforms : tuple of {"linear", "asinh", "saturating"}
         Function of the scaled forces f that the first convolution is given: f, arsinh f or
         f / √(1 + f²/3). Within the training range, −√3 to √3, all are equally good. Beyond it the
@@ -84,6 +86,7 @@ class UNetConfig(Frozen):
     batch_norm: bool = True
     inputs: tuple[Input, ...] = Field(("force",), min_length=1)
     skip: Literal["none", "linear", "series"] = "none"
+    series_order: int = Field(3, ge=2, le=20)
     force_transforms: tuple[Transform, ...] = Field(("linear",), min_length=1, max_length=100)
     dropout: float = Field(0.0, ge=0, lt=1)
 

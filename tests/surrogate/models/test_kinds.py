@@ -48,9 +48,10 @@ def test_cases_of_any_load_differ_by_their_name_alone(model: str) -> None:
 
 @pytest.mark.parametrize("kind", ["mle", "vb"])
 def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str) -> None:
-    """Inputs and skip are all that differs from the recipes of beam2d."""
+    """Inputs and series are all that differs from the recipes of beam2d."""
     plain, mechanics = (shipped_unet(f"{case}-{kind}-fast") for case in ("beam2d", "beam2d_any"))
-    added = {"inputs": ("force", "linear_gradient"), "skip": "linear"}
+    inputs = ("force", "linear_gradient", "series_gradient")
+    added = {"inputs": inputs, "skip": "series", "series_order": 5}
     assert mechanics.network == plain.network.model_copy(update=added)
     assert mechanics.training == plain.training
 

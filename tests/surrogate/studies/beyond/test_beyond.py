@@ -45,15 +45,19 @@ def test_series_of_a_day() -> None:
 
 
 def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
+    """And by epochs: mechanics need fewer."""
     scale = read_scale("day", BEYOND.scales)
     for case in ("beam2d_any", "lshape2d_any", "beam3d_any"):
         forces, mechanics = (
             scale.unet_of(f"{case}-{kind}").plain() for kind in ("forces", "mechanics")
         )
-        assert mechanics["network"].pop("inputs") == ["force", "linear_gradient"]
-        assert mechanics["network"].pop("skip") == "linear"
-        for key in ("inputs", "skip"):
+        inputs = ["force", "linear_gradient", "series_gradient"]
+        assert mechanics["network"].pop("inputs") == inputs
+        assert mechanics["network"].pop("skip") == "series"
+        for key in ("inputs", "skip", "series_order"):
             del forces["network"][key]
+            mechanics["network"].pop(key, None)
+        assert mechanics["training"].pop("epochs") <= forces["training"].pop("epochs")
         assert forces | {"name": ""} == mechanics | {"name": ""}
 
 
