@@ -93,14 +93,14 @@ def test_it_predicts_from_anywhere(name: str, elsewhere: Path) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_load_alone_and_in_a_batch(name: str) -> None:
-    """The difference is 1e-6 of the largest displacement at most."""
+    """The difference is 3e-6 of the largest displacement at most."""
     model = surrogate.load(name)
     limit = model.description.data.info.force.max_abs
     forces = np.random.default_rng(0).uniform(-1, 1, (8, *model.geometry.coordinates.shape)) * limit
     forces *= np.random.default_rng(1).random((*forces.shape[:2], 1)) < 4 / forces.shape[1]
     forces[:, model.geometry.clamped] = 0.0
     for force, expected in zip(forces, model.predict(forces), strict=True):
-        atol = 1e-6 * np.abs(expected).max()
+        atol = 3e-6 * np.abs(expected).max()
         np.testing.assert_allclose(model.predict(force), expected, rtol=0, atol=atol)
 
 
@@ -124,7 +124,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_network_says_what_it_is(elsewhere: Path) -> None:
     """The name of a network of the package works from any folder; 0.472 M as in its evaluation."""
     model = surrogate.load("beam2d_any")
-    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M, ē 0.01 mm)"
+    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M, ē 0.0088 mm)"
     model.mean_error = None
     assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M)"
 
