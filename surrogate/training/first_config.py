@@ -15,6 +15,7 @@ import yaml
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import available_memory
+from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.models.model import Model, TrainedModel
 from surrogate.probabilistic.likelihoods import Likelihood
@@ -158,9 +159,20 @@ class FirstConfig:
         yield Line(1, "padding", "0", "rows of zeros around the grid")
         yield Line(1, "activation", "silu", "smooth, as the solutions are")
         yield Line(1, "batch_norm", "false", "the scales of a field mean something")
-        if self.has_mechanics:
+        if self.has_series:
+            inputs = "[force, linear_gradient, series_gradient]"
+            yield Line(1, "inputs", inputs, "forces, and the series of the displacement in them")
+            yield Line(1, "skip", "series", "predict the difference from the series")
+            yield Line(1, "series_order", "5", "of its last term; more: slower predictions")
+        elif self.has_mechanics:
             yield Line(1, "inputs", "[force, linear_gradient]", "forces, and linear elasticity")
             yield Line(1, "skip", "linear", "predict the difference from linear elasticity")
+
+    @property
+    def has_series(self) -> bool:
+        """True for a body in the plane whose load series a U-Net can have."""
+        in_plane = self.dataset.geometry.dimension == 2
+        return in_plane and self.has_mechanics and isinstance(self.dataset.material, NeoHookean)
 
     def _reduced(self) -> Iterator[Line]:
         geometry = self.dataset.geometry

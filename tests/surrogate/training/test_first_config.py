@@ -35,7 +35,7 @@ def test_every_line_has_a_comment(dataset: Dataset) -> None:
 def test_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -> None:
     plane, space = first_config(dataset).config(), first_config(dataset_3d).config()
     assert isinstance(plane, UNetModel)
-    assert plane.network.skip == "linear"
+    assert plane.network.skip == "series"
     assert plane.network.levels == 3
     assert isinstance(space, ReducedModel)
     for config, samples in ((plane, dataset), (space, dataset_3d)):
