@@ -48,8 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
 
     def run() -> None:
+        from surrogate.device import flush_denormals
         from surrogate.hardware import memory_errors
 
+        flush_denormals()
         with memory_errors():
             command(options)
 
