@@ -31,6 +31,7 @@ from surrogate.models.model import TrainedModel
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
 from surrogate.runs.description import Origin, Refinement, RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.metric_lines import write_lines
 from surrogate.runs.tensor_file import tensor_digest
 from surrogate.seeds import REFINEMENT, stream
 from surrogate.training.train import all_finite, write_model
@@ -54,7 +55,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     Returns
     -------
     float
-        Mean of L over the last steps.
+        Mean of L over the last steps; of a run that is refined like this already, it is read.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     description = described(surrogate, refinement)
     out.require_free(description)
     if out.is_finished:
-        raise InputError(f"--out '{out.folder}': refined already, expected a new folder")
+        return float(out.metric_lines()[-1]["train_loss"])
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
     descent = Descent(surrogate.balanced(), family, refinement)
@@ -102,8 +103,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     progress.close(f"{time.perf_counter() - began:.0f} s")
     with out.owned():
         out.start(description)
-        for line in lines:
-            out.append_metric_line(line)
+        write_lines(out.metrics, lines)
         tensors = {**surrogate.network.state_dict(), **surrogate.geometry.tensors()}
         write_model(out, device, tensors)
     return float(lines[-1]["train_loss"])

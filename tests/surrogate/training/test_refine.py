@@ -77,12 +77,39 @@ def test_command(trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     out = tmp_path / "refined"
     command = ["refine", str(trained), "--steps", "2", "--family", "loads=1-2", "--out", str(out)]
     assert main(command) == 0
-    assert f"{out}: 2 steps, potential energy " in capsys.readouterr().out
-    assert main(command) == 2
-    assert "refined already" in capsys.readouterr().err
+    said = capsys.readouterr().out
+    assert f"{out}: 2 steps, potential energy " in said
+    files = {path: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    assert main(command) == 0  # as after a kill at the very end
+    assert capsys.readouterr().out == said
+    assert {path: path.read_bytes() for path in out.iterdir() if path.is_file()} == files
+    assert main([*command, "--seed", "1"]) == 2
+    assert "a run with another" in capsys.readouterr().err
     assert main([*command[:-1], str(tmp_path / "other"), "--family", "loads=0"]) == 2
     assert "--family 'loads=0'" in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
+
+
+def test_a_killed_command_goes_on(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The measures of its epochs are written, the weights are not yet."""
+    whole, out = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "refined")
+    refine(trained, whole, REFINEMENT, CPU)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as killed:
+        killed.setattr("surrogate.training.refine.write_model", stop)
+        with pytest.raises(KeyboardInterrupt):
+            refine(trained, out, REFINEMENT, CPU)
+    assert out.metrics.is_file()
+    assert not out.is_finished
+    refine(trained, out, REFINEMENT, CPU)
+    assert len(out.metric_lines()) == len(whole.metric_lines())
+    for name, tensor in whole.read_tensors().items():
+        assert torch.equal(tensor, out.read_tensors()[name]), name
 
 
 def test_networks_that_predict_standard_deviations(
