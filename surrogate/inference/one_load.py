@@ -20,7 +20,7 @@ from surrogate.inference.series_in_numpy import SeriesInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.series_response import SeriesResponse
+from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet

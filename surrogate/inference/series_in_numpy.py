@@ -7,8 +7,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.mechanics.series_response import SeriesResponse
-from surrogate.mechanics.series_stress import SeriesStress
+from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.mechanics.series.series_stress import SeriesStress
 
 Single = NDArray[np.float32]
 

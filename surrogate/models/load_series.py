@@ -10,7 +10,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import material_of_response
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.mechanics.load_series import load_series
+from surrogate.mechanics.series.load_series import load_series
 
 AT_ONCE = 2**21  # values of the displacement gradients that are held at once: 16 MB
 

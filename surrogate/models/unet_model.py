@@ -17,7 +17,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.mechanics.series_response import SeriesResponse
+from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.models.network_model import (
     Bayesian,
     Deterministic,

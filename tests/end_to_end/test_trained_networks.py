@@ -11,8 +11,6 @@ from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 
 LOADS = {
     "beam2d_any": ("2.1333,0.3333:0.5,-1", "4,0:0,-1"),
-    "beam3d_any": ("4,0,1:0.2,0.4,-1", "2.0741,1,0.4545:0,-0.6,0.3"),
-    "lshape2d_any": ("6,2:0.2,-0.5", "2.4,0:0,0.4"),
 }
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from shared_schema.material import MooneyRivlin, StVenantKirchhoff
 from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.load_series import load_series
 from surrogate.mechanics.newton import correct
+from surrogate.mechanics.series.load_series import load_series
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 FORCES = {

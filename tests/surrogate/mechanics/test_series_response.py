@@ -18,9 +18,9 @@ from surrogate.inference.prediction import load
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.load_series import load_series
 from surrogate.mechanics.newton import correct
-from surrogate.mechanics.series_response import SeriesResponse
+from surrogate.mechanics.series.load_series import load_series
+from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.models.unet_model import UNetModel
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.resuming import assert_resumes, trained

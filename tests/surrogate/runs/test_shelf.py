@@ -93,14 +93,14 @@ def test_it_predicts_from_anywhere(name: str, elsewhere: Path) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_load_alone_and_in_a_batch(name: str) -> None:
-    """The difference is 3e-6 of the largest displacement at most."""
+    """The difference is 2e-5 of the largest displacement at most."""
     model = surrogate.load(name)
     limit = model.description.data.info.force.max_abs
     forces = np.random.default_rng(0).uniform(-1, 1, (8, *model.geometry.coordinates.shape)) * limit
     forces *= np.random.default_rng(1).random((*forces.shape[:2], 1)) < 4 / forces.shape[1]
     forces[:, model.geometry.clamped] = 0.0
     for force, expected in zip(forces, model.predict(forces), strict=True):
-        atol = 3e-6 * np.abs(expected).max()
+        atol = 2e-5 * np.abs(expected).max()
         np.testing.assert_allclose(model.predict(force), expected, rtol=0, atol=atol)
 
 

@@ -5,8 +5,9 @@ r"""The response of the body to forces on the grid, to some order in the load.
     u_k = -K^{-1} \sum_q w_q \, \hat P_{k,q} G_a, \qquad k = 2, …, n
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
-(`surrogate.mechanics.series_stress`) and the gradients G of the shape functions. The series is that
-of `surrogate.mechanics.load_series`, in the precision of the network and on any device.
+(`surrogate.mechanics.series.series_stress`) and the gradients G of the shape functions. The series
+is that of `surrogate.mechanics.series.load_series`, in the precision of the network and on any
+device.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.series_stress import SeriesStress
+from surrogate.mechanics.series.series_stress import SeriesStress
 
 
 class HigherOrders(nn.Module):

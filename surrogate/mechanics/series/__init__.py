@@ -1,0 +1,1 @@
+"""Series of the displacement in the load."""
