@@ -2,8 +2,8 @@
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
 response, gradient, scales; the higher terms of a load series follow from it (`series_in_numpy`). On
-small bodies it is one matrix, found by unit forces. On large bodies
-it is computed by PyTorch; for a reduced network on a grid of nodes, by a few columns of K⁻¹.
+small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; for
+a reduced network on a grid of nodes, by a few columns of K⁻¹.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from surrogate.mechanics.series.series_response import SeriesResponse
-from surrogate.mechanics.series.series_stress import SeriesStress
+from surrogate.mechanics.series.series_stress import SeriesStress, beyond_first
 
 Single = NDArray[np.float32]
 
@@ -51,16 +51,19 @@ class SeriesInNumPy:
 
     def __call__(self, first: Single) -> tuple[Single, Single]:
         """Return u₂ + u₃ + … in m, (n_nodes, d), and their gradients, (n_grid_points, d²)."""
-        a = (first.ravel() @ self.slopes).reshape(self.shape)
-        series = SeriesStress(self.material, a)
-        term: Single = series.next_without().ravel() @ self.answers
-        beyond = term
-        for _ in range(2, self.order):
-            series.add((term @ self.slopes).reshape(self.shape))
-            term = series.next_without().ravel() @ self.answers
-            beyond = beyond + term
+        series = SeriesStress(self.material, self._gradient(first.ravel()))
+        beyond: Single = beyond_first(series, self.order, self._gradient, self._balanced)
         gradient: Single = (beyond @ self.gradients).reshape(-1, first.shape[1] ** 2)
         return beyond.reshape(first.shape), gradient
+
+    def _gradient(self, u: Single) -> Single:
+        """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
+        return (u @ self.slopes).reshape(self.shape)
+
+    def _balanced(self, stress: Single) -> Single:
+        """Displacements that balance stresses: (d, d, n_cells · n_points) → (n_dofs,)."""
+        u: Single = stress.ravel() @ self.answers
+        return u
 
 
 def _rows(values: Tensor) -> Single:

@@ -7,9 +7,8 @@ from torch import Tensor
 
 from shared_schema.common.command_line import Progress
 from surrogate.data.dataset import Dataset
-from surrogate.data.elements_of_case import material_of_response
-from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.load_series import load_series
 
 AT_ONCE = 2**21  # values of the displacement gradients that are held at once: 16 MB
@@ -33,8 +32,8 @@ def series_on_grid(dataset: Dataset, linear: LinearResponse, force: Tensor) -> l
     list of two Tensors, (N, d, nx, ny[, nz])
         In m.
     """
-    material = material_of_response(required(dataset.material), dataset.manifest.case)
-    equilibrium = Equilibrium(dataset.geometry, material)
+    assert isinstance(linear.compliance, Compliance)
+    equilibrium = linear.compliance.equilibrium  # with its factor of K
     grid = dataset.geometry.grid
     batch = max(1, AT_ONCE // (equilibrium.solid.gradients[..., 0, :].numel() * force.shape[1]))
     progress = Progress(len(force), 0, "loads", "surrogate train: load series")

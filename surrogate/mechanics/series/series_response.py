@@ -20,7 +20,7 @@ from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.series.series_stress import SeriesStress
+from surrogate.mechanics.series.series_stress import SeriesStress, beyond_first
 
 
 class HigherOrders(nn.Module):
@@ -132,14 +132,8 @@ class SeriesResponse(LinearResponse):
 
     def beyond_first(self, nodal: Tensor) -> Tensor:
         """u₂ + u₃ + … at the nodes in m, of u₁: (N, d, n_nodes) → same."""
-        first = self.higher.gradient(nodal)
-        series = SeriesStress(self.higher.material, first)
-        beyond = self.balanced(series.next_without())
-        term = beyond
-        for _ in range(2, self.order):
-            series.add(self.higher.gradient(term))
-            term = self.balanced(series.next_without())
-            beyond = beyond + term
+        series = SeriesStress(self.higher.material, self.higher.gradient(nodal))
+        beyond: Tensor = beyond_first(series, self.order, self.higher.gradient, self.balanced)
         return beyond
 
     def balanced(self, stress: Tensor) -> Tensor:

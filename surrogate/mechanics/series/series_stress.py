@@ -22,6 +22,7 @@ formulas hold for arrays of NumPy as for tensors; those have their components fi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,33 @@ class SeriesStress:
         """The last p_k."""
         parts = [self.lam * w * self.powers[a][-1] for a, w in self.weights.items()]
         return sum(parts[1:], start=parts[0])
+
+
+def beyond_first(
+    series: SeriesStress,
+    order: int,
+    gradient: Callable[[Array], Array],
+    balanced: Callable[[Array], Array],
+) -> Array:
+    """u₂ + … + u_n in m, whose gradients follow one by one from those before.
+
+    Parameters
+    ----------
+    series : SeriesStress
+        Of the gradient of u₁.
+    order : int
+        Order n, 2 at least.
+    gradient : callable
+        Displacements in m to their gradients, (d, d, …).
+    balanced : callable
+        Stresses in Pa, (d, d, …), to the displacements that balance them.
+    """
+    beyond = term = balanced(series.next_without())
+    for _ in range(2, order):
+        series.add(gradient(term))
+        term = balanced(series.next_without())
+        beyond = beyond + term
+    return beyond
 
 
 def _trace(h: Array) -> Array:
