@@ -21,8 +21,10 @@ SETTINGS = {
 # Beginnings of the variables by which Open MPI tells a process to which run it belongs.
 OF_A_RUN = ("OMPI_", "OPAL_", "ORTE_", "PMIX_", "PRTE_")
 RULE = "-{60,}\n"
+OWN_ERROR = r"\[[\w.-]+:\d+\] PMIX ERROR: .*\n"  # [host:process], as ranks end before mpirun
 
 
 def without_launcher(said: str) -> str:
-    """What a program said to stderr, without the remarks of Open MPI 5 between its rules."""
-    return re.sub(f"{RULE}.*?{RULE}", "", said, flags=re.DOTALL).strip("\0")
+    """What a program said to stderr, without the remarks of Open MPI 5."""
+    between_rules = re.sub(f"{RULE}.*?{RULE}", "", said, flags=re.DOTALL).strip("\0")
+    return re.sub(OWN_ERROR, "", between_rules)
