@@ -1,20 +1,25 @@
-"""The higher terms of the load series of a small body in NumPy, for one load at a time."""
+"""The response of a small body beyond the linear one in NumPy, for one load at a time."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from torch import Tensor
 
+from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_response import SeriesResponse
-from surrogate.mechanics.series.series_stress import SeriesStress, beyond_first
+from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
 Single = NDArray[np.float32]
+Array = NDArray[np.float64]
 
 
 class SeriesInNumPy:
-    """u₂ + u₃ + … of u₁, and their gradient on the grid, by dense matrices.
+    """What `SeriesResponse` adds to u₁, and its gradient on the grid, by a few matrices.
 
     Parameters
     ----------
@@ -25,10 +30,12 @@ class SeriesInNumPy:
 
     Attributes
     ----------
-    slopes : array, (n_dofs, n_cells · n_points · d²)
+    slopes : csr_array, (d² · n_points, n_dofs)
         Displacements of the nodes to their gradients at the quadrature points.
-    answers : array, (n_cells · n_points · d², n_dofs)
-        Stresses there to the displacements that balance them.
+    forces : csr_array, (n_dofs, d² · n_points)
+        Stresses there to their forces.
+    response : array, (n_dofs, n_dofs)
+        Forces to the displacements that balance them.
     gradients : array, (n_dofs, n_grid_points · d²)
         Displacements to their scaled gradients on the grid.
     """
@@ -36,36 +43,42 @@ class SeriesInNumPy:
     def __init__(self, response: SeriesResponse, dimension: int) -> None:
         d, size = dimension, dimension * response.nodes
         self.material, self.order = response.higher.material, response.order
+        self.volumes = response.higher.volumes.numpy()
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
-            slopes = response.higher.gradient(units)
-            self.slopes = _rows(slopes.permute(3, 0, 1, 2, 4))
-            self.shape = d, d, slopes.shape[2] * slopes.shape[4]
-            count = int(np.prod(self.shape))
-            stresses = torch.eye(count).reshape(count, d, d, slopes.shape[2], slopes.shape[4])
-            stresses = stresses.permute(1, 2, 3, 0, 4)
-            self.answers = _rows(response.balanced(stresses).transpose(1, 2))
+            slopes = response.higher.gradient(units.double())
+            self.slopes, self.shape = csr_array(_rows(slopes).T), slopes.shape[1:]
+            volumes = np.tile(self.volumes, d * d)[:, None]
+            self.forces = csr_array((self.slopes * volumes).T)
+            balancing = -response.respond(units.double())
+            self.response = _rows(balancing.transpose(1, 2))
             scale = response.gradient_rms / response.series_rms
             gradients = response.first_on_grid(units)[1][:, : d * d] * scale
             self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
 
     def __call__(self, first: Single) -> tuple[Single, Single]:
-        """Return u₂ + u₃ + … in m, (n_nodes, d), and their gradients, (n_grid_points, d²)."""
-        series = SeriesStress(self.material, self._gradient(first.ravel()))
-        beyond: Single = beyond_first(series, self.order, self._gradient, self._balanced)
+        """Return what is beyond u₁ in m, (n_nodes, d), and its gradient, (n_grid_points, d²)."""
+        flat = first.astype(np.float64).ravel()
+        slope = self._gradient(flat)
+        series = SeriesStress(self.material, slope)
+        terms, slopes = higher_terms(series, self.order, self._gradient, self._balanced)
+        c = least_energy(self.material, self.volumes, [flat, *terms], [slope, *slopes])
+        total = (c[0] - 1) * flat + sum(a * u for a, u in zip(c[1:], terms, strict=True))
+        beyond: Single = total.astype(np.float32)
         gradient: Single = (beyond @ self.gradients).reshape(-1, first.shape[1] ** 2)
         return beyond.reshape(first.shape), gradient
 
-    def _gradient(self, u: Single) -> Single:
+    def _gradient(self, u: Array) -> Array:
         """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
-        return (u @ self.slopes).reshape(self.shape)
+        slopes: Array = self.slopes @ u
+        return slopes.reshape(self.shape)
 
-    def _balanced(self, stress: Single) -> Single:
+    def _balanced(self, stress: Array) -> Array:
         """Displacements that balance stresses: (d, d, n_cells · n_points) → (n_dofs,)."""
-        u: Single = stress.ravel() @ self.answers
+        u: Array = self.response @ (self.forces @ stress.ravel())
         return u
 
 
-def _rows(values: Tensor) -> Single:
+def _rows(values: Tensor) -> NDArray[Any]:
     """Matrix of (n, …) values."""
-    return np.ascontiguousarray(values.reshape(len(values), -1).numpy(), np.float32)
+    return np.ascontiguousarray(values.reshape(len(values), -1).numpy())

@@ -37,6 +37,8 @@ class Compliance(nn.Module):
     ----------
     geometry : Geometry
     material : ShippedMaterial, or tuple of some
+    precision : torch.dtype
+        Of the dense matrix.
 
     Attributes
     ----------
@@ -61,7 +63,9 @@ class Compliance(nn.Module):
     free_nodes: Tensor
     matrix: Tensor
 
-    def __init__(self, geometry: Geometry, material: Materials) -> None:
+    def __init__(
+        self, geometry: Geometry, material: Materials, precision: torch.dtype = torch.float32
+    ) -> None:
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
         self.factor: BandCholesky | None = self.equilibrium.undeformed
@@ -73,7 +77,7 @@ class Compliance(nn.Module):
         self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
         matrix = torch.empty(0)
         if self.size <= DENSE:
-            matrix = torch.from_numpy(self.solve(np.eye(self.size))).float()
+            matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
             self.factor = None
         else:
             nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
@@ -86,7 +90,7 @@ class Compliance(nn.Module):
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
         if len(self.matrix):
-            return functional.linear(force, self.matrix)
+            return functional.linear(force.to(self.matrix.dtype), self.matrix).to(force.dtype)
         response: Tensor = _Response.apply(force, self)  # type: ignore[no-untyped-call]
         return response
 
@@ -97,9 +101,11 @@ class Compliance(nn.Module):
         found[:, self.order] = self.factor.solve(force[:, self.order].T.astype(np.float64)).T
         return found
 
-    def respond(self, force: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Respond to a few loads by sums of columns, to others by solves."""
+    def respond(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Respond to a few loads by sums of columns, to others, or in double, by solves."""
         loaded = np.flatnonzero(force.any(axis=0))
+        if force.dtype == np.float64:
+            return self.solve(force)
         if len(force) > FEW or len(loaded) > LOADED * len(force) or 4 * self.size**2 > KEPT:
             return self.solve(force).astype(np.float32)
         return force[:, loaded] @ self.columns(loaded)
@@ -107,7 +113,7 @@ class Compliance(nn.Module):
     def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
         """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""
         if len(self.matrix):
-            return self.matrix[torch.from_numpy(dofs)].cpu().numpy()
+            return self.matrix[torch.from_numpy(dofs)].float().cpu().numpy()
         if self._columns is None:
             self._columns = np.empty((self.size, self.size), dtype=np.float32)
         missing = dofs[~self._is_kept[dofs]]

@@ -34,6 +34,8 @@ class LinearResponse(nn.Module):
     material : ShippedMaterial, or tuple of some
     gradient : bool
         Also compute the gradient.
+    precision : torch.dtype
+        Of K⁻¹.
 
     Attributes
     ----------
@@ -44,11 +46,17 @@ class LinearResponse(nn.Module):
 
     gradient_rms: Tensor
 
-    def __init__(self, geometry: Geometry, material: Materials, gradient: bool = True) -> None:
+    def __init__(
+        self,
+        geometry: Geometry,
+        material: Materials,
+        gradient: bool = True,
+        precision: torch.dtype = torch.float32,
+    ) -> None:
         super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
-        self.compliance: Compliance | BlockSolve = Compliance(geometry, material)
+        self.compliance: Compliance | BlockSolve = Compliance(geometry, material, precision)
         sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
         weights = grid.source_weights.reshape(sources.shape)
         self.to_grid = WeightedSums(sources, weights)

@@ -38,10 +38,11 @@ class WeightedSums(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         """Apply the map: (…, n_in) → (…, n_out)."""
-        terms = values.index_select(-1, self.sources)
-        terms = terms.reshape(*values.shape[:-1], *self.weights.shape)
-        sums: Tensor = (terms * self.weights).sum(dim=-2)
-        return sums
+        count, leading = self.weights.shape, values.shape[:-1]
+        rows = values.reshape(-1, values.shape[-1]).T.contiguous()  # whole rows are fast to select
+        terms = rows.index_select(0, self.sources).reshape(*count, -1)
+        sums = (terms * self.weights[:, :, None]).sum(dim=0)
+        return sums.T.reshape(*leading, count[1])
 
 
 def transposed(

@@ -1,13 +1,14 @@
 r"""The response of the body to forces on the grid, to some order in the load.
 
 .. math::
-    U = A \sum_{k=1}^n u_k, \qquad u_1 = K^{-1} f, \qquad
+    U = A \sum_{k=1}^n c_k u_k, \qquad u_1 = K^{-1} f, \qquad
     u_k = -K^{-1} \sum_q w_q \, \hat P_{k,q} G_a, \qquad k = 2, …, n
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
-(`surrogate.mechanics.series.series_stress`) and the gradients G of the shape functions. The series
-is that of `surrogate.mechanics.series.load_series`, in the precision of the network and on any
-device.
+(`surrogate.mechanics.series.series_stress`) and the gradients G of the shape functions. The terms
+are those of `surrogate.mechanics.series.load_series`, in double precision, which the higher ones
+need, on any device; the coefficients c, near 1 under moderate loads, are those of the least potential energy
+(`surrogate.mechanics.series.least_energy`).
 """
 
 from __future__ import annotations
@@ -20,13 +21,17 @@ from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.series.series_stress import SeriesStress, beyond_first
+from surrogate.mechanics.series.least_energy import least_energy
+from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
+
+
+AT_ONCE = 2**22  # values of `least_energy` that are held at once: 32 MB
 
 
 class HigherOrders(nn.Module):
     """Gradients of displacements at the quadrature points, and forces of stresses there.
 
-    Fields are (N, d, n_nodes), displacements in m and forces in N.
+    Both are in double precision. Fields are (N, d, n_nodes), displacements in m and forces in N.
 
     Parameters
     ----------
@@ -40,6 +45,7 @@ class HigherOrders(nn.Module):
     cells: Tensor
     slopes: Tensor
     weighted: Tensor
+    volumes: Tensor
 
     def __init__(
         self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
@@ -51,27 +57,31 @@ class HigherOrders(nn.Module):
         count, points, corners, d = gradients.shape
         slopes = gradients.permute(0, 2, 1, 3).reshape(count, corners, points * d)
         weighted = (gradients * volumes[:, :, None, None]).permute(0, 1, 3, 2)
-        self.register_buffer("slopes", slopes.float(), persistent=False)
+        self.register_buffer("slopes", slopes, persistent=False)
         self.register_buffer(
-            "weighted", weighted.reshape(count, points * d, corners).float(), persistent=False
+            "weighted", weighted.reshape(count, points * d, corners), persistent=False
         )
+        self.register_buffer("volumes", volumes.flatten(), persistent=False)
 
     def gradient(self, u: Tensor) -> Tensor:
-        """∂u_i/∂x_j at the quadrature points: (d, d, n_cells, N, n_points)."""
+        """∂u_i/∂x_j at the quadrature points: (N, d, n_nodes) → (N, d, d, n_points)."""
         count, corners, columns = self.slopes.shape
         samples, d, _ = u.shape
-        at_corners = u.index_select(2, self.cells.flatten()).reshape(samples, d, count, corners)
-        at_corners = at_corners.permute(2, 0, 1, 3).reshape(count, samples * d, corners)
-        h = torch.bmm(at_corners, self.slopes).reshape(count, samples, d, columns // d, d)
-        return h.permute(2, 4, 0, 1, 3)
+        rows = u.flatten(0, 1).T.contiguous()  # whole rows are fast to select
+        at_corners = rows.index_select(0, self.cells.flatten()).reshape(count, corners, -1)
+        h = torch.bmm(at_corners.transpose(1, 2), self.slopes)
+        h = h.reshape(count, samples, d, columns // d, d)
+        return h.permute(1, 2, 4, 0, 3).flatten(3)
 
     def forces(self, p: Tensor, nodes: int) -> Tensor:
-        """Forces of stresses (d, d, n_cells, N, n_points): (N, d, n_nodes)."""
-        d, _, count, samples, points = p.shape
-        flat = p.permute(2, 3, 0, 4, 1).reshape(count, samples * d, points * d)
-        at_corners = torch.bmm(flat, self.weighted).reshape(count, samples, d, self.cells.shape[1])
-        at_corners = at_corners.permute(1, 2, 0, 3).reshape(samples, d, self.cells.numel())
-        return p.new_zeros(samples, d, nodes).index_add(2, self.cells.flatten(), at_corners)
+        """Forces of stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
+        samples, d, _, _ = p.shape
+        count, columns, corners = self.weighted.shape
+        flat = p.reshape(samples, d, d, count, columns // d).permute(3, 0, 1, 4, 2)
+        at_corners = torch.bmm(flat.reshape(count, samples * d, columns), self.weighted)
+        rows = at_corners.transpose(1, 2).reshape(count * corners, samples * d)
+        sums = rows.new_zeros(nodes, samples * d).index_add(0, self.cells.flatten(), rows)
+        return sums.T.reshape(samples, d, nodes)
 
 
 class SeriesResponse(LinearResponse):
@@ -103,11 +113,12 @@ class SeriesResponse(LinearResponse):
                 "key 'network.skip' = 'series': expected a body of one Neo-Hookean material; "
                 "'model: reduced' has series of other ones"
             )
-        super().__init__(geometry, material, gradient)
+        super().__init__(geometry, material, gradient, torch.float64)
         assert isinstance(self.compliance, Compliance)
         solid = self.compliance.equilibrium.solid
         self.higher = HigherOrders(geometry, material, solid.gradients, solid.volumes)
         self.order = order
+        self._at_once = max(1, AT_ONCE // (order * geometry.dimension**2 * len(self.higher.volumes)))
         self.register_buffer("series_rms", torch.ones(()))
 
     @torch.no_grad()
@@ -119,27 +130,46 @@ class SeriesResponse(LinearResponse):
         self.series_rms.copy_(self._gradient_rms(force, channels))
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the response, and the gradients of u₁ and of u₂ + u₃ + …, d² channels each."""
+        """Return the response, and the gradients of u₁ and of what is beyond, d² channels each."""
         displacement, linear = super().on_grid(nodal)
         beyond, gradient = super().on_grid(self.beyond_first(nodal))
         gradient = gradient * (self.gradient_rms / self.series_rms)
         return displacement + beyond, torch.cat([linear, gradient], dim=1)
 
     def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what `on_grid` does, without u₂, u₃, …: linear in the load."""
+        """Return what `on_grid` does of u₁ alone: linear in the load."""
         displacement, linear = super().on_grid(nodal)
         return displacement, torch.cat([linear, torch.zeros_like(linear)], dim=1)
 
     def beyond_first(self, nodal: Tensor) -> Tensor:
-        """u₂ + u₃ + … at the nodes in m, of u₁: (N, d, n_nodes) → same."""
-        series = SeriesStress(self.higher.material, self.higher.gradient(nodal))
-        beyond: Tensor = beyond_first(series, self.order, self.higher.gradient, self.balanced)
-        return beyond
+        """Response beyond u₁ at the nodes in m, of u₁: (N, d, n_nodes) → same."""
+        if torch.compiler.is_compiling():  # of an exported file
+            return self._beyond(nodal)
+        return torch.cat([self._beyond(part) for part in nodal.split(self._at_once)])
+
+    def terms(self, nodal: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+        """u₁, u₂, … in m, (N, d, n_nodes), and their gradients, (N, d, d, n_points), of u₁."""
+        gradient = self.higher.gradient(nodal)
+        series = SeriesStress(self.higher.material, gradient)
+        terms, gradients = higher_terms(series, self.order, self.higher.gradient, self.balanced)
+        return [nodal, *terms], [gradient, *gradients]
+
+    def _beyond(self, nodal: Tensor) -> Tensor:
+        terms, gradients = self.terms(nodal.double())
+        fields = torch.stack([u.flatten(1) for u in terms], dim=2)  # (N, n_dofs, n)
+        volumes = self.higher.volumes
+        c = least_energy(self.higher.material, volumes, fields.unbind(2), gradients)
+        beyond = (fields * c[:, None]).sum(dim=2) - fields[..., 0]
+        return beyond.to(nodal).reshape(nodal.shape)
 
     def balanced(self, stress: Tensor) -> Tensor:
-        """Displacements of the nodes that balance stresses: (d, d, n_cells, N, n_points)."""
+        """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
+        return -self.respond(self.higher.forces(stress, self.nodes))
+
+    def respond(self, forces: Tensor) -> Tensor:
+        """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
         free = self.compliance.free_nodes
-        forces = self.higher.forces(stress, self.nodes).index_select(2, free)
-        u = -self.compliance(forces.flatten(1)).reshape(forces.shape)
-        nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        at_free = forces.index_select(2, free)
+        u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
+        nodal: Tensor = u.new_zeros(forces.shape).index_copy(2, free, u)
         return nodal

@@ -1,23 +1,23 @@
 r"""Series of the Neo-Hookean stress on a path of deformations, term by term.
 
 .. math::
-    F = I + \sum_k t^k H_k, \qquad F^{-1} = \sum_k t^k G_k, \qquad \ln J = \sum_k t^k \ell_k, \qquad
-    J^a = \sum_k t^k E_k^a, \qquad P = \sum_k t^k P_k
+    F = I + \sum_k t^k H_k, \qquad \mathrm{cof} F = \sum_k t^k C_k, \qquad
+    J = \sum_k t^k J_k, \qquad \frac{1}{J} = \sum_k t^k R_k, \qquad P = \sum_k t^k P_k
 
-From :math:`F F^{-1} = I`, :math:`(\ln J)' = \mathrm{tr} (F^{-1} F')` and
-:math:`(J^a)' = a \, J^a (\ln J)'` follow, beginning with :math:`G_0 = I` and :math:`E_0^a = 1`,
-
-.. math::
-    G_k = -\sum_{j=1}^k H_j G_{k-j}, \qquad
-    k \, \ell_k = \sum_{j=1}^k j \, \mathrm{tr} (G_{k-j} H_j), \qquad
-    k \, E_k^a = a \sum_{j=1}^k j \, \ell_j E_{k-j}^a,
+With :math:`F^{-T} = \mathrm{cof} F / J` the stress (`surrogate.mechanics.neo_hookean`) is
+:math:`P = μ F + s \, \mathrm{cof} F`, :math:`s = U' - μ / J`. From :math:`J' = \mathrm{cof} F : F'`
+and :math:`J \, (1/J) = 1` follow, beginning with :math:`C_0 = I` and :math:`J_0 = R_0 = 1`,
 
 .. math::
-    P_k = μ (H_k - G_k^T) + \sum_{j=1}^k p_j G_{k-j}^T, \qquad
-    p_j = \tfrac{λ}{2} E_j^2 \;\text{or}\; λ (E_j^2 - E_j^1),
+    C_k = (\mathrm{tr} H_k) I - H_k^T + \tfrac{1}{2} \sum_{j=1}^{k-1} H_j × H_{k-j}, \qquad
+    k J_k = \sum_{j=1}^k j \, C_{k-j} : H_j, \qquad R_k = -\sum_{j=1}^k J_j R_{k-j},
 
-the coefficients of J U' with the two volumetric terms (`surrogate.mechanics.neo_hookean`). The
-formulas hold for arrays of NumPy as for tensors; those have their components first, (d, d, …).
+.. math::
+    P_k = μ H_k + \sum_{j=0}^k s_{k-j} C_j, \qquad
+    s_k = \tfrac{λ}{2} J_k - (\tfrac{λ}{2} + μ) R_k \;\text{or}\; λ J_k - μ R_k
+
+with the two volumetric terms, and :math:`s_0 = -μ`. The cross products are zero in the plane
+(`surrogate.mechanics.series.cofactors`).
 """
 
 from __future__ import annotations
@@ -25,80 +25,90 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-import torch
-
 from shared_schema.material import NeoHookean
+from surrogate.mechanics.series.cofactors import (
+    add_multiple,
+    cofactors,
+    contraction,
+    cross_product,
+    linear_cofactors,
+    trace,
+)
 
 Array = Any  # of NumPy, or a Tensor
-# J U' = Σ_a w_a λ (J^a - 1): w_a of every a
-VOLUMETRIC = {"paper": {2: 0.5}, "quadratic": {2: 1.0, 1: -1.0}}
 
 
 class SeriesStress:
-    """Terms of the stress in Pa, from terms of the displacement gradient: (d, d, …).
+    """Terms of the stress in Pa, from terms of the displacement gradient: (…, d, d, n_points).
 
     Parameters
     ----------
     material : NeoHookean
-    first : array or Tensor, (d, d, …)
+    first : array or Tensor, (…, d, d, n_points)
         H₁.
     """
 
     def __init__(self, material: NeoHookean, first: Array) -> None:
-        library = torch if isinstance(first, torch.Tensor) else np
-        self.stack, self.einsum = library.stack, library.einsum
-        self.lam, self.mu = material.lame_lambda, material.lame_mu
-        self.weights = VOLUMETRIC[material.volumetric]
-        trace = _trace(first)
-        self.h, self.multiples = [first], [first]  # H_j and j H_j
-        self.g = [-first]  # G₁, G₂, …
-        self.l = [trace]  # j ℓ_j
-        self.powers = {a: [a * trace] for a in self.weights}  # E₁, E₂, …
-        self.p = [self._pressure()]
+        lam, self.mu = material.lame_lambda, material.lame_mu
+        self.growth = lam / 2 if material.volumetric == "paper" else lam  # factor of J in s
+        self.decay = lam + self.mu - self.growth  # of -1/J
+        self.h, self.c = [first], [linear_cofactors(first)]
+        self.j = [trace(first)]
+        self.r = [-self.j[0]]
+        self.s = [self._s()]
 
     def next_without(self) -> Array:
         """The next P_k without the part that is linear in H_k, as if H_k = 0."""
         k = len(self.h) + 1
-        backwards = self.stack(self.g[::-1])
-        inverse = self.einsum("mij...,mjk...->ik...", self.stack(self.h), backwards)
-        l_k = self.einsum("mij...,mji...->...", self.stack(self.multiples), backwards)
-        for a, e in self.powers.items():
-            products = self.einsum("m...,m...->...", self.stack(self.l), self.stack(e[::-1]))
-            e.append((a / k) * (products + l_k))
-        self.l.append(l_k)
-        stress = self.einsum("m...,mij...->ji...", self.stack(self.p), backwards)
-        stress = stress + self.mu * inverse.swapaxes(0, 1)
-        self.g.append(-inverse)
-        self.p.append(self._pressure())
-        for i in range(len(inverse)):
-            stress[i, i] += self.p[-1]
-        return stress
+        backwards = list(zip(self.h, self.c[::-1], strict=True))
+        total = sum(
+            (j * contraction(h, c) for j, (h, c) in enumerate(backwards[1:], start=2)),
+            start=contraction(*backwards[0]),
+        )
+        products = [j * r for j, r in zip(self.j, self.r[::-1], strict=True)]
+        self.j.append(total / k)
+        self.r.append(-sum(products, start=self.j[-1]))
+        self.s.append(self._s())
+        parts = [s * c for s, c in self._spread(self.s[-2::-1], self.c)]
+        stress = add_multiple(sum(parts[1:], start=parts[0]), self.s[-1])
+        self.c.append(self._products(k))
+        return stress if self.c[-1] is None else stress - self.mu * self.c[-1]
 
     def add(self, h: Array) -> None:
         """Set H_k, after `next_without`."""
-        trace, k = _trace(h), len(self.h) + 1
+        of_h = trace(h)
         self.h.append(h)
-        self.multiples.append(k * h)
-        self.g[-1] = self.g[-1] - h
-        self.l[-1] = self.l[-1] + k * trace
-        for a, e in self.powers.items():
-            e[-1] = e[-1] + a * trace
-        self.p[-1] = self._pressure()
+        self.c[-1] = linear_cofactors(h) if self.c[-1] is None else self.c[-1] + linear_cofactors(h)
+        self.j[-1] = self.j[-1] + of_h
+        self.r[-1] = self.r[-1] - of_h
+        self.s[-1] = self._s()
 
-    def _pressure(self) -> Array:
-        """The last p_k."""
-        parts = [self.lam * w * self.powers[a][-1] for a, w in self.weights.items()]
+    def _products(self, k: int) -> Array | None:
+        """½ Σ Hⱼ × H_{k-j}; None in the plane."""
+        if self.h[0].shape[-2] == 2:
+            return None
+        parts = [cross_product(self.h[j - 1], self.h[k - j - 1]) for j in range(1, (k + 1) // 2)]
+        if k % 2 == 0:
+            parts.append(cofactors(self.h[k // 2 - 1]))
         return sum(parts[1:], start=parts[0])
 
+    def _s(self) -> Array:
+        """The last s_k."""
+        return self.growth * self.j[-1] - self.decay * self.r[-1]
 
-def beyond_first(
+    @staticmethod
+    def _spread(scalars: list[Array], tensors: list[Array]) -> list[tuple[Array, Array]]:
+        """Pairs of scalars, as tensors of one component, and tensors."""
+        return [(s[..., None, None, :], c) for s, c in zip(scalars, tensors, strict=True)]
+
+
+def higher_terms(
     series: SeriesStress,
     order: int,
     gradient: Callable[[Array], Array],
     balanced: Callable[[Array], Array],
-) -> Array:
-    """u₂ + … + u_n in m, whose gradients follow one by one from those before.
+) -> tuple[list[Array], list[Array]]:
+    """u₂ … u_n in m, and their gradients, which follow one by one from those before.
 
     Parameters
     ----------
@@ -107,19 +117,15 @@ def beyond_first(
     order : int
         Order n, 2 at least.
     gradient : callable
-        Displacements in m to their gradients, (d, d, …).
+        Displacements in m to their gradients, (…, d, d, n_points).
     balanced : callable
-        Stresses in Pa, (d, d, …), to the displacements that balance them.
+        Stresses in Pa, (…, d, d, n_points), to the displacements that balance them.
     """
-    beyond = term = balanced(series.next_without())
-    for _ in range(2, order):
-        series.add(gradient(term))
-        term = balanced(series.next_without())
-        beyond = beyond + term
-    return beyond
-
-
-def _trace(h: Array) -> Array:
-    """Traces: (d, d, …) → (…)."""
-    diagonal = [h[i, i] for i in range(len(h))]
-    return sum(diagonal[1:], start=diagonal[0])
+    terms: list[Array] = []
+    gradients: list[Array] = []
+    for _ in range(2, order + 1):
+        if gradients:
+            series.add(gradients[-1])
+        terms.append(balanced(series.next_without()))
+        gradients.append(gradient(terms[-1]))
+    return terms, gradients

@@ -1,4 +1,4 @@
-"""The response to third order against the series in double precision, and networks around it."""
+"""Terms of the response against the series, its order, and networks around it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from shared_schema.material import NeoHookean, StVenantKirchhoff
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.prediction import load
-from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.newton import correct
@@ -45,7 +44,7 @@ def config_of(dataset: Dataset, **content: Any) -> UNetModel:
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
 @pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
-def test_closed_form_is_the_series(cell_type: str, volumetric: str) -> None:
+def test_terms_are_those_of_the_series(cell_type: str, volumetric: str) -> None:
     geometry = box(cell_type)
     material = NeoHookean.model_validate(
         {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
@@ -54,15 +53,25 @@ def test_closed_form_is_the_series(cell_type: str, volumetric: str) -> None:
     forces = np.stack([load, -2 * load, 0 * load])
     series = load_series(Equilibrium(geometry, material), forces)
     response = SeriesResponse(geometry, material)
-    expected = geometry.grid.to_grid(series.first + series.second + series.third)
-    found, gradient = response(torch.from_numpy(geometry.grid.forces_to_grid(forces)).float())
-    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-5 * np.abs(expected).max())
-    beyond = torch.from_numpy(series.second + series.third).float().transpose(1, 2)
-    linear = LinearResponse(geometry, material)
-    channels = geometry.dimension**2
-    torch.testing.assert_close(
-        gradient[:, channels:], linear.on_grid(beyond)[1], rtol=1e-3, atol=1e-5
-    )
+    first = torch.from_numpy(series.first).transpose(1, 2)
+    terms, gradients = response.terms(first)
+    for found, expected in zip(terms, (series.first, series.second, series.third), strict=True):
+        expected_too = expected.swapaxes(1, 2)
+        np.testing.assert_allclose(found, expected_too, atol=1e-4 * np.abs(expected).max())
+    f = Equilibrium(geometry, material).solid.deformation_gradient(terms[2].transpose(1, 2))
+    of_third = f.permute(3, 0, 1, 2, 4).flatten(3) - torch.eye(len(f))[..., None]
+    torch.testing.assert_close(gradients[2], of_third)
+
+
+def test_gradients_are_those_of_what_is_beyond() -> None:
+    geometry = box("quad")
+    response, linear = SeriesResponse(geometry, MATERIAL), LinearResponse(geometry, MATERIAL)
+    force = torch.from_numpy(geometry.grid.forces_to_grid(end_load(geometry, 1.0, -4.0))).float()
+    nodal = response.at_nodes(force[None])
+    beyond = response.beyond_first(nodal)
+    displacement, gradient = response(force[None])
+    torch.testing.assert_close(displacement, linear.on_grid(nodal + beyond)[0])
+    torch.testing.assert_close(gradient[:, 4:], linear.on_grid(beyond)[1])
 
 
 @pytest.mark.parametrize("order", [2, 3, 4, 6])
@@ -70,19 +79,12 @@ def test_remainder_is_of_the_next_order(order: int) -> None:
     """Equilibria at t and t / 2, by Newton's method: the remainders differ by about 2^(n+1)."""
     geometry = box("quad")
     equilibrium = Equilibrium(geometry, MATERIAL)
-    response = SeriesResponse(geometry, MATERIAL, order=order).double()
-    compliance = response.compliance
-    assert isinstance(compliance, Compliance)
-    unit = np.eye(compliance.size).reshape(-1, 2, compliance.size // 2)
-    nodal = np.zeros((len(unit), *geometry.coordinates.shape))
-    nodal[:, ~geometry.clamped] = unit.swapaxes(1, 2)
-    exact = equilibrium.linear_response(nodal)[:, ~geometry.clamped].swapaxes(1, 2)
-    compliance.matrix.copy_(torch.from_numpy(exact.reshape(len(unit), -1)))
+    response = SeriesResponse(geometry, MATERIAL, order=order)
     force = end_load(geometry, 1.5, -6.0)
+    first = torch.from_numpy(equilibrium.linear_response(force[None])).transpose(1, 2)
 
     def remainder(t: float) -> float:
-        on_grid = torch.from_numpy(geometry.grid.forces_to_grid(t * force))[None]
-        series = geometry.grid.to_nodes(response(on_grid)[0][0].numpy())
+        series = (t * first + response.beyond_first(t * first))[0].T.contiguous().numpy()
         u = correct(equilibrium, t * force, series, 1e-12).displacement
         return float(np.linalg.norm(u - series))
 

@@ -1,0 +1,67 @@
+r"""Cofactors of tensors at points, (…, d, d, n_points), in NumPy and PyTorch.
+
+.. math::
+    \mathrm{cof} (A + B) = \mathrm{cof} A + A × B + \mathrm{cof} B, \qquad
+    I × A = (\mathrm{tr} A) I - A^T
+
+with the cross product of tensors in space (J. Bonet, A. J. Gil and R. Ortigosa, *A computational
+framework for polyconvex large strain elasticity*, CMAME 283, 2015). In the plane the cofactors are
+linear, :math:`\mathrm{cof} A = (\mathrm{tr} A) I - A^T`.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import torch
+
+Array = Any  # of NumPy, or a Tensor
+TURNS = (1, 2), (2, 0), (0, 1)
+
+
+def library_of(array: Array) -> ModuleType:
+    """NumPy or PyTorch."""
+    return torch if isinstance(array, torch.Tensor) else np
+
+
+def trace(a: Array) -> Array:
+    """tr A: (…, d, d, n_points) → (…, n_points)."""
+    return sum((a[..., i, i, :] for i in range(1, a.shape[-2])), start=a[..., 0, 0, :])
+
+
+def linear_cofactors(a: Array) -> Array:
+    """(tr A) I - Aᵀ, the cofactors in the plane: (…, d, d, n_points) → same."""
+    return add_multiple(-a.swapaxes(-2, -3), trace(a))
+
+
+def add_multiple(a: Array, factor: Array) -> Array:
+    """Add x I to A, in place: (…, d, d, n_points), (…, n_points) → (…, d, d, n_points)."""
+    for i in range(a.shape[-2]):
+        a[..., i, i, :] += factor
+    return a
+
+
+def cofactors(a: Array) -> Array:
+    """Cof A in space: (…, 3, 3, n_points) → same."""
+    rows = [a[..., i, :, :] for i in range(3)]
+    return library_of(a).stack([_cross(rows[i], rows[j]) for i, j in TURNS], -3)
+
+
+def cross_product(a: Array, b: Array) -> Array:
+    """A × B in space: (…, 3, 3, n_points) twice → same."""
+    of_a, of_b = ([tensor[..., i, :, :] for i in range(3)] for tensor in (a, b))
+    rows = [_cross(of_a[i], of_b[j]) + _cross(of_b[i], of_a[j]) for i, j in TURNS]
+    return library_of(a).stack(rows, -3)
+
+
+def contraction(a: Array, b: Array) -> Array:
+    """A : B: (…, d, d, n_points) twice → (…, n_points)."""
+    return (a * b).sum((-2, -3))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products: (…, 3, n_points) twice → same."""
+    parts = [a[..., i, :] * b[..., j, :] - a[..., j, :] * b[..., i, :] for i, j in TURNS]
+    return library_of(a).stack(parts, -2)

@@ -1,0 +1,292 @@
+r"""The combination of the terms of a series that has the least potential energy.
+
+.. math::
+    u = \sum_{k=1}^n c_k u_k, \qquad Π(c) = E(u) - f · u \to \min
+
+All cₖ = 1 give the sum of the series, which converges slowly under large loads, if at all. What the
+terms span is much better than their sum: it is the reduced basis of A. K. Noor and J. M. Peters
+(*Reduced basis technique for nonlinear analysis of structures*, AIAA Journal 18, 1980).
+
+With the displacement gradients Hₖ of the terms and :math:`F = I + c_k H_k`,
+
+.. math::
+    \frac{∂J}{∂c_k} = \mathrm{cof} F : H_k, \qquad
+    \frac{∂^2 J}{∂c_k ∂c_l} = H_k : (F × H_l)
+
+in space (`surrogate.mechanics.series.cofactors`). In the plane J is a quadratic polynomial with the
+coefficients tr Hₖ and :math:`B_{kl} = \mathrm{tr} H_k \, \mathrm{tr} H_l - H_k : H_l^T`.
+
+So the energy of the Neo-Hookean solid (`surrogate.mechanics.neo_hookean`) is, with sums over the
+quadrature points,
+
+.. math::
+    Π = \sum_q w_q (U(J) - μ \ln J) + μ (m_k c_k + \tfrac{1}{2} M_{kl} c_k c_l) - a_k c_k, \qquad
+    m_k = \sum_q w_q \, \mathrm{tr} H_k, \quad M_{kl} = \sum_q w_q H_k : H_l.
+
+The works aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁.
+
+Newton's method minimises Π, from terms that fade where they do not decrease, so that Π is finite
+there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that does not raise
+Π is taken. The formulas hold for arrays of NumPy as for tensors: of one load, or of a batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from shared_schema.material import NeoHookean
+from surrogate.mechanics.series.cofactors import (
+    cofactors,
+    contraction,
+    cross_product,
+    library_of,
+    trace,
+)
+
+Array = Any  # of NumPy, or a Tensor, in double precision
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Most steps of a minimisation.
+
+    Attributes
+    ----------
+    halvings : int
+        Of the load, where the first terms turn a point inside out.
+    iterations : int
+        Of Newton's method.
+    shifts : tuple of float
+        Of the Hessian, relative to the stiffness of every term.
+    """
+
+    halvings: int
+    iterations: int
+    shifts: tuple[float, ...]
+
+
+USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
+EXPORTED = Effort(halvings=1, iterations=4, shifts=(1e-9, 1e-2, 1.0))  # a file does all of them
+SMALLEST_J = 1e-6
+ROUNDING = 1e-12  # of Π, relative
+CONVERGED = 1e-8  # last decrease of Π, relative
+TINY = 1e-60  # no division by zero
+
+
+class EnergyOfTerms:
+    """Π(c) in J, and its derivatives.
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : array, (n_points,)
+        Of the quadrature points in m³ (m² in the plane).
+    gradients : sequence of n arrays, (…, d, d, n_points)
+        Hₖ in double precision.
+
+    Attributes
+    ----------
+    stiffness : array, (…, n, n)
+        Hessian at c = 0 in J.
+    """
+
+    def __init__(self, material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> None:
+        self.lam, self.mu = material.lame_lambda, material.lame_mu
+        self.is_paper, self.volumes = material.volumetric == "paper", volumes
+        self.library = library_of(volumes)
+        h = self.library.stack(list(gradients), -4)  # (…, n, d, d, n_points)
+        traces = trace(h)
+        self.jacobian = _PlaneJacobian(h, traces) if h.shape[-2] == 2 else _SpaceJacobian(h)
+        weighted, columns = h * volumes, _flat(h).swapaxes(-1, -2)
+        self.squares = self.mu * (_flat(weighted) @ columns)
+        transposed = _flat(weighted.swapaxes(-2, -3)) @ columns
+        # of U - μ ln J at J = 1 the slope is -μ, and the curvature λ + μ
+        squared = (traces * volumes) @ traces.swapaxes(-1, -2)
+        self.stiffness = self.squares + self.lam * squared + self.mu * transposed
+        self.linear = self.mu * (traces @ volumes) - self.stiffness[..., 0, :]
+
+    def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
+        """Return c, Π, its gradient and its Hessian: (…, n), (…), (…, n), (…, n, n).
+
+        Π is +∞ where J is not positive at a point; the derivatives have no meaning there.
+        """
+        j, first, second = self.jacobian(c)
+        inside = j > SMALLEST_J
+        j = self.library.where(inside, j, SMALLEST_J)
+        inverse, logarithm = 1 / j, self.library.log(j)
+        lam, mu = self.lam, self.mu
+        if self.is_paper:  # U - μ ln J and its derivatives
+            density = lam / 4 * (j * j - 1) - (lam / 2 + mu) * logarithm
+            slope = lam / 2 * j - (lam / 2 + mu) * inverse
+            curvature = lam / 2 + (lam / 2 + mu) * (inverse * inverse)
+        else:
+            density = lam / 2 * (j - 1) ** 2 - mu * logarithm
+            slope = lam * (j - 1) - mu * inverse
+            curvature = lam + mu * (inverse * inverse)
+        slope = slope * self.volumes
+        stretched = _sum(c, self.squares)
+        energy = density @ self.volumes + _dot(c, self.linear + 0.5 * stretched)
+        gradient = self.linear + stretched + (first @ slope[..., None])[..., 0]
+        weighted = first * (curvature * self.volumes)[..., None, :]
+        hessian = self.squares + weighted @ first.swapaxes(-1, -2) + second(slope)
+        return c, self.library.where(inside.all(-1), energy, np.inf), gradient, hessian
+
+
+class _PlaneJacobian:
+    """J in the plane from c: (…, n) → (…, n_points); ∂J/∂c (…, n, n_points); Σ_q v_q ∂²J/∂c²."""
+
+    def __init__(self, h: Array, traces: Array) -> None:
+        pairs = [(i, j) for i in range(2) for j in range(2)]
+        products = [h[..., :, None, i, j, :] * h[..., None, :, j, i, :] for i, j in pairs]
+        self.traces = traces
+        squared = traces[..., :, None, :] * traces[..., None, :, :]
+        self.products = squared - sum(products[1:], start=products[0])
+
+    def __call__(self, c: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+        mean = self.traces + 0.5 * _sum(c, self.products)
+        return 1 + _sum(c, mean), 2 * mean - self.traces, self._second
+
+    def _second(self, weights: Array) -> Array:
+        return (self.products @ weights[..., None, :, None])[..., 0]
+
+
+class _SpaceJacobian:
+    """The same in space."""
+
+    def __init__(self, h: Array) -> None:
+        self.h, self.identity = h, _unit(h[..., 0])[..., None]
+
+    def __call__(self, c: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+        h, f = self.h, _sum(c, self.h) + self.identity
+        of_f = cofactors(f)
+        j = (f[..., 0, :, :] * of_f[..., 0, :, :]).sum(-2)
+
+        def second(weights: Array) -> Array:
+            change = _flat(cross_product(h, f[..., None, :, :, :]))
+            return _flat(h * weights[..., None, None, None, :]) @ change.swapaxes(-1, -2)
+
+        return j, contraction(h, of_f[..., None, :, :, :]), second
+
+
+def least_energy(
+    material: NeoHookean, volumes: Array, terms: Sequence[Array], gradients: Sequence[Array]
+) -> Array:
+    """Return the coefficients c of the least Π, in double precision: (…, n).
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : array, (n_points,)
+        In m³ (m² in the plane).
+    terms : sequence of n arrays, (…, n_dofs)
+        uₖ in m.
+    gradients : sequence of n arrays, (…, d, d, n_points)
+        Their gradients at the points.
+    """
+    potential = EnergyOfTerms(material, volumes, gradients)
+    effort = EXPORTED if torch.compiler.is_compiling() else USUAL
+    unit = _unit(potential.stiffness)
+    scale = ((potential.stiffness * unit).sum(-1) + TINY) ** -0.5  # unit stiffness of every term
+    scales = scale[..., :, None] * scale[..., None, :]
+    state = potential.at(_fading(terms))
+    powers = [0 * scale[..., k] + 0.5 ** (k + 1) for k in range(len(terms))]
+    halves = potential.library.stack(powers, -1)  # c_k of half the load
+    for _ in range(effort.halvings):
+        outside = state[1] == np.inf
+        if _is_known(~outside.any()):
+            break
+        state = _where(outside, potential.at(state[0] * halves), state)
+    for _ in range(effort.iterations):
+        c, energy, gradient, hessian = state
+        bound = energy + ROUNDING * abs(energy)
+        waits = energy == energy  # noqa: PLR0124, all
+        for shift in effort.shifts:
+            step = scale * solved(hessian * scales + shift * unit, gradient * scale)
+            trial = potential.at(c - step)
+            falls = waits & (trial[1] <= bound)
+            state = _where(falls, trial, state)
+            waits = waits & ~falls
+            if _is_known(~waits.any()):
+                break
+        if _is_known((energy - state[1] <= CONVERGED * abs(energy)).all()):
+            break
+    return state[0]
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Solve small symmetric systems: (…, n, n), (…, n) → (…, n).
+
+    Exported files have no operation that solves, so that tensors are eliminated row by row.
+    """
+    if library_of(right) is np:
+        return np.linalg.solve(matrix, right)
+    rows = []
+    while right.shape[-1] > 1:
+        pivot, row, value = matrix[..., 0, :1], matrix[..., 0, 1:], right[..., :1]
+        rows.append((pivot, row, value))
+        factor = matrix[..., 1:, 0] / pivot
+        matrix = matrix[..., 1:, 1:] - factor[..., :, None] * row[..., None, :]
+        right = right[..., 1:] - factor * value
+    found = right / matrix[..., 0]
+    for pivot, row, value in reversed(rows):
+        found = torch.cat([(value - _dot(row, found)[..., None]) / pivot, found], -1)
+    return found
+
+
+def _fading(terms: Sequence[Array]) -> Array:
+    r"""Coefficients :math:`\prod_{j=2}^k 1 / (1 + (‖u_j‖ / ‖u_{j-1}‖)^4)`: (…, n).
+
+    They are 1 - O(t⁴) under loads t f, and small after a term that is larger than that before it.
+    """
+    squares = [_dot(u, u) for u in terms]
+    factors = [0 * squares[0] + 1]
+    for square, before in zip(squares[1:], squares, strict=False):
+        ratio = square / (before + TINY)
+        factors.append(factors[-1] / (1 + ratio * ratio))
+    return library_of(squares[0]).stack(factors, -1)
+
+
+def _flat(h: Array) -> Array:
+    """(…, n, d, d, n_points) → (…, n, d² n_points)."""
+    return h.reshape(*h.shape[:-3], -1)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Products of vectors: (…, n), (…, n) → (…)."""
+    return (a * b).sum(-1)
+
+
+def _sum(c: Array, x: Array) -> Array:
+    """Σₖ cₖ xₖ: (…, n), (…, n, *shape) → (…, *shape)."""
+    axes = c.ndim - 1
+    flat = x.reshape(*x.shape[: axes + 1], -1)
+    return (c[..., None, :] @ flat).reshape(*c.shape[:axes], *x.shape[axes + 1 :])
+
+
+def _unit(matrix: Array) -> Array:
+    """The unit matrix of the size and kind of others."""
+    n = matrix.shape[-1]
+    if isinstance(matrix, torch.Tensor):
+        return torch.eye(n, dtype=matrix.dtype, device=matrix.device)
+    return np.eye(n)
+
+
+def _where(condition: Array, some: tuple[Array, ...], others: tuple[Array, ...]) -> Any:
+    """Choose states, sample by sample."""
+    if _is_known(condition.all()):
+        return some
+    where, axes = library_of(condition).where, condition.ndim
+    return tuple(
+        where(condition[(..., *(None,) * (a.ndim - axes))], a, b)
+        for a, b in zip(some, others, strict=True)
+    )
+
+
+def _is_known(condition: Array) -> bool:
+    """Whether a condition holds; exported files know no conditions and do all iterations."""
+    return not torch.compiler.is_compiling() and bool(condition)

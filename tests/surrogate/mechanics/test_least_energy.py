@@ -1,0 +1,135 @@
+"""The least potential energy over the terms of a series."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from shared_schema.material import NeoHookean
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.newton import correct
+from surrogate.mechanics.series.cofactors import cofactors, cross_product, linear_cofactors
+from surrogate.mechanics.series.least_energy import EnergyOfTerms, least_energy, solved
+from surrogate.mechanics.series.series_response import SeriesResponse
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+
+ORDER = 3
+LOAD = 1.0, -4.0, 2.0
+
+
+class Terms:
+    """Terms of two loads on a small body, with their gradients."""
+
+    def __init__(self, geometry: Geometry, material: NeoHookean = MATERIAL, t: float = 1.0) -> None:
+        self.equilibrium = Equilibrium(geometry, material)
+        load = t * end_load(geometry, *LOAD[: geometry.dimension])
+        self.forces = np.stack([load, -0.5 * load])
+        self.response = SeriesResponse(geometry, material, order=ORDER)
+        first = torch.from_numpy(self.equilibrium.linear_response(self.forces))
+        self.terms, self.gradients = self.response.terms(first.transpose(1, 2))
+        self.material, self.volumes = material, self.response.higher.volumes
+
+    def displacement(self, c: torch.Tensor) -> np.ndarray:
+        fields = torch.stack(self.terms, dim=-1)
+        return (fields * c[:, None, None]).sum(-1).transpose(1, 2).contiguous().numpy()
+
+    def least(self) -> torch.Tensor:
+        fields = [u.flatten(1) for u in self.terms]
+        c: torch.Tensor = least_energy(self.material, self.volumes, fields, self.gradients)
+        return c
+
+
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
+def test_energy_is_that_of_the_body(cell_type: str, volumetric: str) -> None:
+    """Π against the body's, its derivatives against automatic differentiation."""
+    material = NeoHookean.model_validate(
+        {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
+    )
+    terms = Terms(box(cell_type), material)
+    potential = EnergyOfTerms(material, terms.volumes, terms.gradients)
+    c = torch.tensor([[0.9, 1.1, 0.7], [1.0, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
+    _, energy, gradient, hessian = potential.at(c)
+    expected = terms.equilibrium.potential(terms.displacement(c.detach()), terms.forces)
+    np.testing.assert_allclose(energy.detach(), expected, rtol=1e-9)
+    (by_autograd,) = torch.autograd.grad(energy.sum(), c)
+    torch.testing.assert_close(gradient, by_autograd)
+    rows = [torch.autograd.grad(potential.at(c)[2][:, k].sum(), c)[0] for k in range(ORDER)]
+    torch.testing.assert_close(hessian, torch.stack(rows, dim=1))
+    torch.testing.assert_close(potential.stiffness, potential.at(0 * c)[3].detach())
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "tetra"])
+def test_coefficients_are_stationary_and_stable(cell_type: str) -> None:
+    terms = Terms(box(cell_type), t=2.0)
+    potential = EnergyOfTerms(terms.material, terms.volumes, terms.gradients)
+    _, energy, gradient, hessian = potential.at(terms.least())
+    scale = potential.stiffness.diagonal(dim1=1, dim2=2).sqrt()
+    assert float((gradient / scale).norm(dim=1).max()) < 1e-5 * float(energy.abs().max().sqrt())
+    assert float(torch.linalg.eigvalsh(hessian).min()) > 0
+    assert bool((energy < potential.at(torch.ones_like(gradient))[1]).all())
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
+def test_closer_than_the_sum(cell_type: str) -> None:
+    """Under a load that stretches the sum of three terms by a tenth of the displacement."""
+    terms = Terms(box(cell_type), t=3.0)
+    errors = []
+    for c in (torch.ones(2, ORDER, dtype=torch.float64), terms.least()):
+        u = terms.displacement(c)[0]
+        exact = correct(terms.equilibrium, terms.forces[0], 0 * u, 1e-12).displacement
+        errors.append(np.linalg.norm(u - exact) / np.linalg.norm(exact))
+    assert errors[0] > 0.02
+    assert errors[1] < errors[0] / 3
+
+
+def test_under_any_load() -> None:
+    """Loads far beyond the convergence of the series leave J positive; no load, no displacement."""
+    for t in (0.0, 1e-9, 30.0):
+        terms = Terms(box("quad"), t=t)
+        c = terms.least()
+        assert bool(torch.isfinite(c).all())
+        assert not terms.equilibrium.inverted(terms.displacement(c)).any()
+    coefficients = Terms(box("quad"), t=1e-3).least()
+    torch.testing.assert_close(coefficients[:, 0], torch.ones(2).double(), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
+def test_numpy_finds_the_same(cell_type: str) -> None:
+    terms = Terms(box(cell_type), t=2.0)
+    expected = terms.least()
+    for sample in range(2):
+        found = least_energy(
+            terms.material,
+            terms.volumes.numpy(),
+            [u[sample].flatten().numpy() for u in terms.terms],
+            [h[sample].numpy() for h in terms.gradients],
+        )
+        np.testing.assert_allclose(found, expected[sample], rtol=1e-6)
+
+
+def test_small_systems() -> None:
+    generator = torch.Generator().manual_seed(0)
+    root = torch.randn(5, 4, 4, generator=generator, dtype=torch.float64)
+    right = torch.randn(5, 4, generator=generator, dtype=torch.float64)
+    matrix = root @ root.mT + torch.eye(4)
+    torch.testing.assert_close(solved(matrix, right), torch.linalg.solve(matrix, right))
+
+
+def test_cofactors() -> None:
+    """Cof A = det A · A⁻ᵀ, in the plane and in space; the product is the mixed part."""
+    generator = torch.Generator().manual_seed(0)
+    for d in (2, 3):
+        a, b = torch.randn(2, d, d, 7, generator=generator, dtype=torch.float64)
+        inverse = torch.linalg.inv(a.movedim(-1, 0)).mT.movedim(0, -1)
+        expected = torch.linalg.det(a.movedim(-1, 0)) * inverse
+        if d == 2:
+            torch.testing.assert_close(linear_cofactors(a), expected)
+            continue
+        torch.testing.assert_close(cofactors(a), expected)
+        mixed = cofactors(a + b) - cofactors(a) - cofactors(b)
+        torch.testing.assert_close(cross_product(a, b), mixed)
+        unit = torch.eye(3, dtype=torch.float64)[..., None].expand_as(a)
+        torch.testing.assert_close(linear_cofactors(a), cross_product(unit, a))
