@@ -69,14 +69,16 @@ class OneLoad:
 
     def __call__(self, forces: Array) -> Array:
         """Predict displacements in m from forces in N, both (n_nodes, d)."""
-        linear = self._linear_part(forces.astype(np.float32))
-        fields = linear[: self.inputs].reshape(len(self.network.network.free.ravel()), -1)
+        linear, field = self._linear_part(forces.astype(np.float32)), self.network.network
+        fields = linear[: self.inputs].reshape(len(field.free.ravel()), -1)
         if self.series is not None:
             beyond, gradient = self.series(linear[self.inputs :].reshape(self.nodes, -1))
             if self.series_channels is not None:
                 fields[:, self.series_channels] = gradient
         first, *others = (member(fields) for member in self.members)
         y = sum(others, start=first)
+        if field.vanishing:
+            y = y * self._amplitude(fields)
         u = y.take(self.sources, axis=0) * self.scales
         nodal = u[0] if len(u) == 1 else u.sum(axis=0)
         if len(linear) > self.inputs:
@@ -85,6 +87,14 @@ class OneLoad:
             nodal += beyond
         displacement: Array = nodal.astype(np.float64)
         return displacement
+
+    def _amplitude(self, fields: Single) -> np.float32:
+        """Factor of `FieldNetwork.amplitude`."""
+        field = self.network.network
+        gradient = fields[:, field.channels_of("linear_gradient")].ravel()
+        square = gradient @ gradient / np.float32(gradient.size * field.node_fraction)
+        power = square ** np.float32(field.vanishing / 2)
+        return np.float32(power / (1 + power))
 
     def _linear_part(self, force: Single) -> Single:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""

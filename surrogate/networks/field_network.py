@@ -44,6 +44,8 @@ class FieldNetwork(nn.Module):
     ----------
     node_fraction : float
         Fraction of the grid points that are nodes.
+    vanishing : int
+        Power of the load with which the network's output vanishes (`amplitude`); 0 if it does not.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
@@ -84,6 +86,8 @@ class FieldNetwork(nn.Module):
         self.network = network
         self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
         self.node_fraction = float(geometry.grid.mask.mean())
+        order = getattr(linear, "order", 0)  # of a series
+        self.vanishing = order + 1 if order and "linear_gradient" in self.inputs else 0
         free = torch.from_numpy(geometry.free_mask).float()
         rms = root_mean_square(info)
         self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
@@ -159,6 +163,8 @@ class FieldNetwork(nn.Module):
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
         output: Tensor | Prediction = self.network(self.scaled(inputs))
         scale, d = self.displacement_scale * self.movable, len(self.displacement_scale)
+        if self.vanishing:
+            scale = scale * self.amplitude(inputs)
         if isinstance(output, Prediction):
             mean, std = output
             return Prediction(mean * scale, None if std is None else std * scale)
@@ -168,6 +174,21 @@ class FieldNetwork(nn.Module):
             return Prediction(mean, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
         return Prediction(mean, std * scale)
+
+    def amplitude(self, inputs: Tensor) -> Tensor:
+        r"""Factor on the network's output, which vanishes with the load as the series' remainder.
+
+        .. math:: \frac{a^{n+1}}{1 + a^{n+1}}
+
+        with the root mean square a of the gradient of u₁ over the grid, in units of that over the
+        training loads, and the order n of the series: (N, inputs, …) → (K·N, 1, …).
+        """
+        channels = self.channels_of("linear_gradient")
+        assert channels is not None
+        square = inputs[:, channels].square().flatten(1).mean(dim=1) / self.node_fraction
+        power = square ** (self.vanishing / 2)
+        factor = (power / (1 + power)).reshape(-1, *(1,) * (inputs.ndim - 1))
+        return factor.repeat(self.members, *factor.shape[1:]) if self.members > 1 else factor
 
     def scaled(self, inputs: Tensor) -> Tensor:
         """Scale the inputs of `learned` for the network; those of a linear response are already."""

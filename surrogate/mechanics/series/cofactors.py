@@ -11,6 +11,7 @@ linear, :math:`\mathrm{cof} A = (\mathrm{tr} A) I - A^T`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -45,15 +46,23 @@ def add_multiple(a: Array, factor: Array) -> Array:
 
 def cofactors(a: Array) -> Array:
     """Cof A in space: (…, 3, 3, n_points) → same."""
-    rows = [a[..., i, :, :] for i in range(3)]
-    return library_of(a).stack([_cross(rows[i], rows[j]) for i, j in TURNS], -3)
+    return _tensor(
+        a[..., i, m, :] * a[..., j, n, :] - a[..., i, n, :] * a[..., j, m, :]
+        for i, j in TURNS
+        for m, n in TURNS
+    )
 
 
 def cross_product(a: Array, b: Array) -> Array:
     """A × B in space: (…, 3, 3, n_points) twice → same."""
-    of_a, of_b = ([tensor[..., i, :, :] for i in range(3)] for tensor in (a, b))
-    rows = [_cross(of_a[i], of_b[j]) + _cross(of_b[i], of_a[j]) for i, j in TURNS]
-    return library_of(a).stack(rows, -3)
+    return _tensor(
+        a[..., i, m, :] * b[..., j, n, :]
+        - a[..., i, n, :] * b[..., j, m, :]
+        + a[..., j, n, :] * b[..., i, m, :]
+        - a[..., j, m, :] * b[..., i, n, :]
+        for i, j in TURNS
+        for m, n in TURNS
+    )
 
 
 def contraction(a: Array, b: Array) -> Array:
@@ -61,7 +70,8 @@ def contraction(a: Array, b: Array) -> Array:
     return (a * b).sum((-2, -3))
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Vector products: (…, 3, n_points) twice → same."""
-    parts = [a[..., i, :] * b[..., j, :] - a[..., j, :] * b[..., i, :] for i, j in TURNS]
-    return library_of(a).stack(parts, -2)
+def _tensor(components: Iterator[Array]) -> Array:
+    """Tensors in space from their components, row by row: (…, n_points) each."""
+    parts = list(components)
+    stacked = library_of(parts[0]).stack(parts, -2)
+    return stacked.reshape(*stacked.shape[:-2], 3, 3, stacked.shape[-1])

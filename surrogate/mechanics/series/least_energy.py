@@ -74,7 +74,7 @@ USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=1, iterations=4, shifts=(1e-9, 1e-2, 1.0))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 1e-12  # of Π, relative
-CONVERGED = 1e-8  # last decrease of Π, relative
+CONVERGED = 1e-7  # last decrease of Π, relative
 TINY = 1e-60  # no division by zero
 
 
