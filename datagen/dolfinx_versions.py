@@ -103,12 +103,12 @@ def _as_array(adjacency: Any) -> NDArray[np.int32]:
 
 # Options for the compiler of the kernels. 0.7: FFCx writes each term of a sum as a statement of its
 # own (81 for a pair of shape functions in space, 27 before); with these the compiler adds up first,
-# which takes 0.6 of the time. Unlike -ffast-math, they let NaN stay NaN. A process waits for another
-# one that compiles the same kernel for "timeout" seconds; the default, 10, is short on slow machines.
+# which takes 0.6 of the time. Unlike -ffast-math, they let NaN stay NaN. A process waits "timeout"
+# seconds for another one that compiles the same kernel; the default, 10, is short.
 COMPILER_OPTIONS: dict[str, Any] = {
     "timeout": 120,
     "cffi_extra_compile_args": ["-O3"]
-    + ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"] * (VERSION >= (0, 7))
+    + ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"] * (VERSION >= (0, 7)),
 }
 
 

@@ -13,6 +13,7 @@ import json
 import os
 import re
 import shlex
+import socket
 import sys
 from pathlib import Path
 
@@ -54,6 +55,8 @@ def make_system(base: Path) -> None:
     execute("mount", "--bind", base, base)  # programs that mount need a root that is a mount
     if Path("/etc/resolv.conf").exists():
         (base / "etc/resolv.conf").write_text(Path("/etc/resolv.conf").read_text())
+    with (base / "etc/hosts").open("a") as hosts:  # as the installer of Debian writes it
+        hosts.write(f"127.0.1.1\t{socket.gethostname()}\n")
     for point in MOUNTED:
         (base / point).mkdir(exist_ok=True)
         execute("mount", "--bind", f"/{point}", base / point)

@@ -28,7 +28,7 @@ def library_of(array: Array) -> ModuleType:
 
 
 def trace(a: Array) -> Array:
-    """tr A: (…, d, d, n_points) → (…, n_points)."""
+    """Tr A: (…, d, d, n_points) → (…, n_points)."""
     return sum((a[..., i, i, :] for i in range(1, a.shape[-2])), start=a[..., 0, 0, :])
 
 

@@ -204,7 +204,7 @@ def least_energy(
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
         bound = energy + ROUNDING * abs(energy)
-        waits = energy == energy  # noqa: PLR0124, all
+        waits = energy == energy
         for shift in effort.shifts:
             step = scale * solved(hessian * scales + shift * unit, gradient * scale)
             trial = potential.at(c - step)

@@ -7,8 +7,8 @@ r"""The response of the body to forces on the grid, to some order in the load.
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
 (`surrogate.mechanics.series.series_stress`) and the gradients G of the shape functions. The terms
 are those of `surrogate.mechanics.series.load_series`, in double precision, which the higher ones
-need, on any device; the coefficients c, near 1 under moderate loads, are those of the least potential energy
-(`surrogate.mechanics.series.least_energy`).
+need, on any device. The coefficients c, near 1 under moderate loads, are those of the least
+potential energy (`surrogate.mechanics.series.least_energy`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
-
 
 AT_ONCE = 2**22  # values of `least_energy` that are held at once: 32 MB
 
@@ -118,7 +117,8 @@ class SeriesResponse(LinearResponse):
         solid = self.compliance.equilibrium.solid
         self.higher = HigherOrders(geometry, material, solid.gradients, solid.volumes)
         self.order = order
-        self._at_once = max(1, AT_ONCE // (order * geometry.dimension**2 * len(self.higher.volumes)))
+        values = order * geometry.dimension**2 * len(self.higher.volumes)
+        self._at_once = max(1, AT_ONCE // values)
         self.register_buffer("series_rms", torch.ones(()))
 
     @torch.no_grad()
@@ -145,7 +145,7 @@ class SeriesResponse(LinearResponse):
         """Response beyond u₁ at the nodes in m, of u₁: (N, d, n_nodes) → same."""
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
-        return torch.cat([self._beyond(part) for part in nodal.split(self._at_once)])
+        return torch.cat([self._beyond(part) for part in torch.split(nodal, self._at_once)])
 
     def terms(self, nodal: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """u₁, u₂, … in m, (N, d, n_nodes), and their gradients, (N, d, d, n_points), of u₁."""
@@ -160,7 +160,8 @@ class SeriesResponse(LinearResponse):
         volumes = self.higher.volumes
         c = least_energy(self.higher.material, volumes, fields.unbind(2), gradients)
         beyond = (fields * c[:, None]).sum(dim=2) - fields[..., 0]
-        return beyond.to(nodal).reshape(nodal.shape)
+        in_precision: Tensor = beyond.to(nodal)
+        return in_precision.reshape(nodal.shape)
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
