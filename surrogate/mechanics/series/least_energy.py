@@ -34,6 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -253,7 +254,7 @@ def _fading(terms: Sequence[Array]) -> Array:
 
 def _flat(h: Array) -> Array:
     """(…, n, d, d, n_points) → (…, n, d² n_points)."""
-    return h.reshape(*h.shape[:-3], -1)
+    return h.reshape(*h.shape[:-3], prod(h.shape[-3:]))
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -263,9 +264,9 @@ def _dot(a: Array, b: Array) -> Array:
 
 def _sum(c: Array, x: Array) -> Array:
     """Σₖ cₖ xₖ: (…, n), (…, n, *shape) → (…, *shape)."""
-    axes = c.ndim - 1
-    flat = x.reshape(*x.shape[: axes + 1], -1)
-    return (c[..., None, :] @ flat).reshape(*c.shape[:axes], *x.shape[axes + 1 :])
+    shape = x.shape[c.ndim :]
+    flat = x.reshape(*x.shape[: c.ndim], prod(shape))
+    return (c[..., None, :] @ flat).reshape(*c.shape[:-1], *shape)
 
 
 def _unit(matrix: Array) -> Array:

@@ -45,7 +45,7 @@ def test_series_of_a_day() -> None:
 
 
 def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
-    """And by epochs: mechanics need fewer."""
+    """And by size and epochs: mechanics need less."""
     scale = read_scale("day", BEYOND.scales)
     for case in ("beam2d_any", "lshape2d_any", "beam3d_any"):
         forces, mechanics = (
@@ -54,7 +54,9 @@ def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
         inputs = ["force", "linear_gradient", "series_gradient"]
         assert mechanics["network"].pop("inputs") == inputs
         assert mechanics["network"].pop("skip") == "series"
-        for key in ("inputs", "skip", "series_order"):
+        assert mechanics["network"]["channels"] < forces["network"]["channels"]
+        size = ("levels", "channels", "multiplier", "padding")
+        for key in ("inputs", "skip", "series_order", *size):
             del forces["network"][key]
             mechanics["network"].pop(key, None)
         assert mechanics["training"].pop("epochs") <= forces["training"].pop("epochs")
