@@ -72,7 +72,7 @@ class Effort:
 
 
 USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
-EXPORTED = Effort(halvings=1, iterations=4, shifts=(1e-9, 1e-2, 1.0))  # a file does all of them
+EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 1e-12  # of Π, relative
 CONVERGED = 1e-7  # last decrease of Π, relative
