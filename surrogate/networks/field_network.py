@@ -45,7 +45,7 @@ class FieldNetwork(nn.Module):
     node_fraction : float
         Fraction of the grid points that are nodes.
     vanishing : int
-        Power of the load with which the network's output vanishes (`amplitude`); 0 if it does not.
+        Power of the load with which the network's mean vanishes (`amplitude`); 0 if it does not.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
@@ -163,20 +163,21 @@ class FieldNetwork(nn.Module):
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
         output: Tensor | Prediction = self.network(self.scaled(inputs))
         scale, d = self.displacement_scale * self.movable, len(self.displacement_scale)
+        std_scale = scale
         if self.vanishing:
             scale = scale * self.amplitude(inputs)
         if isinstance(output, Prediction):
             mean, std = output
-            return Prediction(mean * scale, None if std is None else std * scale)
+            return Prediction(mean * scale, None if std is None else std * std_scale)
         output = output.to(inputs.dtype)
         mean = output[:, :d] * scale
         if output.shape[1] == d:
             return Prediction(mean, None)
         std = functional.softplus(output[:, d:]) + SMALLEST_STD
-        return Prediction(mean, std * scale)
+        return Prediction(mean, std * std_scale)
 
     def amplitude(self, inputs: Tensor) -> Tensor:
-        r"""Factor on the network's output, which vanishes with the load as the series' remainder.
+        r"""Factor on the network's mean, which vanishes with the load as the series' remainder.
 
         .. math:: \frac{a^{n+1}}{1 + a^{n+1}}
 
