@@ -24,7 +24,7 @@ from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
-AT_ONCE = 2**22  # values of `least_energy` that are held at once: 32 MB
+AT_ONCE = 2**19  # values of `least_energy` that are held at once: 4 MB, in the cache
 
 
 class HigherOrders(nn.Module):
