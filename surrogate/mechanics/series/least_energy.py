@@ -75,7 +75,7 @@ USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 1e-12  # of Π, relative
-CONVERGED = 1e-7  # last decrease of Π, relative
+CONVERGED = 1e-7  # decrease of Π by the last step, relative
 TINY = 1e-60  # no division by zero
 
 
@@ -205,17 +205,17 @@ def least_energy(
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
         bound = energy + ROUNDING * abs(energy)
-        waits = energy == energy
+        waits = energy == energy  # noqa: PLR0124, all
         for shift in effort.shifts:
             step = scale * solved(hessian * scales + shift * unit, gradient * scale)
+            if _is_known((abs(_dot(step, gradient)) <= CONVERGED * abs(energy)).all()):
+                return c - step
             trial = potential.at(c - step)
             falls = waits & (trial[1] <= bound)
             state = _where(falls, trial, state)
             waits = waits & ~falls
             if _is_known(~waits.any()):
                 break
-        if _is_known((energy - state[1] <= CONVERGED * abs(energy)).all()):
-            break
     return state[0]
 
 
