@@ -163,7 +163,7 @@ class FirstConfig:
             inputs = "[force, linear_gradient, series_gradient]"
             yield Line(1, "inputs", inputs, "forces, and the series of the displacement in them")
             yield Line(1, "skip", "series", "predict the difference from the series")
-            yield Line(1, "series_order", "5", "of its last term; more: slower predictions")
+            yield Line(1, "series_order", "4", "of its last term; more: slower predictions")
         elif self.has_mechanics:
             yield Line(1, "inputs", "[force, linear_gradient]", "forces, and linear elasticity")
             yield Line(1, "skip", "linear", "predict the difference from linear elasticity")

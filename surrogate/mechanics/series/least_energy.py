@@ -205,7 +205,7 @@ def least_energy(
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
         bound = energy + ROUNDING * abs(energy)
-        waits = energy == energy  # noqa: PLR0124, all
+        waits = energy < np.inf
         for shift in effort.shifts:
             step = scale * solved(hessian * scales + shift * unit, gradient * scale)
             if _is_known((abs(_dot(step, gradient)) <= CONVERGED * abs(energy)).all()):
