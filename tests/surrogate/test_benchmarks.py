@@ -11,7 +11,12 @@ import torch
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNetConfig
-from tests.benchmarks import prediction_latency, trained_latency, training_throughput
+from tests.benchmarks import (
+    load_series,
+    prediction_latency,
+    trained_latency,
+    training_throughput,
+)
 from tests.benchmarks.publication import machine, page_path, result_path
 
 
@@ -53,6 +58,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("name", "benchmark"),
     [
+        ("load-series", load_series),
         ("training", training_throughput),
         ("prediction", prediction_latency),
         ("trained", trained_latency),
