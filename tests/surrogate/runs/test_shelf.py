@@ -124,11 +124,11 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_network_says_what_it_is(elsewhere: Path) -> None:
-    """The name of a network of the package works from any folder; 0.472 M as in its evaluation."""
+    """The name of a network of the package works from any folder; 0.12 M as in its evaluation."""
     model = surrogate.load("beam2d_any")
     assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.12 M, ē 0.00093 mm)"
     model.mean_error = None
-    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.47 M)"
+    assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.12 M)"
 
 
 def test_an_error_on_other_data_is_not_the_network_s(evaluated: Path) -> None:
