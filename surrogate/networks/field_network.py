@@ -17,6 +17,7 @@ from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
 AT_ONCE = 256  # samples that are prepared at once
+SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the variances of such errors
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 
 
@@ -127,7 +128,10 @@ class FieldNetwork(nn.Module):
             Displacements of the samples in m.
         """
         scale = displacement.square().mean(dim=0).sqrt()
-        self.displacement_scale.copy_(torch.where(scale > 0, scale, self.displacement_rms))
+        scale = torch.where(scale > 0, scale, self.displacement_rms)
+        self.displacement_scale.copy_(
+            scale.clamp(min=SMALLEST_SCALE * float(self.displacement_rms))
+        )
 
     @property
     def members(self) -> int:
