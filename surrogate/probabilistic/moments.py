@@ -18,6 +18,8 @@ from torch import Tensor
 
 from surrogate.probabilistic.likelihoods import Prediction
 
+ROUNDING = 2.0**-24  # relative, of a number in single precision
+
 
 class Moments(NamedTuple):
     """Sums over some passes, from which the moments follow without cancellation.
@@ -67,8 +69,14 @@ class Moments(NamedTuple):
 
     @property
     def std_epistemic(self) -> Tensor:
-        """Standard deviation of the passes' means in m; zero for one pass."""
-        return (self.squares / max(self.passes - 1, 1)).sqrt()
+        """Standard deviation of the passes' means in m; zero for one pass.
+
+        Passes agree no better than single precision tells them apart.
+        """
+        if self.passes == 1:
+            return torch.zeros_like(self.squares)
+        spread = (self.squares / (self.passes - 1)).sqrt()
+        return torch.maximum(spread, ROUNDING * self.mean.abs())
 
     @property
     def std_aleatoric(self) -> Tensor:
