@@ -107,10 +107,14 @@ class LinearResponse(nn.Module):
 
     def at_nodes(self, force: Tensor) -> Tensor:
         """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
+        return self.respond(self.to_nodes(force.flatten(2)))
+
+    def respond(self, forces: Tensor) -> Tensor:
+        """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
         free = self.compliance.free_nodes
-        at_free = self.to_nodes(force.flatten(2)).index_select(2, free)
+        at_free = forces.index_select(2, free)
         u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        nodal: Tensor = u.new_zeros(*u.shape[:2], self.nodes).index_copy(2, free, u)
+        nodal: Tensor = u.new_zeros(forces.shape).index_copy(2, free, u)
         return nodal
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:

@@ -166,11 +166,3 @@ class SeriesResponse(LinearResponse):
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
         return -self.respond(self.higher.forces(stress, self.nodes))
-
-    def respond(self, forces: Tensor) -> Tensor:
-        """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
-        free = self.compliance.free_nodes
-        at_free = forces.index_select(2, free)
-        u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        nodal: Tensor = u.new_zeros(forces.shape).index_copy(2, free, u)
-        return nodal
