@@ -55,8 +55,8 @@ def make_system(base: Path) -> None:
     execute("mount", "--bind", base, base)  # programs that mount need a root that is a mount
     if Path("/etc/resolv.conf").exists():
         (base / "etc/resolv.conf").write_text(Path("/etc/resolv.conf").read_text())
-    with (base / "etc/hosts").open("a") as hosts:  # as the installer of Debian writes it
-        hosts.write(f"127.0.1.1\t{socket.gethostname()}\n")
+    names = f"127.0.0.1\tlocalhost\n127.0.1.1\t{socket.gethostname()}\n"
+    (base / "etc/hosts").write_text(names)  # as the installer of Debian does
     for point in MOUNTED:
         (base / point).mkdir(exist_ok=True)
         execute("mount", "--bind", f"/{point}", base / point)

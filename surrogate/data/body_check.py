@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
 
+ROUNDING = 1e-12  # relative to the largest value of an array
 BODY_KEYS = ("mesh", "supports", "material", "element")  # of a case configuration
 
 
@@ -60,8 +62,17 @@ def require_same_body(
 
 
 def differing_array(run: Arrays, dataset: Arrays) -> str | None:
-    """Name of the dataset's first array that the run does not have with the same values."""
+    """Name of the dataset's first array that the run does not have with the same values.
+
+    Coordinates may differ by `ROUNDING`, as those of two releases of gmsh do.
+    """
     for name, array in dataset.items():
-        if name not in run or not np.array_equal(run[name], array):
+        if name not in run or not _agree(run[name], array):
             return name
     return None
+
+
+def _agree(some: NDArray[Any], others: NDArray[Any]) -> bool:
+    if some.shape != others.shape or not np.issubdtype(others.dtype, np.floating):
+        return np.array_equal(some, others)
+    return bool(np.allclose(some, others, rtol=0, atol=ROUNDING * np.abs(others).max(initial=0)))

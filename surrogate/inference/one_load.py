@@ -21,6 +21,7 @@ from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.networks.field_network import TINY
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
@@ -57,7 +58,6 @@ class OneLoad:
         self.grid_weights = grid_weights[:, None].numpy()
         self.response = response_at_nodes(network)
         self.series = series_at_nodes(network)
-        self.series_channels = field.channels_of("series_gradient")
         with torch.inference_mode():
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
             self.inputs = values - self.nodes * d if field.skip else values
@@ -72,13 +72,16 @@ class OneLoad:
         linear, field = self._linear_part(forces.astype(np.float32)), self.network.network
         fields = linear[: self.inputs].reshape(len(field.free.ravel()), -1)
         if self.series is not None:
-            beyond, gradient = self.series(linear[self.inputs :].reshape(self.nodes, -1))
-            if self.series_channels is not None:
-                fields[:, self.series_channels] = gradient
+            beyond, last = self.series(linear[self.inputs :].reshape(self.nodes, -1))
+            fields[:, field.foretold] = last
+        if field.foretold is not None:
+            last = fields[:, field.foretold]
+            amplitude = np.sqrt(np.einsum("pc,pc->p", last, last).max())
+            last /= amplitude + np.float32(TINY)
         first, *others = (member(fields) for member in self.members)
         y = sum(others, start=first)
-        if field.vanishing:
-            y = y * self._amplitude(fields)
+        if field.foretold is not None:
+            y = y * amplitude
         u = y.take(self.sources, axis=0) * self.scales
         nodal = u[0] if len(u) == 1 else u.sum(axis=0)
         if len(linear) > self.inputs:
@@ -87,14 +90,6 @@ class OneLoad:
             nodal += beyond
         displacement: Array = nodal.astype(np.float64)
         return displacement
-
-    def _amplitude(self, fields: Single) -> np.float32:
-        """Factor of `FieldNetwork.amplitude`."""
-        field = self.network.network
-        gradient = fields[:, field.channels_of("linear_gradient")].ravel()
-        square = gradient @ gradient / np.float32(gradient.size * field.node_fraction)
-        power = square ** np.float32(field.vanishing / 2)
-        return np.float32(power / (1 + power))
 
     def _linear_part(self, force: Single) -> Single:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
@@ -133,7 +128,8 @@ class OneLoad:
         Returns
         -------
         Tensor, (N, n_points · inputs) or (N, n_points · inputs + n_nodes · d)
-            Scaled inputs at the grid points, then displacements of the nodes in m.
+            Inputs at the grid points, scaled but for the gradient of a series' last term, then
+            displacements of the nodes in m.
         """
         field = self.network.network
         on_grid, linear = self.network.on_grid(force), field.linear
@@ -143,7 +139,7 @@ class OneLoad:
             assert isinstance(linear, SeriesResponse)
             displacement, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
             inputs = field.inputs_with(on_grid, gradient)
-        parts = [field.scaled(inputs)]
+        parts = [field.scaled(inputs) if field.foretold is None else inputs]
         if displacement is not None:
             parts.append(self.network.to_nodes((displacement * field.movable).flatten(2)))
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)

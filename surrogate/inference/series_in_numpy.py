@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from surrogate.mechanics.series.least_energy import least_energy
+from surrogate.mechanics.series.best_response import beyond_linear
 from surrogate.mechanics.series.series_response import SeriesResponse
-from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 
 class SeriesInNumPy:
-    """What `SeriesResponse` adds to u₁, and its gradient on the grid, by a few matrices.
+    """What `SeriesResponse` adds to u₁, by a few matrices.
 
     Parameters
     ----------
@@ -37,7 +36,7 @@ class SeriesInNumPy:
     response : array, (n_dofs, n_dofs)
         Forces to the displacements that balance them.
     gradients : array, (n_dofs, n_grid_points · d²)
-        Displacements to their scaled gradients on the grid.
+        Displacements to their gradients on the grid.
     """
 
     def __init__(self, response: SeriesResponse, dimension: int) -> None:
@@ -52,20 +51,20 @@ class SeriesInNumPy:
             self.forces = csr_array((self.slopes * volumes).T)
             balancing = -response.respond(units.double())
             self.response = _rows(balancing.transpose(1, 2))
-            scale = response.gradient_rms / response.series_rms
-            gradients = response.first_on_grid(units)[1][:, : d * d] * scale
+            gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
             self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
 
     def __call__(self, first: Single) -> tuple[Single, Single]:
-        """Return what is beyond u₁ in m, (n_nodes, d), and its gradient, (n_grid_points, d²)."""
+        """Return what is beyond u₁ in m and the gradient of the last term, of u₁.
+
+        (n_nodes, d) → same, (n_grid_points, d²)
+        """
         flat = first.astype(np.float64).ravel()
-        slope = self._gradient(flat)
-        series = SeriesStress(self.material, slope)
-        terms, slopes = higher_terms(series, self.order, self._gradient, self._balanced)
-        c = least_energy(self.material, self.volumes, [flat, *terms], [slope, *slopes])
-        total = (c[0] - 1) * flat + sum(a * u for a, u in zip(c[1:], terms, strict=True))
+        total, last = beyond_linear(
+            self.material, self.volumes, self.order, flat, self._gradient, self._balanced
+        )
         beyond: Single = total.astype(np.float32)
-        gradient: Single = (beyond @ self.gradients).reshape(-1, first.shape[1] ** 2)
+        gradient: Single = (last.astype(np.float32) @ self.gradients).reshape(-1, first.shape[1] ** 2)
         return beyond.reshape(first.shape), gradient
 
     def _gradient(self, u: Array) -> Array:

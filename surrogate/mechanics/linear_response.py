@@ -74,18 +74,13 @@ class LinearResponse(nn.Module):
     @torch.no_grad()
     def scale_gradient(self, force: Tensor) -> None:
         """Measure the gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
-        channels = force.shape[1] ** 2
-        self.gradient_rms.fill_(1.0)
-        self.gradient_rms.copy_(self._gradient_rms(force, slice(0, channels)))
-
-    def _gradient_rms(self, force: Tensor, channels: slice) -> Tensor:
-        """Root mean square of some channels of the gradients; 1 if it is 0."""
         total, count = torch.zeros((), dtype=torch.float64), 0
         for batch in torch.split(force, AT_ONCE):
-            gradient = self(batch)[1][:, channels]
+            nodal = self.at_nodes(batch)
+            gradient = self.fields_on_grid(nodal, self.slopes(nodal))[1]
             total, count = total + gradient.double().square().sum().cpu(), count + gradient.numel()
         rms = (total / count).sqrt()
-        return torch.where(rms > 0, rms, torch.ones_like(rms))
+        self.gradient_rms.copy_(torch.where(rms > 0, rms, torch.ones_like(rms)))
 
     def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
         """Respond to forces.
@@ -119,10 +114,19 @@ class LinearResponse(nn.Module):
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
-        d, gradients = nodal.shape[1], [of(nodal) / self.gradient_rms for of in self.derivatives]
-        fields = torch.cat([nodal, *gradients], dim=1)
+        return self.fields_on_grid(nodal, self.slopes(nodal) / self.gradient_rms)
+
+    def slopes(self, nodal: Tensor) -> Tensor:
+        """∂u_i / ∂x_j at the nodes, (N, d², n_nodes); no channels without `gradient`."""
+        of_axes = [of(nodal) for of in self.derivatives]
+        return torch.cat(of_axes, dim=1) if of_axes else nodal[:, :0]
+
+    def fields_on_grid(self, *nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the first field on the grid, and all others: (N, channels, n_nodes) each."""
+        fields = torch.cat(nodal, dim=1)
         grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
-        return grid[:, :d], grid[:, d:]
+        first = nodal[0].shape[1]
+        return grid[:, :first], grid[:, first:]
 
 
 def required(material: Materials | None) -> Materials:

@@ -128,11 +128,9 @@ class Model(Frozen, ABC):
         train : Samples
             Samples that the network may learn from.
         """
-        learned = network.prepared(train).displacement
-        if self.displacement_scale == "node":
-            network.scale_by_node(learned)
-        elif network.skip:
-            network.scale_globally(learned)
+        by_node = self.displacement_scale == "node"
+        if by_node or network.skip:
+            network.scale_output(network.prepared(train), by_node)
 
     @abstractmethod
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:

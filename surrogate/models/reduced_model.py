@@ -90,11 +90,9 @@ class ReducedModel(NetworkModel):
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scale, then the modes."""
-        correction = network.prepared(train).displacement
-        if self.displacement_scale == "node":
-            network.scale_by_node(correction)
-        else:
-            network.scale_globally(correction)
+        prepared = network.prepared(train)
+        network.scale_output(prepared, self.displacement_scale == "node")
+        correction = prepared.displacement
         reduced, response = network.network, network.linear
         assert isinstance(reduced, ReducedNetwork)
         assert isinstance(response, LinearResponse)

@@ -19,6 +19,8 @@ from surrogate.probabilistic.likelihoods import Prediction
 AT_ONCE = 256  # samples that are prepared at once
 SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the variances of such errors
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
+ROUNDING = 2.0**-25  # of numbers in single precision, relative
+TINY = 1e-30  # no division by zero
 
 
 class FieldNetwork(nn.Module):
@@ -36,7 +38,7 @@ class FieldNetwork(nn.Module):
         Statistics of the training split, for the scales.
     linear : nn.Module, optional
         Linear response of the body: from forces in N to displacements in m and scaled gradients.
-    inputs : sequence of {"force", "linear_gradient", "series_gradient"}
+    inputs : sequence of {"force", "linear_gradient", "last_gradient"}
         Inputs of the network, in order; gradients need `linear`, the last one a `SeriesResponse`.
     skip : bool
         Add the linear response to the mean.
@@ -45,15 +47,15 @@ class FieldNetwork(nn.Module):
     ----------
     node_fraction : float
         Fraction of the grid points that are nodes.
-    vanishing : int
-        Power of the load with which the network's mean vanishes (`amplitude`); 0 if it does not.
+    foretold : slice or None
+        Channels of the gradient that foretells the size of the output (`amplitude`), if any does.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
     displacement_rms : Tensor, ()
         Root mean square of the displacement over nodes and components, in m.
     displacement_scale : Tensor, (d, nx, ny[, nz])
-        Factor on the network's output, in m: `displacement_rms`, unless `scale_by_node` is called.
+        Factor on the network's output, in m: `displacement_rms`, unless `scale_output` is called.
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes and not clamped, else 0.
     movable : Tensor, (nx, ny[, nz]) or (d, nx, ny[, nz])
@@ -87,8 +89,7 @@ class FieldNetwork(nn.Module):
         self.network = network
         self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
         self.node_fraction = float(geometry.grid.mask.mean())
-        order = getattr(linear, "order", 0)  # of a series
-        self.vanishing = order + 1 if order and "linear_gradient" in self.inputs else 0
+        self.foretold = self.channels_of("last_gradient", geometry.dimension)
         free = torch.from_numpy(geometry.free_mask).float()
         rms = root_mean_square(info)
         self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
@@ -108,27 +109,23 @@ class FieldNetwork(nn.Module):
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
         super()._load_from_state_dict(state, prefix, *others)
 
-    def scale_globally(self, displacement: Tensor) -> None:
-        """Scale all components by their common root mean square over some samples.
+    def scale_output(self, prepared: Samples, by_node: bool) -> None:
+        """Scale components by their root mean square over samples, in units of the amplitude.
 
         Parameters
         ----------
-        displacement : Tensor, (N, d, nx, ny[, nz])
-            In m.
+        prepared : Samples
+            From `prepared`; displacements in m.
+        by_node : bool
+            Scale every component of every node by its own, not all by a common one.
         """
-        rms = displacement.flatten(2).index_select(2, self.free_points).square().mean().sqrt()
-        self.displacement_scale.copy_(torch.where(rms > 0, rms, self.displacement_rms))
-
-    def scale_by_node(self, displacement: Tensor) -> None:
-        """Scale every component of every node by its own root mean square over some samples.
-
-        Parameters
-        ----------
-        displacement : Tensor, (N, d, nx, ny[, nz])
-            Displacements of the samples in m.
-        """
-        scale = displacement.square().mean(dim=0).sqrt()
-        scale = torch.where(scale > 0, scale, self.displacement_rms)
+        squares = prepared.displacement.square().mean(dim=0)
+        if not by_node:
+            mean = squares.flatten(1).index_select(1, self.free_points).mean()
+            squares = mean.expand_as(squares)
+        if self.foretold is not None:
+            squares = squares / (self.amplitude(prepared.force).square().mean() + TINY)
+        scale = torch.where(squares > 0, squares.sqrt(), self.displacement_rms)
         self.displacement_scale.copy_(
             scale.clamp(min=SMALLEST_SCALE * float(self.displacement_rms))
         )
@@ -167,37 +164,61 @@ class FieldNetwork(nn.Module):
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
         output: Tensor | Prediction = self.network(self.scaled(inputs))
         scale, d = self.displacement_scale * self.movable, len(self.displacement_scale)
-        std_scale = scale
-        if self.vanishing:
-            scale = scale * self.amplitude(inputs)
+        if self.foretold is not None:
+            scale = scale * self.of_members(self.amplitude(inputs))
         if isinstance(output, Prediction):
             mean, std = output
-            return Prediction(mean * scale, None if std is None else std * std_scale)
+            return Prediction(mean * scale, None if std is None else std * scale)
         output = output.to(inputs.dtype)
         mean = output[:, :d] * scale
         if output.shape[1] == d:
             return Prediction(mean, None)
-        std = functional.softplus(output[:, d:]) + SMALLEST_STD
-        return Prediction(mean, std * std_scale)
+        std = (functional.softplus(output[:, d:]) + SMALLEST_STD) * scale
+        if self.foretold is not None:
+            std = std + self.of_members(self.rounding(inputs)) * self.movable
+        return Prediction(mean, std)
 
     def amplitude(self, inputs: Tensor) -> Tensor:
-        r"""Factor on the network's mean, which vanishes with the load as the series' remainder.
+        """Largest norm of the gradient of the series' last term: (N, inputs, …) → (N, 1, …).
 
-        .. math:: \frac{a^{n+1}}{1 + a^{n+1}}
+        The remainder of the series follows it closely, over many decades, so that it is the unit of
+        the network's output, which vanishes with the load.
+        """
+        gradient = inputs[:, self.foretold].flatten(2)
+        largest = gradient.square().sum(dim=1).amax(dim=1).sqrt()
+        return largest.reshape(-1, *(1,) * (inputs.ndim - 1))
 
-        with the root mean square a of the gradient of u₁ over the grid, in units of that over the
-        training loads, and the order n of the series: (N, inputs, …) → (K·N, 1, …).
+    def rounding(self, inputs: Tensor) -> Tensor:
+        """Error of displacements in single precision, in m: (N, inputs, …) → (N, 1, …).
+
+        It is relative to the linear response, in terms of its gradient.
         """
         channels = self.channels_of("linear_gradient")
         assert channels is not None
-        square = inputs[:, channels].square().flatten(1).mean(dim=1) / self.node_fraction
-        power = square ** (self.vanishing / 2)
-        factor = (power / (1 + power)).reshape(-1, *(1,) * (inputs.ndim - 1))
-        return factor.repeat(self.members, *factor.shape[1:]) if self.members > 1 else factor
+        square = inputs[:, channels].square().flatten(1).mean(dim=1)
+        return (ROUNDING * self.displacement_rms * square.sqrt()).reshape(
+            -1, *(1,) * (inputs.ndim - 1)
+        )
+
+    def unit(self, inputs: Tensor) -> Tensor | None:
+        """Amplitude, with the rounding of displacements in its unit; None if there is none."""
+        if self.foretold is None:
+            return None
+        return self.amplitude(inputs) + self.rounding(inputs) / self.displacement_scale.mean()
+
+    def of_members(self, factor: Tensor) -> Tensor:
+        """Repeat a factor for the fields of every member: (N, 1, …) → (K·N, 1, …)."""
+        return factor.repeat(self.members, *(1,) * (factor.ndim - 1))
 
     def scaled(self, inputs: Tensor) -> Tensor:
         """Scale the inputs of `learned` for the network; those of a linear response are already."""
-        return inputs / self.force_scale if self.linear is None else inputs
+        if self.linear is None:
+            return inputs / self.force_scale
+        if self.foretold is None:
+            return inputs
+        start, stop = self.foretold.start, self.foretold.stop
+        direction = inputs[:, start:stop] / (self.amplitude(inputs) + TINY)
+        return torch.cat([inputs[:, :start], direction, inputs[:, stop:]], dim=1)
 
     def inputs_of(
         self, force: Tensor, response: Tensor | None = None
@@ -215,14 +236,14 @@ class FieldNetwork(nn.Module):
         """Inputs of `learned`, with the gradients of the response."""
         channels = force.shape[1] ** 2
         fields = {"force": force / self.force_scale, "linear_gradient": gradient[:, :channels]}
-        fields["series_gradient"] = gradient[:, channels:]
+        fields["last_gradient"] = gradient[:, channels:]
         return torch.cat([fields[name] for name in self.inputs], dim=1)
 
-    def channels_of(self, name: str) -> slice | None:
+    def channels_of(self, name: str, dimension: int | None = None) -> slice | None:
         """Channels of one of the inputs; None if the network does not have it."""
         if name not in self.inputs:
             return None
-        d = len(self.displacement_scale)
+        d = dimension or len(self.displacement_scale)
         sizes = [d if other == "force" else d**2 for other in self.inputs]
         start = sum(sizes[: self.inputs.index(name)])
         return slice(start, start + sizes[self.inputs.index(name)])

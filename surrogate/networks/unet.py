@@ -25,7 +25,7 @@ BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
 Transform = Literal["linear", "asinh", "saturating"]
-Input = Literal["force", "linear_gradient", "series_gradient"]
+Input = Literal["force", "linear_gradient", "last_gradient"]
 
 
 def saturating(force: Tensor) -> Tensor:
@@ -59,13 +59,14 @@ class UNetConfig(Frozen):
         Function after every convolution but the last.
     batch_norm : bool
         Normalise every convolution's output over the batch.
-    inputs : tuple of {"force", "linear_gradient", "series_gradient"}
+    inputs : tuple of {"force", "linear_gradient", "last_gradient"}
         Input channels of the first convolution: the d components of the force, as in the paper, the
         d² components of the displacement gradient of the linear response K⁻¹ f, and those of the
-        higher terms of the load series.
+        last term of the load series, over their largest value.
     skip : {"none", "linear", "series"}
         With ``linear`` the network predicts the difference from the linear response, with
-        ``series`` that from the series of the displacement in the load.
+        ``series`` that from the series of the displacement in the load, in units of the gradient
+        of its last term.
     series_order : int
         Order of the last term of that series.
     force_transforms : tuple of {"linear", "asinh", "saturating"}
@@ -94,8 +95,14 @@ class UNetConfig(Frozen):
     def _each_input_once(self) -> Self:
         if len(set(self.inputs)) < len(self.inputs):
             raise ValueError(f"inputs = {list(self.inputs)}: expected each once")
-        if "series_gradient" in self.inputs and self.skip != "series":
-            raise ValueError("inputs = series_gradient: expected with skip 'series'")
+        gradients = {"linear_gradient", "last_gradient"} & set(self.inputs)
+        if self.skip == "series" and len(gradients) < 2:
+            raise ValueError(
+                f"inputs = {list(self.inputs)}: expected linear_gradient and last_gradient with "
+                "skip 'series'"
+            )
+        if "last_gradient" in self.inputs and self.skip != "series":
+            raise ValueError("inputs = last_gradient: expected with skip 'series'")
         if "force" not in self.inputs and self.force_transforms != ("linear",):
             raise ValueError(
                 f"force_transforms = {list(self.force_transforms)}: expected with input 'force'"
@@ -116,7 +123,7 @@ class UNetConfig(Frozen):
     @property
     def needs_gradient(self) -> bool:
         """True if an input is a gradient of the response of the body."""
-        return "linear_gradient" in self.inputs or "series_gradient" in self.inputs
+        return "linear_gradient" in self.inputs
 
     @property
     def needs_linear_response(self) -> bool:
@@ -127,7 +134,7 @@ class UNetConfig(Frozen):
         """Return the number of input channels in d dimensions."""
         of_gradient = dimension**2
         channels = {"force": dimension, "linear_gradient": of_gradient}
-        channels["series_gradient"] = of_gradient
+        channels["last_gradient"] = of_gradient
         return sum(channels[name] for name in self.inputs)
 
     def level_channels(self) -> list[int]:

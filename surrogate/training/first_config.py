@@ -160,7 +160,7 @@ class FirstConfig:
         yield Line(1, "activation", "silu", "smooth, as the solutions are")
         yield Line(1, "batch_norm", "false", "the scales of a field mean something")
         if self.has_series:
-            inputs = "[force, linear_gradient, series_gradient]"
+            inputs = "[force, linear_gradient, last_gradient]"
             yield Line(1, "inputs", inputs, "forces, and the series of the displacement in them")
             yield Line(1, "skip", "series", "predict the difference from the series")
             yield Line(1, "series_order", "4", "of its last term; more: slower predictions")

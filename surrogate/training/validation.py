@@ -20,9 +20,16 @@ def loss_per_datum(
 ) -> Tensor:
     """Return the loss per datum of a prediction, without the KL divergence of the weights.
 
-    The loss of an ensemble is the mean of its members' losses.
+    The loss of an ensemble is the mean of its members' losses. Under a load whose output has a unit
+    of its own (`FieldNetwork.unit`) errors count in that unit, so that small remainders count as
+    large ones do: the network learns from all of them what they have in common.
     """
     reference = samples.displacement
+    unit = network.unit(samples.force)
+    if unit is not None:
+        reference, (mean, std) = reference / unit, prediction
+        units = network.of_members(unit)
+        prediction = Prediction(mean / units, None if std is None else std / units)
     if network.members > 1:
         reference = reference.repeat(network.members, *[1] * (reference.ndim - 1))
     return model.data_loss(prediction, reference, network)

@@ -59,7 +59,7 @@ def errors_of(dataset: Dataset) -> Results:
         seconds, least, sums = [], [], []
         for one in torch.split(nodal, 1):
             start = time.perf_counter()
-            least.append(one + response.beyond_first(one))
+            least.append(one + response.beyond_first(one)[0])
             seconds.append(time.perf_counter() - start)
             sums.append(torch.stack(response.terms(one.double())[0]).sum(dim=0).float())
         result["orders"][str(order)] = {

@@ -67,6 +67,8 @@ def cross_product(a: Array, b: Array) -> Array:
 
 def contraction(a: Array, b: Array) -> Array:
     """A : B: (…, d, d, n_points) twice → (…, n_points)."""
+    if library_of(a) is np:
+        return np.einsum("...ijq,...ijq->...q", a, b)
     return (a * b).sum((-2, -3))
 
 

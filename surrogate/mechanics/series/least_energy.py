@@ -7,14 +7,8 @@ All cₖ = 1 give the sum of the series, which converges slowly under large load
 terms span is much better than their sum: it is the reduced basis of A. K. Noor and J. M. Peters
 (*Reduced basis technique for nonlinear analysis of structures*, AIAA Journal 18, 1980).
 
-With the displacement gradients Hₖ of the terms and :math:`F = I + c_k H_k`,
-
-.. math::
-    \frac{∂J}{∂c_k} = \mathrm{cof} F : H_k, \qquad
-    \frac{∂^2 J}{∂c_k ∂c_l} = H_k : (F × H_l)
-
-in space (`surrogate.mechanics.series.cofactors`). In the plane J is a quadratic polynomial with the
-coefficients tr Hₖ and :math:`B_{kl} = \mathrm{tr} H_k \, \mathrm{tr} H_l - H_k : H_l^T`.
+With the displacement gradients Hₖ of the terms, J is a polynomial of c
+(`surrogate.mechanics.series.jacobian`).
 
 So the energy of the Neo-Hookean solid (`surrogate.mechanics.neo_hookean`) is, with sums over the
 quadrature points,
@@ -32,7 +26,7 @@ there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -41,13 +35,8 @@ import numpy as np
 import torch
 
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.cofactors import (
-    cofactors,
-    contraction,
-    cross_product,
-    library_of,
-    trace,
-)
+from surrogate.mechanics.series.cofactors import library_of
+from surrogate.mechanics.series.jacobian import JacobianPolynomial
 
 Array = Any  # of NumPy, or a Tensor, in double precision
 
@@ -75,7 +64,7 @@ USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 1e-12  # of Π, relative
-CONVERGED = 1e-7  # decrease of Π by the last step, relative
+SMALL_STEP, SMALLEST_STEP = 1e-3, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero
 
 
@@ -101,22 +90,25 @@ class EnergyOfTerms:
         self.is_paper, self.volumes = material.volumetric == "paper", volumes
         self.library = library_of(volumes)
         h = self.library.stack(list(gradients), -4)  # (…, n, d, d, n_points)
-        traces = trace(h)
-        self.jacobian = _PlaneJacobian(h, traces) if h.shape[-2] == 2 else _SpaceJacobian(h)
-        weighted, columns = h * volumes, _flat(h).swapaxes(-1, -2)
-        self.squares = self.mu * (_flat(weighted) @ columns)
-        transposed = _flat(weighted.swapaxes(-2, -3)) @ columns
+        self.jacobian = JacobianPolynomial(h)
+        self.squares = self.mu * (_flat(h * volumes) @ _flat(h).swapaxes(-1, -2))
         # of U - μ ln J at J = 1 the slope is -μ, and the curvature λ + μ
+        traces = self.jacobian.coefficients[..., : len(gradients), :]
         squared = (traces * volumes) @ traces.swapaxes(-1, -2)
-        self.stiffness = self.squares + self.lam * squared + self.mu * transposed
-        self.linear = self.mu * (traces @ volumes) - self.stiffness[..., 0, :]
+        integrals = self.mu * (self.jacobian.coefficients @ volumes)
+        curvatures = self.jacobian.monomials(0 * traces[..., 0])[2]
+        shear = self.squares - _sum(integrals, curvatures).reshape(self.squares.shape)
+        self.stiffness = shear + (self.lam + self.mu) * squared
+        self.linear = integrals[..., : len(gradients)] - self.stiffness[..., 0, :]
 
     def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
         """Return c, Π, its gradient and its Hessian: (…, n), (…), (…, n), (…, n, n).
 
         Π is +∞ where J is not positive at a point; the derivatives have no meaning there.
         """
-        j, first, second = self.jacobian(c)
+        values, slopes, curvatures = self.jacobian.monomials(c)
+        j = 1 + _sum(values, self.jacobian.coefficients)
+        first = slopes @ self.jacobian.coefficients
         inside = j > SMALLEST_J
         j = self.library.where(inside, j, SMALLEST_J)
         inverse, logarithm = 1 / j, self.library.log(j)
@@ -132,46 +124,12 @@ class EnergyOfTerms:
         slope = slope * self.volumes
         stretched = _sum(c, self.squares)
         energy = density @ self.volumes + _dot(c, self.linear + 0.5 * stretched)
-        gradient = self.linear + stretched + (first @ slope[..., None])[..., 0]
+        integrals = (self.jacobian.coefficients @ slope[..., None])[..., 0]
+        gradient = self.linear + stretched + (slopes @ integrals[..., None])[..., 0]
         weighted = first * (curvature * self.volumes)[..., None, :]
-        hessian = self.squares + weighted @ first.swapaxes(-1, -2) + second(slope)
+        hessian = self.squares + weighted @ first.swapaxes(-1, -2)
+        hessian = hessian + _sum(integrals, curvatures).reshape(hessian.shape)
         return c, self.library.where(inside.all(-1), energy, np.inf), gradient, hessian
-
-
-class _PlaneJacobian:
-    """J in the plane from c: (…, n) → (…, n_points); ∂J/∂c (…, n, n_points); Σ_q v_q ∂²J/∂c²."""
-
-    def __init__(self, h: Array, traces: Array) -> None:
-        pairs = [(i, j) for i in range(2) for j in range(2)]
-        products = [h[..., :, None, i, j, :] * h[..., None, :, j, i, :] for i, j in pairs]
-        self.traces = traces
-        squared = traces[..., :, None, :] * traces[..., None, :, :]
-        self.products = squared - sum(products[1:], start=products[0])
-
-    def __call__(self, c: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        mean = self.traces + 0.5 * _sum(c, self.products)
-        return 1 + _sum(c, mean), 2 * mean - self.traces, self._second
-
-    def _second(self, weights: Array) -> Array:
-        return (self.products @ weights[..., None, :, None])[..., 0]
-
-
-class _SpaceJacobian:
-    """The same in space."""
-
-    def __init__(self, h: Array) -> None:
-        self.h, self.identity = h, _unit(h[..., 0])[..., None]
-
-    def __call__(self, c: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        h, f = self.h, _sum(c, self.h) + self.identity
-        of_f = cofactors(f)
-        j = (f[..., 0, :, :] * of_f[..., 0, :, :]).sum(-2)
-
-        def second(weights: Array) -> Array:
-            change = _flat(cross_product(h, f[..., None, :, :, :]))
-            return _flat(h * weights[..., None, None, None, :]) @ change.swapaxes(-1, -2)
-
-        return j, contraction(h, of_f[..., None, :, :, :]), second
 
 
 def least_energy(
@@ -207,9 +165,11 @@ def least_energy(
         bound = energy + ROUNDING * abs(energy)
         waits = energy < np.inf
         for shift in effort.shifts:
-            step = scale * solved(hessian * scales + shift * unit, gradient * scale)
-            if _is_known((abs(_dot(step, gradient)) <= CONVERGED * abs(energy)).all()):
-                return c - step
+            relative = solved(hessian * scales + shift * unit, gradient * scale)
+            step = scale * relative
+            small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + SMALLEST_STEP / scale[..., 0]
+            if _is_known((_dot(relative, relative) <= small * small).all()):
+                return c - step  # the next step would be of the order of its square
             trial = potential.at(c - step)
             falls = waits & (trial[1] <= bound)
             state = _where(falls, trial, state)
@@ -263,10 +223,8 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _sum(c: Array, x: Array) -> Array:
-    """Σₖ cₖ xₖ: (…, n), (…, n, *shape) → (…, *shape)."""
-    shape = x.shape[c.ndim :]
-    flat = x.reshape(*x.shape[: c.ndim], prod(shape))
-    return (c[..., None, :] @ flat).reshape(*c.shape[:-1], *shape)
+    """Σₖ cₖ xₖ: (…, n), (…, n, m) → (…, m)."""
+    return (c[..., None, :] @ x)[..., 0, :]
 
 
 def _unit(matrix: Array) -> Array:

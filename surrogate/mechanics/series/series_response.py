@@ -21,7 +21,7 @@ from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.series.least_energy import least_energy
+from surrogate.mechanics.series.best_response import beyond_linear
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: 4 MB, in the cache
@@ -102,8 +102,6 @@ class SeriesResponse(LinearResponse):
         If the material is another one.
     """
 
-    series_rms: Tensor
-
     def __init__(
         self, geometry: Geometry, material: Materials, gradient: bool = True, order: int = 3
     ) -> None:
@@ -119,33 +117,30 @@ class SeriesResponse(LinearResponse):
         self.order = order
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
-        self.register_buffer("series_rms", torch.ones(()))
-
-    @torch.no_grad()
-    def scale_gradient(self, force: Tensor) -> None:
-        """Measure both gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
-        super().scale_gradient(force)
-        self.series_rms.fill_(1.0)
-        channels = slice(force.shape[1] ** 2, None)
-        self.series_rms.copy_(self._gradient_rms(force, channels))
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the response, and the gradients of u₁ and of what is beyond, d² channels each."""
-        displacement, linear = super().on_grid(nodal)
-        beyond, gradient = super().on_grid(self.beyond_first(nodal))
-        gradient = gradient * (self.gradient_rms / self.series_rms)
-        return displacement + beyond, torch.cat([linear, gradient], dim=1)
+        """Return the response, and the gradients of u₁ and of the last term, d² channels each.
+
+        The latter, of cₙ uₙ, has no scale.
+        """
+        beyond, last = self.beyond_first(nodal)
+        linear = self.slopes(nodal) / self.gradient_rms
+        return self.fields_on_grid(nodal + beyond, linear, self.slopes(last))
 
     def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `on_grid` does of u₁ alone: linear in the load."""
-        displacement, linear = super().on_grid(nodal)
-        return displacement, torch.cat([linear, torch.zeros_like(linear)], dim=1)
+        linear = self.slopes(nodal) / self.gradient_rms
+        return self.fields_on_grid(nodal, linear, torch.zeros_like(linear))
 
-    def beyond_first(self, nodal: Tensor) -> Tensor:
-        """Response beyond u₁ at the nodes in m, of u₁: (N, d, n_nodes) → same."""
+    def beyond_first(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
-        return torch.cat([self._beyond(part) for part in torch.split(nodal, self._at_once)])
+        alone = self._at_once == 1 and nodal.device.type == "cpu"
+        beyond = self._beyond_in_numpy if alone else self._beyond
+        parts = [beyond(part) for part in torch.split(nodal, self._at_once)]
+        totals, last = zip(*parts, strict=True)
+        return torch.cat(totals), torch.cat(last)
 
     def terms(self, nodal: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """u₁, u₂, … in m, (N, d, n_nodes), and their gradients, (N, d, d, n_points), of u₁."""
@@ -154,14 +149,31 @@ class SeriesResponse(LinearResponse):
         terms, gradients = higher_terms(series, self.order, self.higher.gradient, self.balanced)
         return [nodal, *terms], [gradient, *gradients]
 
-    def _beyond(self, nodal: Tensor) -> Tensor:
-        terms, gradients = self.terms(nodal.double())
-        fields = torch.stack([u.flatten(1) for u in terms], dim=2)  # (N, n_dofs, n)
-        volumes = self.higher.volumes
-        c = least_energy(self.higher.material, volumes, fields.unbind(2), gradients)
-        beyond = (fields * c[:, None]).sum(dim=2) - fields[..., 0]
-        in_precision: Tensor = beyond.to(nodal)
-        return in_precision.reshape(nodal.shape)
+    def _beyond(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        shape = nodal.shape
+        beyond, last = beyond_linear(
+            self.higher.material,
+            self.higher.volumes,
+            self.order,
+            nodal.double().flatten(1),
+            lambda u: self.higher.gradient(u.reshape(shape)),
+            lambda stress: self.balanced(stress).flatten(1),
+        )
+        return beyond.to(nodal).reshape(shape), last.to(nodal).reshape(shape)
+
+    def _beyond_in_numpy(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """The same of one load, whose arrays are large: NumPy takes half the time."""
+        shape = nodal.shape
+        found = beyond_linear(
+            self.higher.material,
+            self.higher.volumes.numpy(),
+            self.order,
+            nodal.double().flatten().numpy(),
+            lambda u: self.higher.gradient(torch.from_numpy(u).reshape(shape))[0].numpy(),
+            lambda stress: self.balanced(torch.from_numpy(stress)[None]).flatten().numpy(),
+        )
+        beyond, last = (torch.from_numpy(u).to(nodal).reshape(shape) for u in found)
+        return beyond, last
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""

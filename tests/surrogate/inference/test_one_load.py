@@ -19,14 +19,14 @@ from surrogate.models.model import Model
 from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe
 from tests.surrogate.data.test_embedded_dataset import averaging
+from tests.surrogate.mechanics.bodies import in_equilibrium
 
 MECHANICS = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
-SERIES = {"inputs": ["series_gradient", "force", "linear_gradient"], "skip": "series"}
+SERIES = {"inputs": ["last_gradient", "force", "linear_gradient"], "skip": "series"}
 KINDS: dict[str, dict[str, Any]] = {
     "plain": {},
     "mechanics": {"network": MECHANICS},
     "series": {"network": SERIES},
-    "series as skip only": {"network": {"inputs": ["force"], "skip": "series"}},
     "series mle": {"likelihood": "maximum_likelihood", "network": SERIES},
     "gradient only": {"network": {"inputs": ["linear_gradient"]}},
     "mle": {"likelihood": "maximum_likelihood", "network": MECHANICS},
@@ -54,7 +54,7 @@ def untrained(dataset: Dataset, grid: Grid | None = None, **content: Any) -> Sur
     small = {**SMALL[content.get("model", "unet")], **content.pop("network", {})}
     config: Model = run_config({"name": "a", "case": case, "network": small, **content})
     network = config.build(dataset.geometry, dataset.info, dataset.material)
-    config.start_from_data(network, dataset, dataset.train)
+    config.start_from_data(network, dataset, in_equilibrium(dataset).train)
     for name, parameter in network.named_parameters():
         if name.endswith("head.weight"):  # zero in a reduced network
             nn.init.normal_(parameter, std=0.1)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from shared_schema.grid import Grid
 from shared_schema.material import NeoHookean
+from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
+from surrogate.mechanics.series.series_response import SeriesResponse
 from tests.surrogate.conftest import box_cells
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
@@ -40,3 +45,13 @@ def end_load(geometry: Geometry, *force: float) -> np.ndarray:
     forces = np.zeros_like(geometry.coordinates)
     forces[-1] = force
     return forces
+
+
+def in_equilibrium(dataset: Dataset) -> Dataset:
+    """The dataset with the displacements of a series of sixth order, in memory."""
+    response = SeriesResponse(dataset.geometry, dataset.material, gradient=False, order=6)
+
+    def solved(samples: Samples) -> Samples:
+        return Samples(samples.force, response(samples.force)[0])
+
+    return replace(dataset, train_in_memory=solved(dataset.train), test=solved(dataset.test))

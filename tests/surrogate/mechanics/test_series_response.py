@@ -21,11 +21,11 @@ from surrogate.mechanics.newton import correct
 from surrogate.mechanics.series.load_series import load_series
 from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.models.unet_model import UNetModel
-from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
 
-SERIES = {"inputs": ["force", "linear_gradient", "series_gradient"], "skip": "series"}
+SERIES = {"inputs": ["force", "linear_gradient", "last_gradient"], "skip": "series"}
 KINDS: dict[str, dict[str, Any]] = {
     "deterministic": {},
     "mle": {"likelihood": "maximum_likelihood"},
@@ -63,15 +63,20 @@ def test_terms_are_those_of_the_series(cell_type: str, volumetric: str) -> None:
     torch.testing.assert_close(gradients[2], of_third)
 
 
-def test_gradients_are_those_of_what_is_beyond() -> None:
+def test_gradients_are_those_of_the_first_and_the_last_term() -> None:
     geometry = box("quad")
     response, linear = SeriesResponse(geometry, MATERIAL), LinearResponse(geometry, MATERIAL)
     force = torch.from_numpy(geometry.grid.forces_to_grid(end_load(geometry, 1.0, -4.0))).float()
     nodal = response.at_nodes(force[None])
-    beyond = response.beyond_first(nodal)
+    beyond, last = response.beyond_first(nodal)
+    third = response.terms(nodal.double())[0][2].float()
+    ratio = float((last * third).sum() / third.square().sum())
+    torch.testing.assert_close(last, ratio * third)
+    assert 0.5 < ratio < 1.5
     displacement, gradient = response(force[None])
     torch.testing.assert_close(displacement, linear.on_grid(nodal + beyond)[0])
-    torch.testing.assert_close(gradient[:, 4:], linear.on_grid(beyond)[1])
+    torch.testing.assert_close(gradient[:, :4], linear.on_grid(nodal)[1])
+    torch.testing.assert_close(gradient[:, 4:], linear.on_grid(last)[1])
 
 
 @pytest.mark.parametrize("order", [2, 3, 4, 6])
@@ -84,7 +89,7 @@ def test_remainder_is_of_the_next_order(order: int) -> None:
     first = torch.from_numpy(equilibrium.linear_response(force[None])).transpose(1, 2)
 
     def remainder(t: float) -> float:
-        series = (t * first + response.beyond_first(t * first))[0].T.contiguous().numpy()
+        series = (t * first + response.beyond_first(t * first)[0])[0].T.contiguous().numpy()
         u = correct(equilibrium, t * force, series, 1e-12).displacement
         return float(np.linalg.norm(u - series))
 
@@ -94,12 +99,14 @@ def test_remainder_is_of_the_next_order(order: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> None:
-    assert_resumes(config_of(dataset, **KINDS[kind]), dataset, tmp_path, stop_after=2)
+    config = config_of(dataset, **KINDS[kind])
+    assert_resumes(config, in_equilibrium(dataset), tmp_path, stop_after=2)
 
 
 @pytest.mark.parametrize("kind", ["deterministic", "mle"])
 def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
-    run = trained(config_of(dataset, **KINDS[kind]), dataset, tmp_path / "run")
+    config = config_of(dataset, **KINDS[kind])
+    run = trained(config, in_equilibrium(dataset), tmp_path / "run")
     model = load(run.folder)
     force = np.random.default_rng(0).normal(size=(3, *dataset.geometry.coordinates.shape))
     force[:, dataset.geometry.clamped] = 0
@@ -124,9 +131,13 @@ def test_a_network_of_zeros_is_the_series(dataset: Dataset) -> None:
         torch.testing.assert_close(network(dataset.test.force).mean, expected)
     inputs, _ = network.inputs_of(dataset.train.force)
     assert inputs.shape[1] == 2 + 4 + 4
-    for channels in (slice(2, 6), slice(6, 10)):  # scaled
-        assert float(inputs[:, channels].square().mean()) == pytest.approx(1, rel=1e-4)
-    assert network.channels_of("series_gradient") == slice(6, 10)
+    assert float(inputs[:, 2:6].square().mean()) == pytest.approx(1, rel=1e-4)
+    assert network.foretold == slice(6, 10)
+    direction = network.scaled(inputs)[:, 6:]
+    largest = direction.square().sum(dim=1).flatten(1).amax(dim=1)
+    torch.testing.assert_close(largest, torch.ones(len(inputs)))
+    amplitude = network.amplitude(inputs)
+    torch.testing.assert_close(direction * amplitude, inputs[:, 6:])
     assert gradient.shape[1] == 8
 
 
@@ -137,7 +148,8 @@ def test_large_bodies_and_their_exported_files(
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
     config = config_of(dataset_3d)
     network = config.network.model_copy(update={"series_order": 2})
-    run = trained(config.model_copy(update={"network": network}), dataset_3d, tmp_path / "run")
+    config = config.model_copy(update={"network": network})
+    run = trained(config, in_equilibrium(dataset_3d), tmp_path / "run")
     model = load(run.folder)
     force = 0.2 * np.random.default_rng(0).normal(size=(2, *dataset_3d.geometry.coordinates.shape))
     force[:, dataset_3d.geometry.clamped] = 0
@@ -151,7 +163,8 @@ def test_large_bodies_and_their_exported_files(
 @pytest.mark.parametrize(
     ("network", "part"),
     [
-        ({"inputs": ["series_gradient"]}, "series_gradient: expected with skip 'series'"),
+        ({"inputs": ["last_gradient"]}, "last_gradient: expected with skip 'series'"),
+        ({"skip": "series"}, "expected linear_gradient and last_gradient with skip 'series'"),
         ({"skip": "cubic"}, "key 'network.skip' = 'cubic'"),
     ],
 )

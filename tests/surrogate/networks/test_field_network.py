@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from shared_schema.manifest import ComponentStatistics, StructuredInfo
 from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.networks.field_network import SMALLEST_STD, FieldNetwork
 from tests.surrogate.l_shape import L_SHAPE
 
@@ -64,7 +65,7 @@ def test_scale_by_node_by_hand() -> None:
     network = FieldNetwork(Constant(), L_SHAPE, INFO)
     displacement = torch.zeros(2, 2, 3, 3)
     displacement[:, 1, 2, 0] = torch.tensor([3.0, -4.0])
-    network.scale_by_node(displacement)
+    network.scale_output(Samples(displacement, displacement), by_node=True)
     expected = torch.full((2, 3, 3), math.sqrt(0.39))
     expected[1, 2, 0] = math.sqrt(12.5)
     torch.testing.assert_close(network.displacement_scale, expected)
@@ -116,7 +117,7 @@ def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
     network = FieldNetwork(MeansAndSpreads(0.0), L_SHAPE, INFO)
     displacement = torch.zeros(1, 2, 3, 3)
     displacement[0, 0, 1, 0], displacement[0, 1, 2, 1] = 3.0, 5.0
-    network.scale_by_node(displacement)
+    network.scale_output(Samples(displacement, displacement), by_node=True)
     std = network(torch.zeros(1, 2, 3, 3)).std[0]
     assert std[0, 1, 0].item() == pytest.approx(3 * math.log(2), rel=1e-5)
     assert std[1, 2, 1].item() == pytest.approx(5 * math.log(2), rel=1e-5)

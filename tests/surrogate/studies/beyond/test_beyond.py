@@ -51,7 +51,7 @@ def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
         forces, mechanics = (
             scale.unet_of(f"{case}-{kind}").plain() for kind in ("forces", "mechanics")
         )
-        inputs = ["force", "linear_gradient", "series_gradient"]
+        inputs = ["force", "linear_gradient", "last_gradient"]
         assert mechanics["network"].pop("inputs") == inputs
         assert mechanics["network"].pop("skip") == "series"
         assert mechanics["network"]["channels"] < forces["network"]["channels"]

@@ -1,0 +1,119 @@
+r"""The determinant of the deformation gradient as a polynomial.
+
+.. math::
+    J(c) = \det (I + \sum_k c_k H_k) = 1 + \sum_m J_m p_m(c)
+
+with the monomials pₘ of all degrees up to d. With H₀ = I and c₀ = 1 they are the products
+:math:`c_k c_l` in the plane, and :math:`c_k c_l c_m` in space, k ≤ l ≤ m, without the first, whose
+coefficients follow from one another:
+
+.. math::
+    J_{kl} = \tfrac{1}{r} \, \mathrm{cof} H_k : H_l, \qquad
+    J_{klm} = \tfrac{1}{r} C_{kl} : H_m, \qquad
+    C_{kk} = \mathrm{cof} H_k, \quad C_{kl} = H_k × H_l \; (k < l),
+
+where the last index occurs r times (`surrogate.mechanics.series.cofactors`). So J and its
+derivatives are products with one matrix, whatever c is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import combinations_with_replacement, permutations
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from surrogate.mechanics.series.cofactors import (
+    cofactors,
+    contraction,
+    cross_product,
+    library_of,
+    linear_cofactors,
+    trace,
+)
+
+Array = Any  # of NumPy, or a Tensor, in double precision
+
+
+class JacobianPolynomial:
+    """J at points, and its derivatives with respect to c.
+
+    Parameters
+    ----------
+    h : array, (…, n, d, d, n_points)
+        Hₖ in double precision.
+
+    Attributes
+    ----------
+    coefficients : array, (…, n_monomials, n_points)
+        Jₘ.
+    """
+
+    def __init__(self, h: Array) -> None:
+        self.library, self.degree, self.order = library_of(h), h.shape[-2], h.shape[-4]
+        self.coefficients = self.library.concatenate(list(_coefficients(h)), -2)
+        forms = monomial_forms(self.order, self.degree)
+        self.forms = torch.from_numpy(forms).to(h) if isinstance(h, torch.Tensor) else forms
+
+    def monomials(self, c: Array) -> tuple[Array, Array, Array]:
+        """Return pₘ, and the first and second derivatives.
+
+        Parameters
+        ----------
+        c : array, (…, n)
+
+        Returns
+        -------
+        values : array, (…, n_monomials)
+        slopes : array, (…, n, n_monomials)
+        curvatures : array, (…, n_monomials, n²), or (n_monomials, n²) in the plane
+        """
+        d, size = self.degree, self.order + 1
+        one_and_c = self.library.concatenate((0 * c[..., :1] + 1, c), -1)
+        column = one_and_c[..., None, :, None]
+        forms = self.forms
+        if d == 3:
+            forms = forms.reshape(-1, size * size, size) @ column
+            forms = forms.reshape(*c.shape[:-1], -1, size, size)
+        slopes = (forms @ column)[..., 0]
+        values = (slopes * one_and_c[..., None, :]).sum(-1)
+        curvatures = d * (d - 1) * forms[..., 1:, 1:].reshape(*forms.shape[:-2], self.order**2)
+        return values, d * slopes[..., 1:].swapaxes(-1, -2), curvatures
+
+
+@cache
+def monomial_forms(order: int, degree: int) -> NDArray[np.float64]:
+    """Monomials as symmetric forms of 1, c₁, …, cₙ: (n_monomials, n + 1, …, n + 1)."""
+    monomials = list(combinations_with_replacement(range(order + 1), degree))[1:]
+    forms = np.zeros((len(monomials), *(order + 1,) * degree))
+    for form, indices in zip(forms, monomials, strict=True):
+        places = set(permutations(indices))
+        for place in places:
+            form[place] = 1 / len(places)
+    return forms
+
+
+def _coefficients(h: Array) -> Iterator[Array]:
+    """Coefficients of monomials that differ in the last index: (…, n_monomials, n_points) each."""
+    first = range(h.shape[-4])
+    of = [h[..., k, :, :, :] for k in first]
+    yield trace(h)
+    for k in first:
+        yield _with_later(linear_cofactors(of[k]), h, k, 2)
+    if h.shape[-2] == 2:
+        return
+    for k in first:
+        yield _with_later(cofactors(of[k]), h, k, 3)
+        for m in first[k + 1 :]:
+            yield _with_later(cross_product(of[k], of[m]), h, m, 2)
+
+
+def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:
+    """Contractions with H of `start`, which then occurs so often, and with those after it."""
+    values = contraction(product[..., None, :, :, :], h[..., start:, :, :, :])
+    values[..., 0, :] /= occurrences
+    return values
