@@ -64,7 +64,9 @@ class SeriesInNumPy:
             self.material, self.volumes, self.order, flat, self._gradient, self._balanced
         )
         beyond: Single = total.astype(np.float32)
-        gradient: Single = (last.astype(np.float32) @ self.gradients).reshape(-1, first.shape[1] ** 2)
+        gradient: Single = (last.astype(np.float32) @ self.gradients).reshape(
+            -1, first.shape[1] ** 2
+        )
         return beyond.reshape(first.shape), gradient
 
     def _gradient(self, u: Array) -> Array:
