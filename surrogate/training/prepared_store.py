@@ -7,11 +7,14 @@ from collections.abc import Iterable, Iterator
 import torch
 from torch import Tensor
 
+from shared_schema.common.command_line import Progress
 from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import Location, SampleStore, store_samples
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.networks.field_network import FieldNetwork
+
+AT_ONCE = 64  # samples whose series are computed between two lines of progress
 
 
 class PreparedInBatches:
@@ -40,7 +43,23 @@ def prepared_store(
     """Put samples into the memory of a location, prepared once unless they are on disk."""
     if isinstance(samples, SamplesOnDisk):
         return PreparedInBatches(store_samples(samples, location, device), network)
-    return store_samples(network.prepared(samples), location, device)
+    return store_samples(_prepared(samples, network), location, device)
+
+
+def _prepared(samples: Samples, network: FieldNetwork) -> Samples:
+    """Prepare samples; with progress, if each takes time for a load series."""
+    if network.foretold is None or len(samples) == 0:
+        return network.prepared(samples)
+    progress = Progress(len(samples), 0, "loads", "surrogate train: load series")
+    parts = []
+    for start in range(0, len(samples), AT_ONCE):
+        parts.append(network.prepared(samples[start : start + AT_ONCE]))
+        progress.update(min(start + AT_ONCE, len(samples)))
+    progress.close("done")
+    return Samples(
+        torch.cat([part.force for part in parts]),
+        torch.cat([part.displacement for part in parts]),
+    )
 
 
 def prepared_paths(paths: SamplePaths, network: FieldNetwork) -> SamplePaths:
