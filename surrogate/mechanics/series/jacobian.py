@@ -115,9 +115,8 @@ def _plane_coefficients(h: Array) -> Iterator[Array]:
     n = h.shape[-4]
     both = contraction(linear_cofactors(h)[..., :, None, :, :, :], h[..., None, :, :, :, :])
     for k in range(n):
-        both[..., k, k, :] /= 2
-    rows = [k * n + later for k in range(n) for later in range(k, n)]
-    yield both.reshape(*both.shape[:-3], n * n, both.shape[-1])[..., rows, :]
+        yield both[..., k, k : k + 1, :] / 2
+        yield both[..., k, k + 1 :, :]
 
 
 def _space_coefficients(h: Array) -> Iterator[Array]:
@@ -136,5 +135,5 @@ def _space_coefficients(h: Array) -> Iterator[Array]:
 def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:
     """Contractions with H of `start`, which then occurs so often, and with those after it."""
     values = contraction(product[..., None, :, :, :], h[..., start:, :, :, :])
-    values[..., 0, :] /= occurrences
-    return values
+    first = values[..., :1, :] / occurrences
+    return library_of(values).concatenate((first, values[..., 1:, :]), -2)
