@@ -51,19 +51,13 @@ class JacobianPolynomial:
     ----------
     coefficients : array, (…, n_monomials, n_points)
         Jₘ.
-    curvatures : array, (n_monomials, n²)
-        Second derivatives of pₘ at c = 0.
     """
 
     def __init__(self, h: Array) -> None:
-        self.library, self.order = library_of(h), h.shape[-4]
-        self.is_plane = h.shape[-2] == 2
-        parts = _plane_coefficients(h) if self.is_plane else _space_coefficients(h)
-        self.coefficients = self.library.concatenate(list(parts), -2)
-        constants: tuple[Array, ...] = monomial_forms(self.order, h.shape[-2])
-        if isinstance(h, torch.Tensor):
-            constants = tuple(torch.from_numpy(array).to(h) for array in constants)
-        self.forms, self.curvatures = constants
+        self.library, self.degree, self.order = library_of(h), h.shape[-2], h.shape[-4]
+        self.coefficients = self.library.concatenate(list(_coefficients(h)), -2)
+        forms = monomial_forms(self.order, self.degree)
+        self.forms = torch.from_numpy(forms).to(h) if isinstance(h, torch.Tensor) else forms
 
     def monomials(self, c: Array) -> tuple[Array, Array, Array]:
         """Return pₘ, and the first and second derivatives.
@@ -78,54 +72,40 @@ class JacobianPolynomial:
         slopes : array, (…, n, n_monomials)
         curvatures : array, (…, n_monomials, n²), or (n_monomials, n²) in the plane
         """
-        size = self.order + 1
+        d, size = self.degree, self.order + 1
         one_and_c = self.library.concatenate((0 * c[..., :1] + 1, c), -1)
-        row, column = one_and_c[..., None, :], one_and_c[..., None, :, None]
-        if self.is_plane:
-            slopes = 2 * (self.forms @ column)[..., 0]
-            values = 0.5 * (slopes * row).sum(-1)
-            return values, slopes[..., 1:].swapaxes(-1, -2), self.curvatures
-        forms = self.forms.reshape(-1, size * size, size) @ column
-        forms = forms.reshape(*c.shape[:-1], -1, size, size)
-        slopes = 3 * (forms @ column)[..., 0]
-        values = (slopes * row).sum(-1) / 3
-        curvatures = 6 * forms[..., 1:, 1:].reshape(*forms.shape[:-2], self.order**2)
-        return values, slopes[..., 1:].swapaxes(-1, -2), curvatures
+        column = one_and_c[..., None, :, None]
+        forms = self.forms
+        if d == 3:
+            forms = forms.reshape(-1, size * size, size) @ column
+            forms = forms.reshape(*c.shape[:-1], -1, size, size)
+        slopes = (forms @ column)[..., 0]
+        values = (slopes * one_and_c[..., None, :]).sum(-1)
+        curvatures = d * (d - 1) * forms[..., 1:, 1:].reshape(*forms.shape[:-2], self.order**2)
+        return values, d * slopes[..., 1:].swapaxes(-1, -2), curvatures
 
 
 @cache
-def monomial_forms(order: int, degree: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Monomials as symmetric forms of 1, c₁, …, cₙ, and their second derivatives at c = 0.
-
-    (n_monomials, n + 1, …, n + 1), (n_monomials, n²)
-    """
+def monomial_forms(order: int, degree: int) -> NDArray[np.float64]:
+    """Monomials as symmetric forms of 1, c₁, …, cₙ: (n_monomials, n + 1, …, n + 1)."""
     monomials = list(combinations_with_replacement(range(order + 1), degree))[1:]
     forms = np.zeros((len(monomials), *(order + 1,) * degree))
     for form, indices in zip(forms, monomials, strict=True):
         places = set(permutations(indices))
         for place in places:
             form[place] = 1 / len(places)
-    at_zero = degree * (degree - 1) * (forms if degree == 2 else forms[..., 0])[:, 1:, 1:]
-    return forms, np.ascontiguousarray(at_zero.reshape(len(forms), -1))
+    return forms
 
 
-def _plane_coefficients(h: Array) -> Iterator[Array]:
-    """Coefficients of 1 · cₗ, and of cₖ cₗ: (…, n_monomials, n_points) each."""
-    yield trace(h)
-    n = h.shape[-4]
-    both = contraction(linear_cofactors(h)[..., :, None, :, :, :], h[..., None, :, :, :, :])
-    for k in range(n):
-        yield both[..., k, k : k + 1, :] / 2
-        yield both[..., k, k + 1 :, :]
-
-
-def _space_coefficients(h: Array) -> Iterator[Array]:
+def _coefficients(h: Array) -> Iterator[Array]:
     """Coefficients of monomials that differ in the last index: (…, n_monomials, n_points) each."""
     first = range(h.shape[-4])
     of = [h[..., k, :, :, :] for k in first]
     yield trace(h)
     for k in first:
         yield _with_later(linear_cofactors(of[k]), h, k, 2)
+    if h.shape[-2] == 2:
+        return
     for k in first:
         yield _with_later(cofactors(of[k]), h, k, 3)
         for m in first[k + 1 :]:
@@ -135,5 +115,5 @@ def _space_coefficients(h: Array) -> Iterator[Array]:
 def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:
     """Contractions with H of `start`, which then occurs so often, and with those after it."""
     values = contraction(product[..., None, :, :, :], h[..., start:, :, :, :])
-    first = values[..., :1, :] / occurrences
-    return library_of(values).concatenate((first, values[..., 1:, :]), -2)
+    values[..., 0, :] /= occurrences
+    return values

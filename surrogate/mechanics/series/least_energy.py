@@ -96,7 +96,8 @@ class EnergyOfTerms:
         traces = self.jacobian.coefficients[..., : len(gradients), :]
         squared = (traces * volumes) @ traces.swapaxes(-1, -2)
         integrals = self.mu * (self.jacobian.coefficients @ volumes)
-        of_j = _sum(integrals, self.jacobian.curvatures).reshape(self.squares.shape)
+        curvatures = self.jacobian.monomials(0 * traces[..., 0])[2]
+        of_j = _sum(integrals, curvatures).reshape(self.squares.shape)
         self.stiffness = self.squares + (self.lam + self.mu) * squared - of_j
         self.linear = integrals[..., : len(gradients)] - self.stiffness[..., 0, :]
 
