@@ -60,7 +60,8 @@ class OneLoad:
         self.series = series_at_nodes(network)
         with torch.inference_mode():
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
-            self.inputs = values - self.nodes * d if field.skip else values
+            has_response = field.skip and self.series is None
+            self.inputs = values - self.nodes * d if has_response else values
             self.matrix: Single | None = None
             nonlinear = isinstance(field.linear, SeriesResponse) and self.series is None
             if values * self.nodes * d <= LARGEST and not nonlinear:
@@ -72,8 +73,7 @@ class OneLoad:
         linear, field = self._linear_part(forces.astype(np.float32)), self.network.network
         fields = linear[: self.inputs].reshape(len(field.free.ravel()), -1)
         if self.series is not None:
-            beyond, last = self.series(linear[self.inputs :].reshape(self.nodes, -1))
-            fields[:, field.foretold] = last
+            response, fields[:, field.foretold] = self.series(forces)
         if field.foretold is not None:
             last = fields[:, field.foretold]
             amplitude = np.sqrt(np.einsum("pc,pc->p", last, last).max())
@@ -86,10 +86,8 @@ class OneLoad:
         nodal = u[0] if len(u) == 1 else u.sum(axis=0)
         if len(linear) > self.inputs:
             nodal += linear[self.inputs :].reshape(nodal.shape)
-        if self.series is not None:
-            nodal += beyond
         displacement: Array = nodal.astype(np.float64)
-        return displacement
+        return displacement if self.series is None else displacement + response
 
     def _linear_part(self, force: Single) -> Single:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
@@ -118,7 +116,7 @@ class OneLoad:
     def linear_part(self, force: Tensor) -> Tensor:
         """Return the network's inputs and, where its output is added to it, the linear response.
 
-        Where `series` adds them, the terms of higher order are left out.
+        Without what `series` finds, if it does.
 
         Parameters
         ----------
@@ -137,8 +135,8 @@ class OneLoad:
             inputs, displacement = field.inputs_of(on_grid)
         else:
             assert isinstance(linear, SeriesResponse)
-            displacement, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
-            inputs = field.inputs_with(on_grid, gradient)
+            _, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
+            inputs, displacement = field.inputs_with(on_grid, gradient), None
         parts = [field.scaled(inputs) if field.foretold is None else inputs]
         if displacement is not None:
             parts.append(self.network.to_nodes((displacement * field.movable).flatten(2)))

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class SeriesInNumPy:
-    """What `SeriesResponse` adds to u₁, by a few matrices.
+    """What `SeriesResponse` finds, by a few matrices.
 
     Parameters
     ----------
@@ -54,20 +54,20 @@ class SeriesInNumPy:
             gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
             self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
 
-    def __call__(self, first: Single) -> tuple[Single, Single]:
-        """Return what is beyond u₁ in m and the gradient of the last term, of u₁.
+    def __call__(self, force: Array) -> tuple[Array, Single]:
+        """Return the displacements in m and the gradient of the last term, of forces in N.
 
         (n_nodes, d) → same, (n_grid_points, d²)
         """
-        flat = first.astype(np.float64).ravel()
-        total, last = beyond_linear(
-            self.material, self.volumes, self.order, flat, self._gradient, self._balanced
+        flat = force.ravel()
+        loaded = flat.nonzero()[0]
+        first = -(flat[loaded] @ self.response[loaded])
+        beyond, last = beyond_linear(
+            self.material, self.volumes, self.order, first, self._gradient, self._balanced
         )
-        beyond: Single = total.astype(np.float32)
-        gradient: Single = (last.astype(np.float32) @ self.gradients).reshape(
-            -1, first.shape[1] ** 2
-        )
-        return beyond.reshape(first.shape), gradient
+        d = force.shape[1]
+        gradient: Single = last.astype(np.float32) @ self.gradients
+        return (first + beyond).reshape(force.shape), gradient.reshape(-1, d * d)
 
     def _gradient(self, u: Array) -> Array:
         """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""

@@ -76,7 +76,7 @@ class LinearResponse(nn.Module):
         """Measure the gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
         total, count = torch.zeros((), dtype=torch.float64), 0
         for batch in torch.split(force, AT_ONCE):
-            nodal = self.at_nodes(batch)
+            nodal = self.at_nodes(batch).float()
             gradient = self.fields_on_grid(nodal, self.slopes(nodal))[1]
             total, count = total + gradient.double().square().sum().cpu(), count + gradient.numel()
         rms = (total / count).sqrt()

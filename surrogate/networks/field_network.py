@@ -110,7 +110,9 @@ class FieldNetwork(nn.Module):
         super()._load_from_state_dict(state, prefix, *others)
 
     def scale_output(self, prepared: Samples, by_node: bool) -> None:
-        """Scale components by their root mean square over samples, in units of the amplitude.
+        """Scale components by their root mean square over samples.
+
+        In units of the amplitude, by their median, since a few loads leave much more than most.
 
         Parameters
         ----------
@@ -119,16 +121,18 @@ class FieldNetwork(nn.Module):
         by_node : bool
             Scale every component of every node by its own, not all by a common one.
         """
-        squares = prepared.displacement.square().mean(dim=0)
-        if not by_node:
-            mean = squares.flatten(1).index_select(1, self.free_points).mean()
-            squares = mean.expand_as(squares)
+        sizes = prepared.displacement.abs()
         if self.foretold is not None:
-            squares = squares / (self.amplitude(prepared.force).square().mean() + TINY)
-        scale = torch.where(squares > 0, squares.sqrt(), self.displacement_rms)
-        self.displacement_scale.copy_(
-            scale.clamp(min=SMALLEST_SCALE * float(self.displacement_rms))
-        )
+            sizes = sizes / (self.amplitude(prepared.force) + TINY)
+        if not by_node:
+            sizes = sizes.flatten(2).index_select(2, self.free_points).flatten()[:, None, None]
+        if self.foretold is None:
+            typical = sizes.square().mean(dim=0).sqrt()
+        else:
+            typical = sizes.median(dim=0).values
+        scale = torch.where(typical > 0, typical, self.displacement_rms)
+        smallest = SMALLEST_SCALE * float(self.displacement_rms)
+        self.displacement_scale.copy_(scale.clamp(min=smallest).expand_as(self.displacement_scale))
 
     @property
     def members(self) -> int:

@@ -64,7 +64,7 @@ USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 1e-12  # of Π, relative
-SMALL_STEP, SMALLEST_STEP = 1e-3, 1e-10  # relative to the last term, and to the first one
+SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero
 
 
@@ -97,8 +97,8 @@ class EnergyOfTerms:
         squared = (traces * volumes) @ traces.swapaxes(-1, -2)
         integrals = self.mu * (self.jacobian.coefficients @ volumes)
         curvatures = self.jacobian.monomials(0 * traces[..., 0])[2]
-        shear = self.squares - _sum(integrals, curvatures).reshape(self.squares.shape)
-        self.stiffness = shear + (self.lam + self.mu) * squared
+        of_j = _sum(integrals, curvatures).reshape(self.squares.shape)
+        self.stiffness = self.squares + (self.lam + self.mu) * squared - of_j
         self.linear = integrals[..., : len(gradients)] - self.stiffness[..., 0, :]
 
     def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
@@ -152,13 +152,19 @@ def least_energy(
     unit = _unit(potential.stiffness)
     scale = ((potential.stiffness * unit).sum(-1) + TINY) ** -0.5  # unit stiffness of every term
     scales = scale[..., :, None] * scale[..., None, :]
+
+    def is_last(c: Array, step: Array) -> Array:
+        """Whether the next step of Newton's method, of the order of the square, is too small."""
+        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + SMALLEST_STEP / scale[..., 0]
+        return _dot(step, step) <= small * small
+
     state = potential.at(_fading(terms))
-    powers = [0 * scale[..., k] + 0.5 ** (k + 1) for k in range(len(terms))]
-    halves = potential.library.stack(powers, -1)  # c_k of half the load
     for _ in range(effort.halvings):
         outside = state[1] == np.inf
         if _is_known(~outside.any()):
             break
+        powers = potential.library.cumsum(0 * scale + 1, -1)
+        halves = 0.5**powers  # c_k of half the load
         state = _where(outside, potential.at(state[0] * halves), state)
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
@@ -167,9 +173,8 @@ def least_energy(
         for shift in effort.shifts:
             relative = solved(hessian * scales + shift * unit, gradient * scale)
             step = scale * relative
-            small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + SMALLEST_STEP / scale[..., 0]
-            if _is_known((_dot(relative, relative) <= small * small).all()):
-                return c - step  # the next step would be of the order of its square
+            if shift == effort.shifts[0] and _is_known(is_last(c, relative).all()):
+                return c - step
             trial = potential.at(c - step)
             falls = waits & (trial[1] <= bound)
             state = _where(falls, trial, state)

@@ -118,17 +118,22 @@ class SeriesResponse(LinearResponse):
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
 
+    def at_nodes(self, force: Tensor) -> Tensor:
+        """u₁ in double precision: the errors of single precision are rough, with much energy."""
+        return self.respond(self.to_nodes(force.flatten(2)).double())
+
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return the response, and the gradients of u₁ and of the last term, d² channels each.
 
         The latter, of cₙ uₙ, has no scale.
         """
         beyond, last = self.beyond_first(nodal)
-        linear = self.slopes(nodal) / self.gradient_rms
-        return self.fields_on_grid(nodal + beyond, linear, self.slopes(last))
+        linear = self.slopes(nodal.float()) / self.gradient_rms
+        return self.fields_on_grid((nodal + beyond).float(), linear, self.slopes(last.float()))
 
     def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `on_grid` does of u₁ alone: linear in the load."""
+        nodal = nodal.float()
         linear = self.slopes(nodal) / self.gradient_rms
         return self.fields_on_grid(nodal, linear, torch.zeros_like(linear))
 

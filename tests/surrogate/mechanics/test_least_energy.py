@@ -110,6 +110,21 @@ def test_numpy_finds_the_same(cell_type: str) -> None:
         np.testing.assert_allclose(found, expected[sample], rtol=1e-6)
 
 
+def test_loads_do_not_depend_on_others() -> None:
+    """Small loads converge in two steps; large ones, beside them, in many."""
+    geometry = box("quad")
+    response = SeriesResponse(geometry, MATERIAL, order=4)
+    forces = np.random.default_rng(0).normal(size=(64, *geometry.coordinates.shape))
+    forces *= np.geomspace(0.1, 4.0, 64)[:, None, None]
+    first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(forces))
+    nodal = first.transpose(1, 2)
+    together, _ = response.beyond_first(nodal)
+    for one, expected in zip(torch.split(nodal, 1), torch.split(together, 1), strict=True):
+        found, _ = response.beyond_first(one)
+        size = float((one + expected).abs().max())
+        torch.testing.assert_close(found, expected, rtol=0, atol=3e-6 * size)
+
+
 def test_small_systems() -> None:
     generator = torch.Generator().manual_seed(0)
     root = torch.randn(5, 4, 4, generator=generator, dtype=torch.float64)
