@@ -128,8 +128,8 @@ def export_network(
     Parameters
     ----------
     response_given : bool
-        The linear response to the forces, ``response`` in m, is a second input of the file, which
-        is then small for large bodies too. Networks without linear response have one input.
+        The linear response to the forces, ``response`` in m and double precision, is a second input
+        of the file, which is then small for large bodies too. Networks without linear response have one input.
     """
     response_given = response_given and surrogate.network.linear is not None
     if passes is not None:
@@ -212,10 +212,10 @@ def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
 
 
 def responses(surrogate: Surrogate, force: Tensor) -> Tensor:
-    """Return the linear responses in m to forces in N, both (samples, n_nodes, d)."""
+    """Return the linear responses in m to forces in N, both (samples, n_nodes, d); in double."""
     linear = surrogate.network.linear
     assert isinstance(linear, LinearResponse)
-    return linear.at_nodes(surrogate.nodal_network.on_grid(force)).transpose(1, 2)
+    return linear.at_nodes(surrogate.nodal_network.on_grid(force)).transpose(1, 2).double()
 
 
 def largest_difference(found: Fields, expected: Fields) -> float:

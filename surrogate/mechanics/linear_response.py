@@ -114,6 +114,7 @@ class LinearResponse(nn.Module):
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
+        nodal = nodal.float()
         return self.fields_on_grid(nodal, self.slopes(nodal) / self.gradient_rms)
 
     def slopes(self, nodal: Tensor) -> Tensor:

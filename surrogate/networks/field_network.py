@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -16,7 +16,7 @@ from surrogate.data.samples import Samples
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
-AT_ONCE = 256  # samples that are prepared at once
+AT_ONCE = 64  # samples that are prepared at once
 SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the variances of such errors
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 ROUNDING = 2.0**-25  # of numbers in single precision, relative
@@ -112,7 +112,8 @@ class FieldNetwork(nn.Module):
     def scale_output(self, prepared: Samples, by_node: bool) -> None:
         """Scale components by their root mean square over samples.
 
-        In units of the amplitude, by their median, since a few loads leave much more than most.
+        In units of the amplitude, by the ratio of the means of both: in squares, the few loads that
+        leave most would count alone.
 
         Parameters
         ----------
@@ -121,18 +122,17 @@ class FieldNetwork(nn.Module):
         by_node : bool
             Scale every component of every node by its own, not all by a common one.
         """
-        sizes = prepared.displacement.abs()
-        if self.foretold is not None:
-            sizes = sizes / (self.amplitude(prepared.force) + TINY)
+        power = 2 if self.foretold is None else 1
+        means = prepared.displacement.abs().pow(power).mean(dim=0)
         if not by_node:
-            sizes = sizes.flatten(2).index_select(2, self.free_points).flatten()[:, None, None]
-        if self.foretold is None:
-            typical = sizes.square().mean(dim=0).sqrt()
-        else:
-            typical = sizes.median(dim=0).values
-        scale = torch.where(typical > 0, typical, self.displacement_rms)
-        smallest = SMALLEST_SCALE * float(self.displacement_rms)
-        self.displacement_scale.copy_(scale.clamp(min=smallest).expand_as(self.displacement_scale))
+            mean = means.flatten(1).index_select(1, self.free_points).mean()
+            means = mean.expand_as(means)
+        if self.foretold is not None:
+            means = means / (self.amplitude(prepared.force).mean() + TINY)
+        scale = torch.where(means > 0, means.pow(1 / power), self.displacement_rms)
+        self.displacement_scale.copy_(
+            scale.clamp(min=SMALLEST_SCALE * float(self.displacement_rms))
+        )
 
     @property
     def members(self) -> int:
@@ -253,7 +253,7 @@ class FieldNetwork(nn.Module):
         return slice(start, start + sizes[self.inputs.index(name)])
 
     @torch.no_grad()
-    def prepared(self, samples: Samples) -> Samples:
+    def prepared(self, samples: Samples, report: Callable[[int], object] | None = None) -> Samples:
         """Return samples for `learned`: its inputs, and the displacements that it has to predict.
 
         A training computes them once, not in every step.
@@ -262,6 +262,8 @@ class FieldNetwork(nn.Module):
         ----------
         samples : Samples
             Forces in N and displacements in m, on any device.
+        report : callable, optional
+            Gets the number of samples that are done, from time to time.
 
         Returns
         -------
@@ -280,6 +282,8 @@ class FieldNetwork(nn.Module):
                 part.displacement if linear is None else part.displacement - linear * self.movable
             )
             parts.append(Samples(inputs, target))
+            if report is not None:
+                report(min(start + AT_ONCE, len(samples)))
         return Samples(
             torch.cat([part.force for part in parts]),
             torch.cat([part.displacement for part in parts]),

@@ -14,8 +14,6 @@ from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.networks.field_network import FieldNetwork
 
-AT_ONCE = 64  # samples whose series are computed between two lines of progress
-
 
 class PreparedInBatches:
     """Samples on disk, prepared batch by batch.
@@ -51,15 +49,9 @@ def _prepared(samples: Samples, network: FieldNetwork) -> Samples:
     if network.foretold is None or len(samples) == 0:
         return network.prepared(samples)
     progress = Progress(len(samples), 0, "loads", "surrogate train: load series")
-    parts = []
-    for start in range(0, len(samples), AT_ONCE):
-        parts.append(network.prepared(samples[start : start + AT_ONCE]))
-        progress.update(min(start + AT_ONCE, len(samples)))
+    found = network.prepared(samples, progress.update)
     progress.close("done")
-    return Samples(
-        torch.cat([part.force for part in parts]),
-        torch.cat([part.displacement for part in parts]),
-    )
+    return found
 
 
 def prepared_paths(paths: SamplePaths, network: FieldNetwork) -> SamplePaths:

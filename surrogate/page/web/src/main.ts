@@ -75,9 +75,25 @@ async function start(): Promise<void> {
     if (!isBusy) void predict();
   };
 
-  /** Predict and draw until nothing has changed meanwhile. */
+  /** Predict and draw until nothing has changed meanwhile; say so if the network fails. */
   const predict = async (): Promise<void> => {
     isBusy = true;
+    try {
+      await predictLatest();
+    } catch (error) {
+      panel.tell(`The network failed: ${String(error)}`);
+      isComplete = true;
+      throw error;
+    } finally {
+      isBusy = false;
+      if (isComplete) {
+        for (const resolve of idle) resolve();
+        idle = [];
+      }
+    }
+  };
+
+  const predictLatest = async (): Promise<void> => {
     while (isStale) {
       isStale = false;
       const cause = event;
@@ -89,10 +105,6 @@ async function start(): Promise<void> {
         handle.times.push([drawn - cause.delivered, drawn - cause.at]);
       }
     }
-    isBusy = false;
-    if (!isComplete) return;
-    for (const resolve of idle) resolve();
-    idle = [];
   };
 
   /** Predict the fields of the present loads; false while something is missing. */

@@ -31,10 +31,10 @@ export class Network {
   }
 
   /** Predict fields from forces in N and, for a network that needs it, the linear response in m. */
-  async predict(force: Float32Array, response: Float32Array | null): Promise<Fields> {
+  async predict(force: Float32Array, response: Float64Array | null): Promise<Fields> {
     const shape = [1, this.nodes, this.d];
     const inputs: Record<string, Tensor> = { force: new Tensor("float32", force, shape) };
-    if (response) inputs.response = new Tensor("float32", response, shape);
+    if (response) inputs.response = new Tensor("float64", response, shape);
     const outputs = await this.session.run(inputs);
     return Object.fromEntries(
       Object.entries(outputs).map(([name, tensor]) => [name, tensor.data as Float32Array]),

@@ -44,7 +44,7 @@ export class Mechanics {
   response(
     loads: readonly { node: number; force: readonly number[] }[],
     size: number,
-  ): Float32Array | null {
+  ): Float64Array | null {
     const sum = new Float64Array(size);
     for (const { node, force } of loads) {
       const columns = this.columns.get(node);
@@ -54,7 +54,7 @@ export class Mechanics {
         if (newtons !== 0) for (let i = 0; i < size; i++) sum[i] += newtons * column[i];
       });
     }
-    return Float32Array.from(sum);
+    return sum;
   }
 
   /** Estimate the error of a prediction, and forget the estimates asked for before. */
