@@ -87,6 +87,12 @@ def label(resources: Resources, run: str) -> str:
     return f"{body}, {kind_of(run).label}{single}"
 
 
+def percentile(ratio: Array, level: float) -> Cell:
+    """Percentile of effectivities; the estimate of a prediction that inverts cells is infinite."""
+    value = float(np.percentile(ratio, level, method="inverted_cdf"))
+    return value if np.isfinite(value) else "∞"
+
+
 def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
     """Table of estimated against true errors."""
     rows: list[tuple[Cell, ...]] = []
@@ -98,7 +104,7 @@ def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
             (
                 label(resources, run),
                 MM * float(one.errors[0].mean()),
-                *(float(np.percentile(ratio, level)) for level in (5, 50, 95)),
+                *(percentile(ratio, level) for level in (5, 50, 95)),
                 100 * within(ratio),
                 float(spearmanr(one.errors[0], one.judged.certificate.mean_error)[0]),
                 100 * float(one.judged.certificate.settled.mean()),
