@@ -129,7 +129,8 @@ def export_network(
     ----------
     response_given : bool
         The linear response to the forces, ``response`` in m and double precision, is a second input
-        of the file, which is then small for large bodies too. Networks without linear response have one input.
+        of the file, which is then small for large bodies too. Networks without linear response
+        have one input.
     """
     response_given = response_given and surrogate.network.linear is not None
     if passes is not None:

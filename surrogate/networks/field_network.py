@@ -112,8 +112,7 @@ class FieldNetwork(nn.Module):
     def scale_output(self, prepared: Samples, by_node: bool) -> None:
         """Scale components by their root mean square over samples.
 
-        In units of the amplitude, by the ratio of the means of both: in squares, the few loads that
-        leave most would count alone.
+        In units of the amplitude, by their median, since a few loads leave much more than most.
 
         Parameters
         ----------
@@ -122,17 +121,18 @@ class FieldNetwork(nn.Module):
         by_node : bool
             Scale every component of every node by its own, not all by a common one.
         """
-        power = 2 if self.foretold is None else 1
-        means = prepared.displacement.abs().pow(power).mean(dim=0)
-        if not by_node:
-            mean = means.flatten(1).index_select(1, self.free_points).mean()
-            means = mean.expand_as(means)
+        sizes = prepared.displacement.abs()
         if self.foretold is not None:
-            means = means / (self.amplitude(prepared.force).mean() + TINY)
-        scale = torch.where(means > 0, means.pow(1 / power), self.displacement_rms)
-        self.displacement_scale.copy_(
-            scale.clamp(min=SMALLEST_SCALE * float(self.displacement_rms))
-        )
+            sizes = sizes / (self.amplitude(prepared.force) + TINY)
+        if not by_node:
+            sizes = sizes.flatten(2).index_select(2, self.free_points).flatten()[:, None, None]
+        if self.foretold is None:
+            typical = sizes.square().mean(dim=0).sqrt()
+        else:
+            typical = sizes.median(dim=0).values
+        scale = torch.where(typical > 0, typical, self.displacement_rms)
+        smallest = SMALLEST_SCALE * float(self.displacement_rms)
+        self.displacement_scale.copy_(scale.clamp(min=smallest).expand_as(self.displacement_scale))
 
     @property
     def members(self) -> int:

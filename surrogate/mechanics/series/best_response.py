@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 from shared_schema.material import NeoHookean
+from surrogate.mechanics.series.arrays import like
 from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
-Array = Any  # of NumPy, or a Tensor, in double precision
+Array = Any  # of NumPy, or a Tensor
 
 
 def beyond_linear(
@@ -38,8 +39,9 @@ def beyond_linear(
     """
     slope = gradient(first)
     terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
-    c = least_energy(material, volumes, [first, *terms], [slope, *slopes])[..., None, :]
-    total = (c[..., 0] - 1) * first
+    found = least_energy(material, volumes, [first, *terms], [slope, *slopes])[..., None, :]
+    c = like(first, found)
+    total = like(first, found[..., 0] - 1) * first
     for k, term in enumerate(terms[:-1], start=1):
         total = total + c[..., k] * term
     last = c[..., -1] * terms[-1]

@@ -11,20 +11,16 @@ linear, :math:`\mathrm{cof} A = (\mathrm{tr} A) I - A^T`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from types import ModuleType
+from itertools import product
 from typing import Any
 
 import numpy as np
 import torch
 
+from surrogate.mechanics.series.arrays import library_of
+
 Array = Any  # of NumPy, or a Tensor
 TURNS = (1, 2), (2, 0), (0, 1)
-
-
-def library_of(array: Array) -> ModuleType:
-    """NumPy or PyTorch."""
-    return torch if isinstance(array, torch.Tensor) else np
 
 
 def trace(a: Array) -> Array:
@@ -46,23 +42,14 @@ def add_multiple(a: Array, factor: Array) -> Array:
 
 def cofactors(a: Array) -> Array:
     """Cof A in space: (…, 3, 3, n_points) → same."""
-    return _tensor(
-        a[..., i, m, :] * a[..., j, n, :] - a[..., i, n, :] * a[..., j, m, :]
-        for i, j in TURNS
-        for m, n in TURNS
-    )
+    return _minors(a, a)
 
 
 def cross_product(a: Array, b: Array) -> Array:
     """A × B in space: (…, 3, 3, n_points) twice → same."""
-    return _tensor(
-        a[..., i, m, :] * b[..., j, n, :]
-        - a[..., i, n, :] * b[..., j, m, :]
-        + a[..., j, n, :] * b[..., i, m, :]
-        - a[..., j, m, :] * b[..., i, n, :]
-        for i, j in TURNS
-        for m, n in TURNS
-    )
+    found = _minors(a, b)
+    found += _minors(b, a)
+    return found
 
 
 def contraction(a: Array, b: Array) -> Array:
@@ -72,8 +59,20 @@ def contraction(a: Array, b: Array) -> Array:
     return (a * b).sum((-2, -3))
 
 
-def _tensor(components: Iterator[Array]) -> Array:
-    """Tensors in space from their components, row by row: (…, n_points) each."""
-    parts = list(components)
-    stacked = library_of(parts[0]).stack(parts, -2)
-    return stacked.reshape(*stacked.shape[:-2], 3, 3, stacked.shape[-1])
+def _minors(a: Array, b: Array) -> Array:
+    """A_im B_jn - A_in B_jm: (…, 3, 3, n_points) twice → same; (i, j) and (m, n) turn with each."""
+    turns = list(product(TURNS, TURNS))
+    if isinstance(a, torch.Tensor):
+        parts = [
+            a[..., i, m, :] * b[..., j, n, :] - a[..., i, n, :] * b[..., j, m, :]
+            for (i, j), (m, n) in turns
+        ]
+        stacked = torch.stack(parts, -2)
+        return stacked.reshape(*stacked.shape[:-2], 3, 3, stacked.shape[-1])
+    found, second = np.empty_like(a, order="C"), np.empty_like(a[..., 0, 0, :], order="C")
+    for place, ((i, j), (m, n)) in zip(np.ndindex(3, 3), turns, strict=True):
+        first = found[(..., *place, slice(None))]
+        np.multiply(a[..., i, m, :], b[..., j, n, :], out=first)
+        np.multiply(a[..., i, n, :], b[..., j, m, :], out=second)
+        first -= second
+    return found

@@ -27,16 +27,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from surrogate.mechanics.series.arrays import library_of
 from surrogate.mechanics.series.cofactors import (
     cofactors,
     contraction,
     cross_product,
-    library_of,
     linear_cofactors,
     trace,
 )
 
-Array = Any  # of NumPy, or a Tensor, in double precision
+Array = Any  # of NumPy, or a Tensor
 
 
 class JacobianPolynomial:
@@ -45,7 +45,7 @@ class JacobianPolynomial:
     Parameters
     ----------
     h : array, (…, n, d, d, n_points)
-        Hₖ in double precision.
+        Hₖ.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class JacobianPolynomial:
         self.library, self.degree, self.order = library_of(h), h.shape[-2], h.shape[-4]
         self.coefficients = self.library.concatenate(list(_coefficients(h)), -2)
         forms = monomial_forms(self.order, self.degree)
-        self.forms = torch.from_numpy(forms).to(h) if isinstance(h, torch.Tensor) else forms
+        self.forms = torch.from_numpy(forms).to(h.device) if isinstance(h, torch.Tensor) else forms
 
     def monomials(self, c: Array) -> tuple[Array, Array, Array]:
         """Return pₘ, and the first and second derivatives.
@@ -65,6 +65,7 @@ class JacobianPolynomial:
         Parameters
         ----------
         c : array, (…, n)
+            In double precision.
 
         Returns
         -------

@@ -7,21 +7,24 @@ All cₖ = 1 give the sum of the series, which converges slowly under large load
 terms span is much better than their sum: it is the reduced basis of A. K. Noor and J. M. Peters
 (*Reduced basis technique for nonlinear analysis of structures*, AIAA Journal 18, 1980).
 
-With the displacement gradients Hₖ of the terms, J is a polynomial of c
-(`surrogate.mechanics.series.jacobian`).
-
-So the energy of the Neo-Hookean solid (`surrogate.mechanics.neo_hookean`) is, with sums over the
+With the displacement gradients Hₖ of the terms, e = J - 1 is a polynomial of c
+(`surrogate.mechanics.series.jacobian`) that begins with :math:`c_k \, \mathrm{tr} H_k`. So the
+energy of the Neo-Hookean solid (`surrogate.mechanics.neo_hookean`) is, with sums over the
 quadrature points,
 
 .. math::
-    Π = \sum_q w_q (U(J) - μ \ln J) + μ (m_k c_k + \tfrac{1}{2} M_{kl} c_k c_l) - a_k c_k, \qquad
-    m_k = \sum_q w_q \, \mathrm{tr} H_k, \quad M_{kl} = \sum_q w_q H_k : H_l.
+    Π = \sum_q w_q (U(J) + μ (e - \ln (1 + e)))
+        + \tfrac{μ}{2} M_{kl} c_k c_l - μ N(c) - a_k c_k, \qquad
+    M_{kl} = \sum_q w_q H_k : H_l, \quad N = \sum_q w_q (e - c_k \, \mathrm{tr} H_k).
 
-The works aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁.
+All of it is of second order in the gradients, so that nothing is lost where they are small; so is
+:math:`U = \tfrac{λ}{2} (e - \ln (1 + e)) + \tfrac{λ}{4} e^2` or :math:`\tfrac{λ}{2} e^2`. The works
+aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁.
 
 Newton's method minimises Π, from terms that fade where they do not decrease, so that Π is finite
 there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that does not raise
-Π is taken. The formulas hold for arrays of NumPy as for tensors: of one load, or of a batch.
+Π is taken. The formulas hold for arrays of NumPy as for tensors: of one load, or of a batch. What
+there is at every quadrature point has the precision of the gradients; c and the sums are double.
 """
 
 from __future__ import annotations
@@ -35,10 +38,10 @@ import numpy as np
 import torch
 
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.cofactors import library_of
+from surrogate.mechanics.series.arrays import in_double, library_of, like, rounding_of
 from surrogate.mechanics.series.jacobian import JacobianPolynomial
 
-Array = Any  # of NumPy, or a Tensor, in double precision
+Array = Any  # of NumPy, or a Tensor
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Effort:
 USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
-ROUNDING = 1e-12  # of Π, relative
+ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
 SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero
 
@@ -77,59 +80,65 @@ class EnergyOfTerms:
     volumes : array, (n_points,)
         Of the quadrature points in m³ (m² in the plane).
     gradients : sequence of n arrays, (…, d, d, n_points)
-        Hₖ in double precision.
+        Hₖ.
 
     Attributes
     ----------
+    rounding : float
+        Relative rounding of a number in the precision of `gradients`.
     stiffness : array, (…, n, n)
         Hessian at c = 0 in J.
     """
 
     def __init__(self, material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> None:
-        self.lam, self.mu = material.lame_lambda, material.lame_mu
-        self.is_paper, self.volumes = material.volumetric == "paper", volumes
-        self.library = library_of(volumes)
+        lam, self.mu = material.lame_lambda, material.lame_mu
+        self.square = lam / 4 if material.volumetric == "paper" else lam / 2  # factor of e²
+        self.excess = lam + self.mu - 2 * self.square  # of e - ln (1 + e)
+        self.library, self.volumes = library_of(volumes), volumes
         h = self.library.stack(list(gradients), -4)  # (…, n, d, d, n_points)
+        self.rounding = rounding_of(h)
         self.jacobian = JacobianPolynomial(h)
-        self.squares = self.mu * (_flat(h * volumes) @ _flat(h).swapaxes(-1, -2))
-        # of U - μ ln J at J = 1 the slope is -μ, and the curvature λ + μ
+        self.squares = self.mu * in_double(_flat(h * volumes) @ _flat(h).swapaxes(-1, -2))
+        integrals = self.mu * in_double(self.jacobian.coefficients @ volumes)
         traces = self.jacobian.coefficients[..., : len(gradients), :]
-        squared = (traces * volumes) @ traces.swapaxes(-1, -2)
-        integrals = self.mu * (self.jacobian.coefficients @ volumes)
-        curvatures = self.jacobian.monomials(0 * traces[..., 0])[2]
-        of_j = _sum(integrals, curvatures).reshape(self.squares.shape)
-        self.stiffness = self.squares + (self.lam + self.mu) * squared - of_j
-        self.linear = integrals[..., : len(gradients)] - self.stiffness[..., 0, :]
+        squared = in_double((traces * volumes) @ traces.swapaxes(-1, -2))
+        linear = integrals[..., : len(gradients)]
+        self.nonlinear = self.library.concatenate(
+            (0 * linear, integrals[..., len(gradients) :]), -1
+        )
+        _, _, curvatures = self.jacobian.monomials(0 * linear)
+        self.stiffness = self._hessian(-self.nonlinear, curvatures) + (lam + self.mu) * squared
+        self.works = self.stiffness[..., 0, :]
 
     def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
-        """Return c, Π, its gradient and its Hessian: (…, n), (…), (…, n), (…, n, n).
+        """Return c, Π, its gradient and its Hessian, in double: (…, n), (…), (…, n), (…, n, n).
 
         Π is +∞ where J is not positive at a point; the derivatives have no meaning there.
         """
         values, slopes, curvatures = self.jacobian.monomials(c)
-        j = 1 + _sum(values, self.jacobian.coefficients)
-        first = slopes @ self.jacobian.coefficients
-        inside = j > SMALLEST_J
-        j = self.library.where(inside, j, SMALLEST_J)
-        inverse, logarithm = 1 / j, self.library.log(j)
-        lam, mu = self.lam, self.mu
-        if self.is_paper:  # U - μ ln J and its derivatives
-            density = lam / 4 * (j * j - 1) - (lam / 2 + mu) * logarithm
-            slope = lam / 2 * j - (lam / 2 + mu) * inverse
-            curvature = lam / 2 + (lam / 2 + mu) * (inverse * inverse)
-        else:
-            density = lam / 2 * (j - 1) ** 2 - mu * logarithm
-            slope = lam * (j - 1) - mu * inverse
-            curvature = lam + mu * (inverse * inverse)
-        slope = slope * self.volumes
+        coefficients = self.jacobian.coefficients
+        e = _sum(like(coefficients, values), coefficients)
+        inside = e > SMALLEST_J - 1
+        e = self.library.where(inside, e, SMALLEST_J - 1)
+        inverse = 1 / (1 + e)
+        slope = (self.excess * inverse + 2 * self.square) * e
+        curvature = self.excess * (inverse * inverse) + 2 * self.square
+        e = in_double(e)
+        density = self.excess * (e - self.library.log1p(e)) + self.square * (e * e)
         stretched = _sum(c, self.squares)
-        energy = density @ self.volumes + _dot(c, self.linear + 0.5 * stretched)
-        integrals = (self.jacobian.coefficients @ slope[..., None])[..., 0]
-        gradient = self.linear + stretched + (slopes @ integrals[..., None])[..., 0]
+        energy = density @ in_double(self.volumes) - _dot(values, self.nonlinear)
+        energy = energy + _dot(c, 0.5 * stretched - self.works)
+        integrals = in_double((coefficients @ (slope * self.volumes)[..., None])[..., 0])
+        forces = integrals - self.nonlinear
+        gradient = stretched - self.works + (slopes @ forces[..., None])[..., 0]
+        first = like(coefficients, slopes) @ coefficients
         weighted = first * (curvature * self.volumes)[..., None, :]
-        hessian = self.squares + weighted @ first.swapaxes(-1, -2)
-        hessian = hessian + _sum(integrals, curvatures).reshape(hessian.shape)
+        hessian = self._hessian(forces, curvatures) + in_double(weighted @ first.swapaxes(-1, -2))
         return c, self.library.where(inside.all(-1), energy, np.inf), gradient, hessian
+
+    def _hessian(self, forces: Array, curvatures: Array) -> Array:
+        """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
+        return self.squares + _sum(forces, curvatures).reshape(self.squares.shape)
 
 
 def least_energy(
@@ -150,15 +159,18 @@ def least_energy(
     potential = EnergyOfTerms(material, volumes, gradients)
     effort = EXPORTED if torch.compiler.is_compiling() else USUAL
     unit = _unit(potential.stiffness)
-    scale = ((potential.stiffness * unit).sum(-1) + TINY) ** -0.5  # unit stiffness of every term
+    stiffness = (potential.stiffness * unit).sum(-1)
+    invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
+    scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
     scales = scale[..., :, None] * scale[..., None, :]
+    smallest, rounding = max(SMALLEST_STEP, potential.rounding), ROUNDING * potential.rounding
 
     def is_last(c: Array, step: Array) -> Array:
         """Whether the next step of Newton's method, of the order of the square, is too small."""
-        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + SMALLEST_STEP / scale[..., 0]
+        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
         return _dot(step, step) <= small * small
 
-    state = potential.at(_fading(terms))
+    state = potential.at(_fading([in_double(term) for term in terms]))
     for _ in range(effort.halvings):
         outside = state[1] == np.inf
         if _is_known(~outside.any()):
@@ -168,7 +180,7 @@ def least_energy(
         state = _where(outside, potential.at(state[0] * halves), state)
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
-        bound = energy + ROUNDING * abs(energy)
+        bound = energy + rounding * abs(energy)
         waits = energy < np.inf
         for shift in effort.shifts:
             relative = solved(hessian * scales + shift * unit, gradient * scale)

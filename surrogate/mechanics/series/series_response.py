@@ -6,9 +6,10 @@ r"""The response of the body to forces on the grid, to some order in the load.
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
 (`surrogate.mechanics.series.series_stress`) and the gradients G of the shape functions. The terms
-are those of `surrogate.mechanics.series.load_series`, in double precision, which the higher ones
-need, on any device. The coefficients c, near 1 under moderate loads, are those of the least
-potential energy (`surrogate.mechanics.series.least_energy`).
+are those of `surrogate.mechanics.series.load_series`, on any device. They are in double precision
+if K⁻¹ is dense: errors of single precision are rough, with much energy. Those of a large body are
+smaller than a network's, and single precision takes half the time. The coefficients c, near 1 under
+moderate loads, are those of the least potential energy (`surrogate.mechanics.series.least_energy`).
 """
 
 from __future__ import annotations
@@ -24,20 +25,20 @@ from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.best_response import beyond_linear
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
-AT_ONCE = 2**19  # values of `least_energy` that are held at once: 4 MB, in the cache
+AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
 
 
 class HigherOrders(nn.Module):
     """Gradients of displacements at the quadrature points, and forces of stresses there.
 
-    Both are in double precision. Fields are (N, d, n_nodes), displacements in m and forces in N.
+    Fields are (N, d, n_nodes), displacements in m and forces in N.
 
     Parameters
     ----------
     geometry : Geometry
     material : NeoHookean
     gradients : Tensor, (n_cells, n_points, n_corners, d)
-        Of the shape functions.
+        Of the shape functions; their precision is that of all fields.
     volumes : Tensor, (n_cells, n_points)
     """
 
@@ -96,6 +97,11 @@ class SeriesResponse(LinearResponse):
     order : int
         Order n.
 
+    Attributes
+    ----------
+    precision : torch.dtype
+        Of the terms.
+
     Raises
     ------
     InputError
@@ -113,20 +119,23 @@ class SeriesResponse(LinearResponse):
         super().__init__(geometry, material, gradient, torch.float64)
         assert isinstance(self.compliance, Compliance)
         solid = self.compliance.equilibrium.solid
-        self.higher = HigherOrders(geometry, material, solid.gradients, solid.volumes)
+        self.precision = torch.float64 if len(self.compliance.matrix) else torch.float32
+        operators = solid.gradients.to(self.precision), solid.volumes.to(self.precision)
+        self.higher = HigherOrders(geometry, material, *operators)
         self.order = order
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
 
     def at_nodes(self, force: Tensor) -> Tensor:
-        """u₁ in double precision: the errors of single precision are rough, with much energy."""
-        return self.respond(self.to_nodes(force.flatten(2)).double())
+        """Respond at the nodes, in m, in the series' precision: (N, d, nx, ny[, nz]) → …."""
+        return self.respond(self.to_nodes(force.flatten(2)).to(self.precision))
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return the response, and the gradients of u₁ and of the last term, d² channels each.
 
         The latter, of cₙ uₙ, has no scale.
         """
+        nodal = nodal.to(self.precision)
         beyond, last = self.beyond_first(nodal)
         linear = self.slopes(nodal.float()) / self.gradient_rms
         return self.fields_on_grid((nodal + beyond).float(), linear, self.slopes(last.float()))
@@ -160,11 +169,11 @@ class SeriesResponse(LinearResponse):
             self.higher.material,
             self.higher.volumes,
             self.order,
-            nodal.double().flatten(1),
+            nodal.flatten(1),
             lambda u: self.higher.gradient(u.reshape(shape)),
             lambda stress: self.balanced(stress).flatten(1),
         )
-        return beyond.to(nodal).reshape(shape), last.to(nodal).reshape(shape)
+        return beyond.reshape(shape), last.reshape(shape)
 
     def _beyond_in_numpy(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """The same of one load, whose arrays are large: NumPy takes half the time."""
@@ -173,11 +182,11 @@ class SeriesResponse(LinearResponse):
             self.higher.material,
             self.higher.volumes.numpy(),
             self.order,
-            nodal.double().flatten().numpy(),
+            nodal.flatten().numpy(),
             lambda u: self.higher.gradient(torch.from_numpy(u).reshape(shape))[0].numpy(),
             lambda stress: self.balanced(torch.from_numpy(stress)[None]).flatten().numpy(),
         )
-        beyond, last = (torch.from_numpy(u).to(nodal).reshape(shape) for u in found)
+        beyond, last = (torch.from_numpy(u).reshape(shape) for u in found)
         return beyond, last
 
     def balanced(self, stress: Tensor) -> Tensor:

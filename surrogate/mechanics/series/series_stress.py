@@ -69,10 +69,14 @@ class SeriesStress:
         self.j.append(total / k)
         self.r.append(-sum(products, start=self.j[-1]))
         self.s.append(self._s())
-        parts = [s * c for s, c in self._spread(self.s[-2::-1], self.c)]
-        stress = add_multiple(sum(parts[1:], start=parts[0]), self.s[-1])
+        stress = self.s[-2][..., None, None, :] * self.c[0]
+        for s, c in zip(self.s[-3::-1], self.c[1:], strict=True):
+            stress += s[..., None, None, :] * c
+        add_multiple(stress, self.s[-1])
         self.c.append(self._products(k))
-        return stress if self.c[-1] is None else stress - self.mu * self.c[-1]
+        if self.c[-1] is not None:
+            stress -= self.mu * self.c[-1]
+        return stress
 
     def add(self, h: Array) -> None:
         """Set H_k, after `next_without`."""
@@ -95,11 +99,6 @@ class SeriesStress:
     def _s(self) -> Array:
         """The last s_k."""
         return self.growth * self.j[-1] - self.decay * self.r[-1]
-
-    @staticmethod
-    def _spread(scalars: list[Array], tensors: list[Array]) -> list[tuple[Array, Array]]:
-        """Pairs of scalars, as tensors of one component, and tensors."""
-        return [(s[..., None, None, :], c) for s, c in zip(scalars, tensors, strict=True)]
 
 
 def higher_terms(

@@ -97,6 +97,36 @@ def test_remainder_is_of_the_next_order(order: int) -> None:
     assert 0.6 < ratio / 2 ** (order + 1) < 1.7
 
 
+def test_under_small_loads_the_second_term_is_what_is_beyond_the_first() -> None:
+    geometry = box("hexahedron")
+    response = SeriesResponse(geometry, MATERIAL)
+    force = end_load(geometry, 1.0, -4.0, 2.0)
+    first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(force[None]))
+    small = 1e-5 * first.transpose(1, 2)
+    second = response.terms(small)[0][1]
+    torch.testing.assert_close(
+        response.beyond_first(small)[0], second, rtol=0, atol=1e-3 * float(second.abs().max())
+    )
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e-3, 1e-6, 0.0])
+def test_large_bodies_respond_in_single_precision(
+    factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    geometry = box("hexahedron")
+    force = factor * geometry.grid.forces_to_grid(end_load(geometry, 1.0, -4.0, 2.0))
+    grid_force = torch.from_numpy(force[None]).float()
+    expected = SeriesResponse(geometry, MATERIAL, order=4).at_nodes(grid_force)
+    expected = expected + SeriesResponse(geometry, MATERIAL, order=4).beyond_first(expected)[0]
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    single = SeriesResponse(geometry, MATERIAL, order=4)
+    first = single.at_nodes(grid_force)
+    found = first + single.beyond_first(first)[0]
+    assert found.dtype == torch.float32
+    atol = 1e-6 * float(expected.abs().max())
+    torch.testing.assert_close(found.double(), expected, rtol=0, atol=atol)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> None:
     config = config_of(dataset, **KINDS[kind])
