@@ -76,8 +76,8 @@ class Deterministic(NetworkModel):
     def _recalibrates_standard_deviations(self) -> Self:
         if self.training.recalibrate and not (self.predicts_std or self.has_dropout):
             raise ValueError(
-                "'training.recalibrate' = True: expected a model that predicts standard deviations "
-                "('likelihood', 'ensemble' or 'network.dropout')"
+                f"'training.recalibrate' = {self.training.recalibrate}: expected a model that "
+                "predicts standard deviations ('likelihood', 'ensemble' or 'network.dropout')"
             )
         return self
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 from torch import Tensor
 
 from shared_schema.common.configuration import Frozen
@@ -130,11 +130,12 @@ class RecalibratedTraining(TrainingConfig):
 
     Attributes
     ----------
-    recalibrate : bool
-        Fit factors on the predicted standard deviations to the validation samples.
+    recalibrate : bool or float
+        Fit factors on the predicted standard deviations to the validation samples; with a level,
+        such as 0.95, so that intervals of this level hold that share of their values.
     """
 
-    recalibrate: bool = False
+    recalibrate: StrictBool | Annotated[float, Field(gt=0, lt=1)] = False
 
     @property
     def validation_users(self) -> tuple[str, ...]:

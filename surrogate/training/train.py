@@ -319,8 +319,9 @@ def _train(
     if ranks.is_first and trainer.is_over(epoch):
         tensors = {**trainer.result(), **dataset.geometry.tensors()}
         if isinstance(config.training, RecalibratedTraining) and config.training.recalibrate:
-            surrogate = make_surrogate(tensors, description)
-            recalibrate(surrogate, trainer.validation.in_memory())
+            surrogate, level = make_surrogate(tensors, description), config.training.recalibrate
+            held_out = trainer.validation.in_memory()
+            recalibrate(surrogate, held_out, None if level is True else level)
             tensors |= surrogate.network.state_dict()
         write_model(run, trainer.device, tensors)
 

@@ -7,6 +7,9 @@ to correct σ. The aleatoric σ of a heteroscedastic network includes the error 
 weights; the mean over draws has a smaller error, so that its σ counts weight uncertainty twice. And
 errors on training samples differ from errors on other samples.
 
+Errors with heavier tails than a Gaussian's leave too many values outside wide intervals. For a
+level p, both factors are multiplied by one more, with which intervals of p hold the share p.
+
 Held-out samples tell nothing about forces beyond the training range; there the factors tend to 1
 (`NodalNetwork.factors`).
 """
@@ -19,7 +22,7 @@ from scipy.optimize import minimize
 
 from surrogate.data.samples import Samples
 from surrogate.inference.prediction import Distribution, Surrogate
-from surrogate.uncertainty.calibration import negative_log_likelihood
+from surrogate.uncertainty.calibration import half_width, negative_log_likelihood
 
 BOUNDS = (-6.0, 6.0)  # bounds of ln a and ln b
 PASSES = 100
@@ -27,7 +30,10 @@ Array = NDArray[np.float64]
 
 
 def fit_factors(
-    predicted: Distribution, reference: Array, free: NDArray[np.bool_]
+    predicted: Distribution,
+    reference: Array,
+    free: NDArray[np.bool_],
+    level: float | None = None,
 ) -> tuple[float, float]:
     """Fit a and b; b is 1 if there is no epistemic uncertainty.
 
@@ -39,6 +45,8 @@ def fit_factors(
         u in m.
     free : array of bool, (n_nodes,)
         Nodes that are not clamped.
+    level : float, optional
+        Level p whose intervals are to hold the share p.
     """
     error = (reference - predicted.mean)[:, free]
     aleatoric, epistemic = predicted.std_aleatoric[:, free], predicted.std_epistemic[:, free]
@@ -50,10 +58,13 @@ def fit_factors(
 
     start = np.zeros(2 if has_epistemic else 1)
     found = np.exp(minimize(loss, start, bounds=[BOUNDS] * len(start)).x)
+    if level is not None:
+        std = np.hypot(found[0] * aleatoric, found[-1] * epistemic)
+        found *= np.quantile(np.abs(error / std), level) / half_width(level)
     return float(found[0]), float(found[-1]) if has_epistemic else 1.0
 
 
-def recalibrate(surrogate: Surrogate, held_out: Samples) -> None:
+def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = None) -> None:
     """Fit the factors of a surrogate's network to held-out samples and set them.
 
     Parameters
@@ -62,6 +73,8 @@ def recalibrate(surrogate: Surrogate, held_out: Samples) -> None:
         Surrogate whose factors are 1.
     held_out : Samples
         Samples used neither for training nor for testing.
+    level : float, optional
+        As `fit_factors` takes it.
     """
     geometry, network = surrogate.geometry, surrogate.network
     force, reference = (
@@ -69,6 +82,6 @@ def recalibrate(surrogate: Surrogate, held_out: Samples) -> None:
         for field in (held_out.force, held_out.displacement)
     )
     predicted = surrogate.predict_distribution(force, PASSES)
-    a, b = fit_factors(predicted, reference, ~geometry.clamped)
+    a, b = fit_factors(predicted, reference, ~geometry.clamped, level)
     network.aleatoric_factor.fill_(a)
     network.epistemic_factor.fill_(b)

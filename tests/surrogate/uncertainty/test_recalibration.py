@@ -14,7 +14,7 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.training.train import train
-from surrogate.uncertainty.calibration import measure_calibration
+from surrogate.uncertainty.calibration import half_width, measure_calibration
 from surrogate.uncertainty.recalibration import fit_factors
 
 FREE = np.array([False, True, True])
@@ -57,6 +57,20 @@ def test_without_epistemic_uncertainty() -> None:
     expected = np.sqrt(((error / aleatoric)[:, FREE] ** 2).mean())
     assert a == pytest.approx(expected, rel=1e-4)
     assert b == 1.0
+
+
+@pytest.mark.parametrize("level", [0.5, 0.95])
+def test_intervals_of_the_level_hold_its_share(level: float) -> None:
+    """Errors with the tails of Student's t of 3 degrees of freedom; a : b stays the likeliest."""
+    rng = np.random.default_rng(3)
+    aleatoric, epistemic = standard_deviations(rng)
+    error = rng.standard_t(3, size=aleatoric.shape) * np.hypot(aleatoric, 2 * epistemic)
+    predicted = Distribution(np.zeros_like(error), epistemic, aleatoric)
+    likeliest = fit_factors(predicted, error, FREE)
+    a, b = fit_factors(predicted, error, FREE, level)
+    assert b / a == pytest.approx(likeliest[1] / likeliest[0])
+    ratio = (np.abs(error) / np.hypot(a * aleatoric, b * epistemic))[:, FREE]
+    assert (ratio <= half_width(level)).mean() == pytest.approx(level, abs=1e-4)
 
 
 @pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
