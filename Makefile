@@ -23,9 +23,10 @@ DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 WEB := surrogate/page/web
 BUNDLE := surrogate/page/bundle/page.js
-# `make page` uses the trained network of the package for CASE, where there is one.
-SHIPPED = $(if $(filter det,$(MODEL)),$(if $(SAMPLES),,$(wildcard surrogate/trained/$(CASE)/config.yaml)))
-SHOWN = $(if $(SHIPPED),$(CASE),$(RUN))
+# `make page` uses the trained network of the package for CASE, where there is one; the reduced one goes first.
+SHIPPED = $(if $(filter det,$(MODEL)),$(if $(SAMPLES),,$(firstword \
+	$(wildcard $(foreach name,$(CASE)-reduced $(CASE),surrogate/trained/$(name)/config.yaml)))))
+SHOWN = $(if $(SHIPPED),$(notdir $(patsubst %/config.yaml,%,$(SHIPPED))),$(RUN))
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
 # Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.

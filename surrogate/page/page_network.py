@@ -6,9 +6,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+
 from shared_schema.common.errors import InputError
 from surrogate.inference.export import export_network
 from surrogate.inference.prediction import Surrogate
+from surrogate.mechanics.compliance import DENSE
+from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 
 PASSES = 30  # of all members together: 20 frames a second in the plane
@@ -43,8 +47,15 @@ def page_network(surrogate: Surrogate, largest: int) -> PageNetwork:
     Raises
     ------
     InputError
-        If the network is larger, with two passes if it is stochastic.
+        If the network is larger, with two passes if it is stochastic, or on the load series of a
+        body without dense K⁻¹, whose solves are too slow.
     """
+    linear = surrogate.network.linear
+    if isinstance(linear, SeriesResponse) and linear.precision == torch.float32:
+        raise InputError(
+            f"page: the network's load series needs a body of at most {DENSE} degrees of freedom, "
+            f"found {surrogate.geometry.coordinates.size}; 'model: reduced' is for larger ones"
+        )
     weights = sum(p.nbytes for p in surrogate.network.parameters())
     weights += sum(b.nbytes for b in surrogate.network.network.buffers())
     passes = None

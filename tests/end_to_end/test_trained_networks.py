@@ -12,6 +12,7 @@ from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 LOADS = {
     "beam2d_any": ("2.1333,0.3333:0.5,-1", "4,0:0,-1"),
     "lshape2d_any": ("4.8,1.4286:0.3,-0.5", "6,2:0,0.4"),
+    "beam3d_any": ("4,1,1:0.3,-0.5,0.2", "2.6667,0,0.5455:-0.2,0.4,0.5"),
 }
 
 

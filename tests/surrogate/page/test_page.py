@@ -115,6 +115,16 @@ def test_network_too_large_for_the_page(
     assert not (tmp_path / "page.html").exists()
 
 
+def test_body_too_large_for_a_series_on_the_page(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    series = {"inputs": ["force", "linear_gradient", "last_gradient"], "skip": "series"}
+    run = untrained(tmp_path / "run", dataset, dataset.geometry, series)
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    with pytest.raises(InputError, match="the network's load series needs a body of at most"):
+        page_network(load(run), 10**7)
+
+
 def test_passes_that_fit(dataset: Dataset, tmp_path: Path) -> None:
     content: dict[str, Any] = {"likelihood": "variational_bayes", "variational": {}, "ensemble": 2}
     run = untrained(tmp_path / "run", dataset, dataset.geometry, {}, **content)
