@@ -114,7 +114,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == NAMES
     (line,) = (line for line in lines if line.startswith("beam2d_any "))
     evaluation = RunFolder(find_run("beam2d_any")).read_evaluation()
-    assert " 4 × 1 m  64 " in line
+    assert " 4 × 1 m 64 " in " ".join(line.split())
     assert f"{evaluation['test']['mean_error']:.2e} m" in line
     _, *lines = configurations.splitlines()
     assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
