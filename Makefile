@@ -25,7 +25,7 @@ WEB := surrogate/page/web
 BUNDLE := surrogate/page/bundle/page.js
 # `make page` uses the trained network of the package for CASE, where there is one; the reduced one goes first.
 SHIPPED = $(if $(filter det,$(MODEL)),$(if $(SAMPLES),,$(firstword \
-	$(wildcard $(foreach name,$(CASE)-reduced $(CASE),surrogate/trained/$(name)/config.yaml)))))
+	$(wildcard $(foreach name,$(CASE)_reduced $(CASE),surrogate/trained/$(name)/config.yaml)))))
 SHOWN = $(if $(SHIPPED),$(notdir $(patsubst %/config.yaml,%,$(SHIPPED))),$(RUN))
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
