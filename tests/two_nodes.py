@@ -49,13 +49,19 @@ class TwoNodes:
         return ["ip", "netns", "exec", f"{self.prefix}1", "unshare", "--uts", *inside]
 
     def environment(self) -> dict[str, str]:
-        """Environment of the command: the agent of Open MPI 4, and of 5."""
+        """Environment of the command: the agent of Open MPI 4, and of 5.
+
+        Ranks are not bound to cores: the daemons do not know of each other, and each would bind its
+        first rank to the first core of the machine.
+        """
         agent = str(self.folder / "agent")
         return {
             **os.environ,
             **SETTINGS,
             "OMPI_MCA_plm_rsh_agent": agent,
             "PRTE_MCA_plm_ssh_agent": agent,
+            "OMPI_MCA_hwloc_base_binding_policy": "none",
+            "PRTE_MCA_hwloc_default_binding_policy": "none",
         }
 
     def pids(self, node: int) -> list[int]:
