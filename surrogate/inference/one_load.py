@@ -29,6 +29,7 @@ from surrogate.probabilistic.ensemble import Ensemble
 
 LARGEST = 2**22  # values of the matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
+SMALLEST = np.float32(TINY)
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 GridFunction = Callable[[Single], Single]  # (n_points, inputs) to (n_points, outputs)
@@ -47,6 +48,7 @@ class OneLoad:
 
     def __init__(self, network: NodalNetwork, members: list[GridFunction]) -> None:
         self.network, self.members = network, members
+        self.points, self.foretold = network.network.free.numel(), network.network.foretold
         field, weights = network.network, network.to_nodes.weights.numpy()  # (k, n_nodes)
         d, self.nodes = len(field.displacement_scale), weights.shape[1]
         scale = (field.displacement_scale * field.movable).reshape(d, -1).numpy().T
@@ -70,18 +72,19 @@ class OneLoad:
 
     def __call__(self, forces: Array) -> Array:
         """Predict displacements in m from forces in N, both (n_nodes, d)."""
-        linear, field = self._linear_part(forces.astype(np.float32)), self.network.network
-        fields = linear[: self.inputs].reshape(len(field.free.ravel()), -1)
+        linear = self._linear_part(forces.astype(np.float32))
+        fields = linear[: self.inputs].reshape(self.points, -1)
         if self.series is not None:
-            response, fields[:, field.foretold] = self.series(forces)
-        if field.foretold is not None:
-            last = fields[:, field.foretold]
-            amplitude = np.sqrt(np.einsum("pc,pc->p", last, last).max())
-            last /= amplitude + np.float32(TINY)
-        first, *others = (member(fields) for member in self.members)
-        y = sum(others, start=first)
-        if field.foretold is not None:
-            y = y * amplitude
+            response, fields[:, self.foretold] = self.series(forces)
+        if self.foretold is not None:
+            last = fields[:, self.foretold]
+            amplitude = np.sqrt((last * last).sum(axis=1).max())
+            last /= amplitude + SMALLEST
+        y = self.members[0](fields)
+        for member in self.members[1:]:
+            y += member(fields)
+        if self.foretold is not None:
+            y *= amplitude
         u = y.take(self.sources, axis=0) * self.scales
         nodal = u[0] if len(u) == 1 else u.sum(axis=0)
         if len(linear) > self.inputs:

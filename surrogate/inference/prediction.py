@@ -105,6 +105,7 @@ class Surrogate:
             data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
         )
         self.passes = Passes(network)
+        self._held = np.flatnonzero(geometry.held)  # degrees of freedom, node · d + component
         self.mean_error: float | None = None
 
     def __repr__(self) -> str:
@@ -347,11 +348,11 @@ class Surrogate:
             raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
         if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
             raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
-        loaded = nodal.reshape(-1, *expected).any(axis=0)
-        held = np.flatnonzero((self.geometry.held & loaded).any(axis=1))
-        if len(held):
-            how = "clamped" if self.geometry.clamped[held[0]] else "held in this component"
-            raise InputError(f"forces at node {held[0]}: the node is {how}, expected a free one")
+        at_held = nodal.reshape(-1, self.geometry.held.size)[:, self._held]
+        if at_held.any():
+            node = self._held[at_held.any(axis=0)][0] // nodal.shape[-1]
+            how = "clamped" if self.geometry.clamped[node] else "held in this component"
+            raise InputError(f"forces at node {node}: the node is {how}, expected a free one")
         return nodal
 
     @torch.inference_mode()

@@ -43,8 +43,10 @@ class TrainingRange:
     ) -> None:
         self._grid = None if grid is None or grid.points_are_nodes else grid
         self._limit = np.array(limit)
+        self._largest = self._limit * MARGIN
         self._elsewhere = ~loadable
         self._loads = loads
+        self._largest_resultant = np.array(() if loads is None else loads.resultant) * MARGIN
         self._warned: set[str] = set()
 
     def exceeded(self, forces: Array) -> dict[str, str]:
@@ -65,27 +67,33 @@ class TrainingRange:
                 warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
-        reach = np.abs(forces).max(axis=(0, 1), initial=0.0)
-        if self._grid is not None:
-            on_grid = np.moveaxis(self._grid.forces_to_grid(forces), 1, 0)
-            reach = np.abs(on_grid).reshape(len(on_grid), -1).max(axis=1, initial=0.0)
-        if np.any(reach > self._limit * MARGIN):
+        some = np.flatnonzero(forces.any(axis=(0, 2)))
+        at_some = forces[:, some]  # most loads act on a few nodes
+        values = at_some if self._grid is None else _on_grid(forces, self._grid)
+        if (np.abs(values) > self._largest).any():
             text = f"force components reach beyond those of the training data ({_pm(self._limit)})"
             yield "range", text
-        loaded = forces.any(axis=2)
-        if np.any(loaded & self._elsewhere):
+        if self._elsewhere[some].any():
             yield "places", "a loaded node was never loaded in the training data"
         if self._loads is None:
             return
         fewest, most = self._loads.fewest, self._loads.most
-        count = loaded.sum(axis=1)
-        unusual = count[(count > most) | ((count > 0) & (count < fewest))]
-        if len(unusual):
+        several = len(forces) > 1
+        counts = np.count_nonzero(at_some.any(axis=2), axis=1) if several else [len(some)]
+        unusual = [n for n in counts if n and not fewest <= n <= most]
+        if unusual:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             yield "number", f"number of loaded nodes {unusual[0]}, {numbers} in the training data"
-        limit = np.array(self._loads.resultant)
-        if np.any(np.abs(forces.sum(axis=1)) > limit * MARGIN):
+        if (np.abs(at_some.sum(axis=1)) > self._largest_resultant).any():
+            limit = np.array(self._loads.resultant)
             yield "resultant", f"the resultant is beyond that of the training data ({_pm(limit)})"
+
+
+def _on_grid(forces: Array, grid: Grid) -> Array:
+    """(N, n_nodes, d) → (N, n_grid_points, d)."""
+    on_grid = grid.forces_to_grid(forces)
+    values: Array = on_grid.reshape(*on_grid.shape[:2], -1).swapaxes(1, 2)
+    return values
 
 
 def _pm(limit: Array) -> str:

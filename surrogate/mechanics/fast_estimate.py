@@ -1,15 +1,14 @@
-r"""Estimated errors without a factorisation: two steps of a descent with rotated compliances.
+r"""Estimated errors without a factorisation: two steps of conjugate gradients.
 
-Newton's step :math:`-K(u)^{-1} r` (`surrogate.mechanics.certificate`) factorises the tangent of
+Newton's step :math:`δ = -K(u)^{-1} r` (`surrogate.mechanics.certificate`) factorises the tangent of
 every prediction. Here the factor of the undeformed body is kept, and its compliance is turned with
-the body: with the rotations R of the nodes,
+the body: with the rotations R of the nodes, :math:`P = R \, K(0)^{-1} R^T`, conjugate gradients
+minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
 
-.. math::
-    P = R \, K(0)^{-1} R^T, \qquad x_1 = -α P r, \qquad x_2 = x_1 - α P (r + K(u) \, x_1), \qquad
-    α = \frac{r · P r}{P r · K(u) P r}
+.. math:: x \in \mathrm{span} \, \{P r, \; P \, K(u) \, P r\}
 
-so that :math:`x_2 ≈ -K(u)^{-1} r`, and the error is about :math:`-x_2`. α is the length of the
-first step of steepest descent. Rotations are the factors of the polar decomposition of the mean of
+so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the energy, x is no larger
+than δ. Rotations are the factors of the polar decomposition of the mean of
 :math:`F = I + ∇u` over the cells at a node. The product with the tangent
 is that of the cells' stresses (`surrogate.mechanics.neo_hookean`), which no matrix is assembled
 for. A large body is treated in single precision. Where a cell is inverted, the error is infinite.
@@ -36,6 +35,7 @@ Array = NDArray[np.float64]
 Values = NDArray[np.floating[Any]]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
 AT_ONCE = 2**20  # values of a field at the points that are held at once
+STEPS = 2  # of conjugate gradients
 POLAR_STEPS = {2: 1, 3: 3}  # in the plane one step is exact
 
 
@@ -105,12 +105,19 @@ class FastEstimate:
                 f_points[i, i] += 1
             state, rotation = State(f_points, self.material), rotations(self._at_nodes(f_points))
             force = self._balanced(f - self._divergence(state.stress()))
-            z = self._response(force, rotation)
-            tangent = self._balanced(self._divergence(state.stress_change(self._gradient(z))))
-            work = (force * z).sum((0, 1))
-            alpha = work / (z * tangent).sum((0, 1))
-            alpha = np.where((alpha > 0) & (alpha < np.inf), alpha, 1)
-            x = alpha * (z + self._response(force - alpha * tangent, rotation))
+            x, direction, before = np.zeros_like(u), np.zeros_like(u), np.inf
+            for step in range(STEPS):
+                z = self._response(force, rotation)
+                work = (force * z).sum((0, 1))
+                direction = z + np.where(before > 0, work / before, 0) * direction
+                tangent = self._balanced(
+                    self._divergence(state.stress_change(self._gradient(direction)))
+                )
+                length = work / (direction * tangent).sum((0, 1))
+                length = np.where((length > 0) & (length < np.inf), length, step == 0)
+                x += length * direction
+                force = force - length * tangent
+                before = work
         x[..., ~(state.sound & np.isfinite(work))] = np.inf
         error: Array = predicted - held - x.transpose(2, 1, 0)
         return error

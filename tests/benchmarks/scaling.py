@@ -13,6 +13,7 @@ writes `docs/results/benchmark-scaling.json` and `docs/benchmark-scaling.md`.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
@@ -30,6 +31,7 @@ from tests.benchmarks.publication import (
     argument_parser,
     footer,
     markdown_table,
+    result_path,
     run_benchmark,
 )
 from tests.open_mpi import SETTINGS
@@ -121,9 +123,22 @@ def table(results: Results) -> str:
         f"alternately; values are medians of\n{results['rounds']} rounds. Samples per second is "
         f"the slope between two numbers of samples, writing included:\n{sizes}.\nStart-up is the "
         "remaining time: imports, forms, mesh, mpirun. Speed-up is over one rank; ranks per solve "
-        "are\nthose of `--ranks-per-solve`. [Two nodes](benchmark-two-nodes.md) are compared with "
-        "one.\n\n"
-        f"{rows}\n{footer(results)}"
+        f"are\nthose of `--ranks-per-solve`.\n\n{rows}\n{of_two_nodes()}{footer(results)}"
+    )
+
+
+def of_two_nodes() -> str:
+    """What `tests.benchmarks.two_nodes` has found; nothing before it has run."""
+    found = result_path("two-nodes")
+    if not found.is_file():
+        return ""
+    ratios = " and ".join(
+        f"{r['ratio']:.2f} times (`{r['case']}`)"
+        for r in json.loads(found.read_text())["comparison"]
+    )
+    return (
+        f"Two nodes with a rank each reach {ratios} the rate of two ranks on one\nnode, without "
+        "options, over TCP ([two nodes](benchmark-two-nodes.md)).\n\n"
     )
 
 

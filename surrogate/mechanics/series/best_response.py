@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.arrays import like
+from surrogate.mechanics.series.arrays import constant, library_of, like
 from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
@@ -39,10 +41,8 @@ def beyond_linear(
     """
     slope = gradient(first)
     terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
-    found = least_energy(material, volumes, [first, *terms], [slope, *slopes])[..., None, :]
-    c = like(first, found)
-    total = like(first, found[..., 0] - 1) * first
-    for k, term in enumerate(terms[:-1], start=1):
-        total = total + c[..., k] * term
-    last = c[..., -1] * terms[-1]
-    return total + last, last
+    every = library_of(first).stack([first, *terms], -2)
+    c = least_energy(material, volumes, [slope, *slopes])
+    last = like(first, c[..., -1:]) * terms[-1]
+    beyond = c - constant(np.eye(1, order)[0], c)
+    return (like(first, beyond)[..., None, :] @ every)[..., 0, :], last

@@ -17,20 +17,25 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.mechanics.series.arrays import library_of
+from surrogate.mechanics.series.arrays import constant, library_of
 
 Array = Any  # of NumPy, or a Tensor
 TURNS = (1, 2), (2, 0), (0, 1)
+SIGNS = np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])
 
 
 def trace(a: Array) -> Array:
     """Tr A: (…, d, d, n_points) → (…, n_points)."""
-    return sum((a[..., i, i, :] for i in range(1, a.shape[-2])), start=a[..., 0, 0, :])
+    total = a[..., 0, 0, :] + a[..., 1, 1, :]
+    return total if a.shape[-2] == 2 else total + a[..., 2, 2, :]
 
 
 def linear_cofactors(a: Array) -> Array:
     """(tr A) I - Aᵀ, the cofactors in the plane: (…, d, d, n_points) → same."""
-    return add_multiple(-a.swapaxes(-2, -3), trace(a))
+    if a.shape[-2] > 2:
+        return add_multiple(-a.swapaxes(-2, -3), trace(a))
+    turned = a.flip(-2, -3) if isinstance(a, torch.Tensor) else a[..., ::-1, ::-1, :]
+    return turned * constant(SIGNS, a)
 
 
 def add_multiple(a: Array, factor: Array) -> Array:

@@ -24,10 +24,9 @@ from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from surrogate.mechanics.series.arrays import library_of
+from surrogate.mechanics.series.arrays import constant, library_of, on_device_of
 from surrogate.mechanics.series.cofactors import (
     cofactors,
     contraction,
@@ -56,8 +55,8 @@ class JacobianPolynomial:
     def __init__(self, h: Array) -> None:
         self.library, self.degree, self.order = library_of(h), h.shape[-2], h.shape[-4]
         self.coefficients = self.library.concatenate(list(_coefficients(h)), -2)
-        forms = monomial_forms(self.order, self.degree)
-        self.forms = torch.from_numpy(forms).to(h.device) if isinstance(h, torch.Tensor) else forms
+        forms, curvatures = monomial_forms(self.order, self.degree)
+        self.forms, self.curvatures = on_device_of(h, forms), on_device_of(h, curvatures)
 
     def monomials(self, c: Array) -> tuple[Array, Array, Array]:
         """Return pₘ, and the first and second derivatives.
@@ -74,43 +73,61 @@ class JacobianPolynomial:
         curvatures : array, (…, n_monomials, n²), or (n_monomials, n²) in the plane
         """
         d, size = self.degree, self.order + 1
-        one_and_c = self.library.concatenate((0 * c[..., :1] + 1, c), -1)
-        column = one_and_c[..., None, :, None]
-        forms = self.forms
+        samples, count = c.shape[:-1], self.coefficients.shape[-2]
+        column = self.library.concatenate((0 * c[..., :1] + 1, c), -1)[..., None]
+        forms, curvatures = self.forms, self.curvatures
         if d == 3:
-            forms = forms.reshape(-1, size * size, size) @ column
-            forms = forms.reshape(*c.shape[:-1], -1, size, size)
-        slopes = (forms @ column)[..., 0]
-        values = (slopes * one_and_c[..., None, :]).sum(-1)
-        curvatures = d * (d - 1) * forms[..., 1:, 1:].reshape(*forms.shape[:-2], self.order**2)
+            forms = (forms @ column).reshape(*samples, count * size, size)
+            curvatures = (curvatures @ column).reshape(*samples, count, self.order**2)
+        slopes = (forms @ column).reshape(*samples, count, size)
+        values = (slopes @ column)[..., 0]
         return values, d * slopes[..., 1:].swapaxes(-1, -2), curvatures
 
 
 @cache
-def monomial_forms(order: int, degree: int) -> NDArray[np.float64]:
-    """Monomials as symmetric forms of 1, c₁, …, cₙ: (n_monomials, n + 1, …, n + 1)."""
+def monomial_forms(order: int, degree: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Monomials as symmetric forms of 1, c₁, …, cₙ, and their second derivatives.
+
+    Returns
+    -------
+    forms : array, (n_monomials · (n + 1)^(d - 1), n + 1)
+    curvatures : array, (n_monomials, n²) in the plane; (n_monomials · n², n + 1) in space
+        What gives the second derivatives, multiplied by 1, c₁, …, cₙ in space.
+    """
     monomials = list(combinations_with_replacement(range(order + 1), degree))[1:]
     forms = np.zeros((len(monomials), *(order + 1,) * degree))
     for form, indices in zip(forms, monomials, strict=True):
         places = set(permutations(indices))
         for place in places:
             form[place] = 1 / len(places)
-    return forms
+    curvatures = degree * (degree - 1) * forms[:, 1:, 1:].reshape(len(forms), order**2, -1)
+    last = (len(forms), order**2) if degree == 2 else (-1, order + 1)
+    return forms.reshape(-1, order + 1), np.ascontiguousarray(curvatures.reshape(last))
 
 
 def _coefficients(h: Array) -> Iterator[Array]:
     """Coefficients of monomials that differ in the last index: (…, n_monomials, n_points) each."""
+    yield trace(h)
+    if h.shape[-2] == 2:  # small arrays: one call for all pairs
+        rows, columns, factors = _pairs(h.shape[-4])
+        products = contraction(linear_cofactors(h)[..., rows, :, :, :], h[..., columns, :, :, :])
+        yield constant(factors, h) * products
+        return
     first = range(h.shape[-4])
     of = [h[..., k, :, :, :] for k in first]
-    yield trace(h)
     for k in first:
         yield _with_later(linear_cofactors(of[k]), h, k, 2)
-    if h.shape[-2] == 2:
-        return
     for k in first:
         yield _with_later(cofactors(of[k]), h, k, 3)
         for m in first[k + 1 :]:
             yield _with_later(cross_product(of[k], of[m]), h, m, 2)
+
+
+@cache
+def _pairs(order: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """All pairs k ≤ l, and 1/r, (n_pairs, 1)."""
+    k, m = np.triu_indices(order)
+    return k, m, np.where(k == m, 0.5, 1.0)[:, None]
 
 
 def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:

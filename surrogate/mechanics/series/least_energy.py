@@ -19,7 +19,11 @@ quadrature points,
 
 All of it is of second order in the gradients, so that nothing is lost where they are small; so is
 :math:`U = \tfrac{λ}{2} (e - \ln (1 + e)) + \tfrac{λ}{4} e^2` or :math:`\tfrac{λ}{2} e^2`. The works
-aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁.
+aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁:
+
+.. math::
+    a_k = \sum_q w_q (μ H_1 : H_k - μ \, (I × H_1) : H_k
+        + (λ + μ) \, \mathrm{tr} H_1 \, \mathrm{tr} H_k).
 
 Newton's method minimises Π, from terms that fade where they do not decrease, so that Π is finite
 there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that does not raise
@@ -31,14 +35,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import prod
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.arrays import in_double, library_of, like, rounding_of
+from surrogate.mechanics.series.arrays import constant, in_double, library_of, like, rounding_of
 from surrogate.mechanics.series.jacobian import JacobianPolynomial
 
 Array = Any  # of NumPy, or a Tensor
@@ -67,7 +73,7 @@ USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
 EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
-SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
+SMALL_STEP, SMALLEST_STEP = 3e-2, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero
 
 
@@ -86,29 +92,28 @@ class EnergyOfTerms:
     ----------
     rounding : float
         Relative rounding of a number in the precision of `gradients`.
-    stiffness : array, (…, n, n)
-        Hessian at c = 0 in J.
+    works : array, (…, n)
+        aₖ in J.
     """
 
     def __init__(self, material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> None:
         lam, self.mu = material.lame_lambda, material.lame_mu
-        self.square = lam / 4 if material.volumetric == "paper" else lam / 2  # factor of e²
-        self.excess = lam + self.mu - 2 * self.square  # of e - ln (1 + e)
-        self.library, self.volumes = library_of(volumes), volumes
+        square = lam / 2 if material.volumetric == "paper" else lam  # factor of e² / 2
+        self.library, self.square = library_of(volumes), square * volumes
+        self.excess = (lam + self.mu - square) * volumes  # factor of e - ln (1 + e)
+        self.square_in_double = in_double(self.square)
+        self.excess_in_double = in_double(self.excess)
         h = self.library.stack(list(gradients), -4)  # (…, n, d, d, n_points)
         self.rounding = rounding_of(h)
         self.jacobian = JacobianPolynomial(h)
         self.squares = self.mu * in_double(_flat(h * volumes) @ _flat(h).swapaxes(-1, -2))
+        n = len(gradients)
         integrals = self.mu * in_double(self.jacobian.coefficients @ volumes)
-        traces = self.jacobian.coefficients[..., : len(gradients), :]
-        squared = in_double((traces * volumes) @ traces.swapaxes(-1, -2))
-        linear = integrals[..., : len(gradients)]
-        self.nonlinear = self.library.concatenate(
-            (0 * linear, integrals[..., len(gradients) :]), -1
-        )
-        _, _, curvatures = self.jacobian.monomials(0 * linear)
-        self.stiffness = self._hessian(-self.nonlinear, curvatures) + (lam + self.mu) * squared
-        self.works = self.stiffness[..., 0, :]
+        self.nonlinear = integrals * constant(_is_nonlinear(n, integrals.shape[-1]), integrals)
+        traces = self.jacobian.coefficients[..., :n, :]
+        squared = in_double((traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0])
+        products = constant(_occurrences(n), integrals) * integrals[..., n : 2 * n]
+        self.works = self.squares[..., 0, :] - products + (lam + self.mu) * squared
 
     def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
         """Return c, Π, its gradient and its Hessian, in double: (…, n), (…), (…, n), (…, n, n).
@@ -119,31 +124,32 @@ class EnergyOfTerms:
         coefficients = self.jacobian.coefficients
         e = _sum(like(coefficients, values), coefficients)
         inside = e > SMALLEST_J - 1
-        e = self.library.where(inside, e, SMALLEST_J - 1)
+        inside_everywhere = inside.all(-1)
+        if not _is_known(inside_everywhere.all()):
+            e = self.library.where(inside, e, SMALLEST_J - 1)
         inverse = 1 / (1 + e)
-        slope = (self.excess * inverse + 2 * self.square) * e
-        curvature = self.excess * (inverse * inverse) + 2 * self.square
-        e = in_double(e)
-        density = self.excess * (e - self.library.log1p(e)) + self.square * (e * e)
-        stretched = _sum(c, self.squares)
-        energy = density @ in_double(self.volumes) - _dot(values, self.nonlinear)
-        energy = energy + _dot(c, 0.5 * stretched - self.works)
-        integrals = in_double((coefficients @ (slope * self.volumes)[..., None])[..., 0])
-        forces = integrals - self.nonlinear
-        gradient = stretched - self.works + (slopes @ forces[..., None])[..., 0]
+        logarithmic = inverse * self.excess
+        integrals = in_double((coefficients @ ((logarithmic + self.square) * e)[..., None])[..., 0])
         first = like(coefficients, slopes) @ coefficients
-        weighted = first * (curvature * self.volumes)[..., None, :]
+        weighted = first * (logarithmic * inverse + self.square)[..., None, :]
+        forces = integrals - self.nonlinear
         hessian = self._hessian(forces, curvatures) + in_double(weighted @ first.swapaxes(-1, -2))
-        return c, self.library.where(inside.all(-1), energy, np.inf), gradient, hessian
+        e = in_double(e)
+        energy = (e - self.library.log1p(e)) @ self.excess_in_double
+        energy = energy + 0.5 * _dot(self.square_in_double * e, e) - _dot(values, self.nonlinear)
+        stretched = _sum(c, self.squares) - self.works
+        energy = energy + 0.5 * _dot(c, stretched - self.works)
+        gradient = stretched + (slopes @ forces[..., None])[..., 0]
+        if not _is_known(inside_everywhere.all()):
+            energy = self.library.where(inside_everywhere, energy, np.inf)
+        return c, energy, gradient, hessian
 
     def _hessian(self, forces: Array, curvatures: Array) -> Array:
         """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
         return self.squares + _sum(forces, curvatures).reshape(self.squares.shape)
 
 
-def least_energy(
-    material: NeoHookean, volumes: Array, terms: Sequence[Array], gradients: Sequence[Array]
-) -> Array:
+def least_energy(material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> Array:
     """Return the coefficients c of the least Π, in double precision: (…, n).
 
     Parameters
@@ -151,15 +157,13 @@ def least_energy(
     material : NeoHookean
     volumes : array, (n_points,)
         In m³ (m² in the plane).
-    terms : sequence of n arrays, (…, n_dofs)
-        uₖ in m.
     gradients : sequence of n arrays, (…, d, d, n_points)
-        Their gradients at the points.
+        Hₖ at the points.
     """
     potential = EnergyOfTerms(material, volumes, gradients)
     effort = EXPORTED if torch.compiler.is_compiling() else USUAL
-    unit = _unit(potential.stiffness)
-    stiffness = (potential.stiffness * unit).sum(-1)
+    unit = constant(_unit(len(gradients)), potential.squares)
+    stiffness = potential.library.diagonal(potential.squares, 0, -2, -1)
     invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
     scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
     scales = scale[..., :, None] * scale[..., None, :]
@@ -170,10 +174,10 @@ def least_energy(
         small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
         return _dot(step, step) <= small * small
 
-    state = potential.at(_fading([in_double(term) for term in terms]))
+    state = potential.at(_fading(stiffness))
     for _ in range(effort.halvings):
         outside = state[1] == np.inf
-        if _is_known(~outside.any()):
+        if not _may_be(outside.any()):
             break
         powers = potential.library.cumsum(0 * scale + 1, -1)
         halves = 0.5**powers  # c_k of half the load
@@ -191,7 +195,7 @@ def least_energy(
             falls = waits & (trial[1] <= bound)
             state = _where(falls, trial, state)
             waits = waits & ~falls
-            if _is_known(~waits.any()):
+            if not _may_be(waits.any()):
                 break
     return state[0]
 
@@ -216,17 +220,35 @@ def solved(matrix: Array, right: Array) -> Array:
     return found
 
 
-def _fading(terms: Sequence[Array]) -> Array:
-    r"""Coefficients :math:`\prod_{j=2}^k 1 / (1 + (‖u_j‖ / ‖u_{j-1}‖)^4)`: (…, n).
+def _fading(squares: Array) -> Array:
+    r"""Coefficients :math:`\prod_{j=2}^k 1 / (1 + (M_{jj} / M_{j-1,j-1})^2)`: (…, n) → same.
 
     They are 1 - O(t⁴) under loads t f, and small after a term that is larger than that before it.
     """
-    squares = [_dot(u, u) for u in terms]
-    factors = [0 * squares[0] + 1]
-    for square, before in zip(squares[1:], squares, strict=False):
-        ratio = square / (before + TINY)
-        factors.append(factors[-1] / (1 + ratio * ratio))
-    return library_of(squares[0]).stack(factors, -1)
+    ratios = squares[..., 1:] / (squares[..., :-1] + TINY)
+    falls = 1 / (1 + ratios * ratios)
+    factors = [0 * squares[..., 0] + 1]
+    for k in range(falls.shape[-1]):
+        factors.append(factors[-1] * falls[..., k])
+    return library_of(squares).stack(factors, -1)
+
+
+@cache
+def _is_nonlinear(n: int, monomials: int) -> NDArray[np.float64]:
+    """0 for c₁ … cₙ, the first monomials, and 1 for all others."""
+    return np.repeat((0.0, 1.0), (n, monomials - n))
+
+
+@cache
+def _occurrences(n: int) -> NDArray[np.float64]:
+    """Second derivatives of c₁ cₖ, the monomials after the first n, with respect to both."""
+    return np.where(np.arange(n) == 0, 2.0, 1.0)
+
+
+@cache
+def _unit(n: int) -> NDArray[np.float64]:
+    """The unit matrix."""
+    return np.eye(n)
 
 
 def _flat(h: Array) -> Array:
@@ -244,14 +266,6 @@ def _sum(c: Array, x: Array) -> Array:
     return (c[..., None, :] @ x)[..., 0, :]
 
 
-def _unit(matrix: Array) -> Array:
-    """The unit matrix of the size and kind of others."""
-    n = matrix.shape[-1]
-    if isinstance(matrix, torch.Tensor):
-        return torch.eye(n, dtype=matrix.dtype, device=matrix.device)
-    return np.eye(n)
-
-
 def _where(condition: Array, some: tuple[Array, ...], others: tuple[Array, ...]) -> Any:
     """Choose states, sample by sample."""
     if _is_known(condition.all()):
@@ -266,3 +280,8 @@ def _where(condition: Array, some: tuple[Array, ...], others: tuple[Array, ...])
 def _is_known(condition: Array) -> bool:
     """Whether a condition holds; exported files know no conditions and do all iterations."""
     return not torch.compiler.is_compiling() and bool(condition)
+
+
+def _may_be(condition: Array) -> bool:
+    """Whether a condition holds, or is not known."""
+    return torch.compiler.is_compiling() or bool(condition)

@@ -60,13 +60,8 @@ class SeriesStress:
     def next_without(self) -> Array:
         """The next P_k without the part that is linear in H_k, as if H_k = 0."""
         k = len(self.h) + 1
-        backwards = list(zip(self.h, self.c[::-1], strict=True))
-        total = sum(
-            (j * contraction(h, c) for j, (h, c) in enumerate(backwards[1:], start=2)),
-            start=contraction(*backwards[0]),
-        )
         products = [j * r for j, r in zip(self.j, self.r[::-1], strict=True)]
-        self.j.append(total / k)
+        self.j.append(self._jacobian(k))
         self.r.append(-sum(products, start=self.j[-1]))
         self.s.append(self._s())
         stress = self.s[-2][..., None, None, :] * self.c[0]
@@ -86,6 +81,15 @@ class SeriesStress:
         self.j[-1] = self.j[-1] + of_h
         self.r[-1] = self.r[-1] - of_h
         self.s[-1] = self._s()
+
+    def _jacobian(self, k: int) -> Array:
+        """J_k without tr H_k; in the plane, C_j : H_{k-j} = C_{k-j} : H_j."""
+        plane = self.h[0].shape[-2] == 2
+        parts = [
+            (1 if plane and 2 * j < k else j / k) * contraction(self.h[j - 1], self.c[k - j - 1])
+            for j in range(1, k // 2 + 1 if plane else k)
+        ]
+        return sum(parts[1:], start=parts[0])
 
     def _products(self, k: int) -> Array | None:
         """½ Σ Hⱼ × H_{k-j}; None in the plane."""
