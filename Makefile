@@ -90,7 +90,7 @@ reproduce beyond: setup
 
 test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
 
-test-datagen: setup .venv-plaid/.installed
+test-datagen: .venv-datagen/.installed .venv-plaid/.installed
 	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
 
 test-surrogate: setup $(BUNDLE) | browser-packages
