@@ -2,9 +2,9 @@
 
     make test-debian SUITE=trixie [SAMPLES=120] [TESTS=test-datagen] [T="-m 'not slow'"]
 
-SUITE is bookworm (Debian 12), trixie (13), or sid for the factory alone. The system has nothing but apt, git, make and
-certificates, and what pip reads on this machine: settings, a certificate, folders of packages. It
-is removed at the end.
+SUITE is bookworm (Debian 12), trixie (13), or sid for the factory alone. The system has nothing but
+apt, git, make and certificates, and what pip reads on this machine: settings, a certificate,
+folders of packages. It is removed at the end.
 """
 
 from __future__ import annotations
