@@ -88,7 +88,7 @@ def require_writable(out: Path, option: str = "--out") -> None:
     """
     try:
         folder = out if out.is_dir() else out.parent
-        while not folder.exists():
+        while not _is_there(folder):
             folder = folder.parent
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -96,3 +96,12 @@ def require_writable(out: Path, option: str = "--out") -> None:
         if error.errno not in REFUSALS:
             raise
         raise InputError(f"{option} '{out}': cannot be written to ({error.strerror})") from None
+
+
+def _is_there(path: Path) -> bool:
+    """As `Path.exists`, which from Python 3.14 on is also False for paths that cannot be."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return False
+    return True

@@ -39,7 +39,10 @@ def linear_cofactors(a: Array) -> Array:
 
 
 def add_multiple(a: Array, factor: Array) -> Array:
-    """Add x I to A, in place: (…, d, d, n_points), (…, n_points) → (…, d, d, n_points)."""
+    """A + x I, of an array in place: (…, d, d, n_points), (…, n_points) → (…, d, d, n_points)."""
+    if isinstance(a, torch.Tensor):
+        unit = torch.eye(a.shape[-2], dtype=a.dtype, device=a.device)
+        return a + unit[:, :, None] * factor[..., None, None, :]
     for i in range(a.shape[-2]):
         a[..., i, i, :] += factor
     return a
@@ -66,14 +69,9 @@ def contraction(a: Array, b: Array) -> Array:
 
 def _minors(a: Array, b: Array) -> Array:
     """A_im B_jn - A_in B_jm: (…, 3, 3, n_points) twice → same; (i, j) and (m, n) turn with each."""
-    turns = list(product(TURNS, TURNS))
     if isinstance(a, torch.Tensor):
-        parts = [
-            a[..., i, m, :] * b[..., j, n, :] - a[..., i, n, :] * b[..., j, m, :]
-            for (i, j), (m, n) in turns
-        ]
-        stacked = torch.stack(parts, -2)
-        return stacked.reshape(*stacked.shape[:-2], 3, 3, stacked.shape[-1])
+        return torch.linalg.cross(a.roll(-1, -3), b.roll(-2, -3), dim=-2)
+    turns = product(TURNS, TURNS)
     found, second = np.empty_like(a, order="C"), np.empty_like(a[..., 0, 0, :], order="C")
     for place, ((i, j), (m, n)) in zip(np.ndindex(3, 3), turns, strict=True):
         first = found[(..., *place, slice(None))]

@@ -130,8 +130,14 @@ def _pairs(order: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
     return k, m, np.where(k == m, 0.5, 1.0)[:, None]
 
 
+@cache
+def _first_divided(count: int, occurrences: int) -> NDArray[np.float64]:
+    """1/r and ones: (count, 1)."""
+    return np.where(np.arange(count) == 0, 1 / occurrences, 1.0)[:, None]
+
+
 def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:
     """Contractions with H of `start`, which then occurs so often, and with those after it."""
     values = contraction(product[..., None, :, :, :], h[..., start:, :, :, :])
-    values[..., 0, :] /= occurrences
+    values *= constant(_first_divided(values.shape[-2], occurrences), values)
     return values

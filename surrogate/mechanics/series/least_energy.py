@@ -70,7 +70,7 @@ class Effort:
 
 
 USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
-EXPORTED = Effort(halvings=0, iterations=4, shifts=(1e-9,))  # a file does all of them
+EXPORTED = Effort(halvings=0, iterations=3, shifts=(1e-9,))  # a file does all of them
 SMALLEST_J = 1e-6
 ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
 SMALL_STEP, SMALLEST_STEP = 3e-2, 1e-10  # relative to the last term, and to the first one

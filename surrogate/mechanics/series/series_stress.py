@@ -67,7 +67,7 @@ class SeriesStress:
         stress = self.s[-2][..., None, None, :] * self.c[0]
         for s, c in zip(self.s[-3::-1], self.c[1:], strict=True):
             stress += s[..., None, None, :] * c
-        add_multiple(stress, self.s[-1])
+        stress = add_multiple(stress, self.s[-1])
         self.c.append(self._products(k))
         if self.c[-1] is not None:
             stress -= self.mu * self.c[-1]
