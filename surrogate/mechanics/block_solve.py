@@ -48,8 +48,9 @@ class SparseProduct(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Multiply."""
-        terms = x.index_select(0, self.columns).unflatten(0, self.shape)
-        return (terms * self.weights).sum(0)
+        terms = x.index_select(0, self.columns).reshape(*self.shape, -1)
+        y: Tensor = (terms * self.weights).sum(0)
+        return y
 
 
 class BlockSolve(nn.Module):

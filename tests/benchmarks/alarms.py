@@ -22,7 +22,7 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
-from surrogate.studies.beyond.alarms import alarms, judge
+from surrogate.studies.beyond.alarms import alarms, judge, judge_unusual
 from tests.benchmarks.publication import (
     Results,
     argument_parser,
@@ -76,7 +76,7 @@ def measured(run: str, dataset: Dataset, samples: int, passes: int) -> Results:
         "spearman": float(spearmanr(error, judged.certificate.mean_error)[0]),
         "ratio_of_median_errors": float(np.median(error) / np.median(left)),
         "raised": int((left > error).sum()),
-        "auroc": alarms(model, force, passes, judged),
+        "auroc": alarms(judged, judge_unusual(model, force, passes)),
     }
 
 

@@ -1,9 +1,8 @@
 """Certificates against true errors: effectivity, alarms, corrections, times.
 
 The samples are those of a run's test split. An alarm tells loads unlike those of the training from
-the test split by a measure of the certificate; it is rated by the area under its receiver operating
-characteristic (AUROC). No solutions are needed for it. All times are CPU times of one
-thread.
+the test split, or wrong predictions from others, by a measure of the certificate; it is rated by
+the area under its receiver operating characteristic (AUROC). All times are CPU times of one thread.
 
     OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m tests.benchmarks.certificates RUN DATASET
 
@@ -14,9 +13,11 @@ prediction, true error and estimated error side by side.
 from __future__ import annotations
 
 import argparse
+import math
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from surrogate.data.random_loads import random_loads
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
 from surrogate.mechanics.certificate import Certificate
 from surrogate.presentation.field_figures import add_field
-from surrogate.studies.beyond.alarms import alarms
+from surrogate.studies.beyond.alarms import alarms, alarms_of_errors, judge, judge_unusual
 from surrogate.uncertainty.fast_certificate import fit_fast_certificate
 from tests.benchmarks.publication import (
     Results,
@@ -71,6 +72,8 @@ def measure(options: argparse.Namespace) -> Results:
     predicted = model.predict(force)
     model.certify(force[:1], predicted[:1])  # sets the body up
     seconds, found = timed(lambda: model.certify(force, predicted))
+    few = force[: options.unusual or len(force)]
+    inside, unusual = judge(model, few, PASSES), judge_unusual(model, few, PASSES)
     if options.figure is not None:
         draw(options.figure, model, force, truth, predicted, found)
     return {
@@ -81,7 +84,8 @@ def measure(options: argparse.Namespace) -> Results:
         "estimate": compared(model, found, force, predicted, truth),
         "correction": corrected(model, force, predicted, truth),
         "fast": fast(model, dataset, force, truth),
-        "auroc": alarms(model, force[: options.unusual or len(force)], PASSES),
+        "auroc": alarms(inside, unusual),
+        "auroc_of_errors": {k: asdict(w) for k, w in alarms_of_errors(inside, unusual).items()},
     }
 
 
@@ -187,6 +191,26 @@ def draw(
     save(figure, path)
 
 
+def alarm_names(results: Results) -> list[str]:
+    """Names of all alarms."""
+    return list(dict.fromkeys(name for of_kind in results["auroc"].values() for name in of_kind))
+
+
+def alarm_rows(results: Results) -> list[list[str]]:
+    """Lines of the table of alarms, one for each kind of loads."""
+    rows = []
+    for kind, areas in results["auroc"].items():
+        errors = results["auroc_of_errors"][kind]
+        cells = [
+            f"{errors['auroc'].get(name, math.nan):.3f} ({areas[name]:.3f})".replace("nan", "–")
+            if name in areas
+            else "–"
+            for name in alarm_names(results)
+        ]
+        rows.append([kind, f"{errors['wrong']} of {errors['loads']}", *cells])
+    return rows
+
+
 def table(results: Results) -> str:
     """Make the page."""
     estimate, correction = results["estimate"], results["correction"]
@@ -223,8 +247,6 @@ def table(results: Results) -> str:
                     f"{bound['coverage']:.1%}, {bound['median_width']:.3g}",
                 ]
             )
-    for kind, values in results["auroc"].items():
-        rows += [[f"AUROC of {name}, {kind}", f"{value:.4f}"] for name, value in values.items()]
     return "\n".join(
         [
             f"# Certificates of `{results['case']}`",
@@ -233,6 +255,13 @@ def table(results: Results) -> str:
             f"{results['degrees_of_freedom']} degrees of freedom.",
             "",
             markdown_table(["quantity", "value"], rows),
+            "Loads outside the training, as many of each kind: predictions with a larger error than "
+            "any of the\ntest split, and the probability (AUROC) that the score of such a one is "
+            "above that of another one, of\nthis kind or of the test split. In parentheses: the "
+            "same for all loads of the kind against the test\nsplit, though the network may be "
+            "right under them.",
+            "",
+            markdown_table(["loads", "wrong", *alarm_names(results)], alarm_rows(results)),
             footer(results),
         ]
     )

@@ -3,21 +3,27 @@
 An alarm is rated by the area under its receiver operating characteristic (AUROC): the probability
 that the score of an unusual load is above that of a load of the test split. 0.5 is chance. No
 solutions are needed for it.
+
+A network may be right far from its training, and an alarm is then not wanted. `alarms_of_errors`
+therefore rates the same scores by true errors, of equilibria that corrections lead to.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import roc_auc_score
 
+from shared_schema.common.errors import WorkError
 from shared_schema.material import NeoHookean
 from surrogate.data.random_loads import RandomLoads
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.equilibrium import Equilibrium, norms
+from surrogate.mechanics.newton import correct
 from surrogate.uncertainty.fast_certificate import fast_estimate
 
 Array = NDArray[np.float64]
@@ -39,11 +45,17 @@ class Judged:
 
     Attributes
     ----------
+    force, predicted : array, (N, n_nodes, d)
+        In N and m.
+    equilibrium : Equilibrium
     certificate : Certificate
     scores : dict of str to array, (N,)
         By the name of the alarm; higher ones are more unusual.
     """
 
+    force: Array
+    predicted: Array
+    equilibrium: Equilibrium
     certificate: Certificate
     scores: dict[str, Array]
 
@@ -64,7 +76,8 @@ def judge(
     """
     predicted = surrogate.predict_distribution(force, passes)
     u = predicted.mean
-    found = certify(equilibrium or surrogate.equilibrium, force, u)
+    body = equilibrium or surrogate.equilibrium
+    found = certify(body, force, u)
     scores = {
         "estimated error over displacement": found.relative_error,
         "estimated error": found.mean_error,
@@ -82,7 +95,20 @@ def judge(
         name: np.minimum(np.nan_to_num(score, nan=HIGHEST), HIGHEST)
         for name, score in scores.items()
     }
-    return Judged(found, capped)
+    return Judged(force, u, body, found, capped)
+
+
+def judge_unusual(surrogate: Surrogate, force: Array, passes: int) -> dict[str, Judged]:
+    """Judge unusual loads of every kind, as many as loads of the test split, (N, n_nodes, d)."""
+    found = {
+        kind: judge(surrogate, loads, passes)
+        for kind, loads in unusual_loads(surrogate, force).items()
+    }
+    material = surrogate.description.data.material
+    assert isinstance(material, NeoHookean)
+    softer = material.model_copy(update={"young_modulus": SOFTER * material.young_modulus})
+    body = Equilibrium(surrogate.geometry, softer)
+    return found | {MATERIAL: judge(surrogate, force, passes, body)}
 
 
 def unusual_loads(surrogate: Surrogate, force: Array, seed: int = 0) -> dict[str, Array]:
@@ -120,37 +146,63 @@ def _drawn(
     return family.draw(len(like), random)
 
 
-def alarms(
-    surrogate: Surrogate, force: Array, passes: int, inside: Judged | None = None
-) -> dict[str, dict[str, float]]:
-    """AUROC by kind of unusual load and by alarm.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-    force : array, (N, n_nodes, d)
-        Loads of the test split in N.
-    passes : int
-    inside : Judged, optional
-        Of these loads, if they are judged already.
-    """
-    inside = inside or judge(surrogate, force, passes)
-    found = {
-        kind: judge(surrogate, loads, passes)
-        for kind, loads in unusual_loads(surrogate, force).items()
-    }
-    material = surrogate.description.data.material
-    assert isinstance(material, NeoHookean)
-    softer = material.model_copy(update={"young_modulus": SOFTER * material.young_modulus})
-    found[MATERIAL] = judge(surrogate, force, passes, Equilibrium(surrogate.geometry, softer))
+def alarms(inside: Judged, unusual: dict[str, Judged]) -> dict[str, dict[str, float]]:
+    """AUROC by kind of unusual load and by alarm, of loads of the test split and unusual ones."""
     return {
         kind: {
             name: auroc(inside.scores[name], score)
             for name, score in one.scores.items()
             if kind != MATERIAL or "σ" not in name  # a network knows of no other material
         }
-        for kind, one in found.items()
+        for kind, one in unusual.items()
     }
+
+
+@dataclass(frozen=True)
+class WrongPredictions:
+    """Predictions of one kind with a larger error than any of the test split.
+
+    Attributes
+    ----------
+    wrong, loads : int
+        Number of such predictions, and of all.
+    auroc : dict of str to float
+        By the name of the alarm, among these loads and those of the test split; empty if no
+        prediction is wrong.
+    """
+
+    wrong: int
+    loads: int
+    auroc: dict[str, float]
+
+
+def alarms_of_errors(inside: Judged, unusual: dict[str, Judged]) -> dict[str, WrongPredictions]:
+    """Rate alarms by true errors: loads of the test split, and unusual ones by kind."""
+    usual = true_errors(inside)
+    found = {}
+    for kind, one in unusual.items():
+        error, tolerance = true_errors(one), usual.max()
+        areas = {
+            name: auroc_of_errors(
+                np.concatenate([usual, error]),
+                np.concatenate([inside.scores[name], score]),
+                tolerance,
+            )
+            for name, score in one.scores.items()
+        }
+        known = {name: area for name, area in areas.items() if area is not None}
+        found[kind] = WrongPredictions(int((error > tolerance).sum()), len(error), known)
+    return found
+
+
+def true_errors(judged: Judged) -> Array:
+    """Mean absolute error of every prediction in m; infinite where no equilibrium is found."""
+    errors = np.full(len(judged.force), np.inf)
+    for sample, (force, predicted) in enumerate(zip(judged.force, judged.predicted, strict=True)):
+        with suppress(WorkError):
+            found = correct(judged.equilibrium, force, predicted)
+            errors[sample] = np.abs(predicted - found.displacement).mean()
+    return errors
 
 
 def auroc(inside: Array, outside: Array) -> float:

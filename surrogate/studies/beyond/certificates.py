@@ -14,7 +14,7 @@ from shared_schema.drawing.figure_style import make_figure, styled
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.training_range import OutsideTrainingWarning
 from surrogate.mechanics.certificate import certify
-from surrogate.studies.beyond.alarms import alarms, auroc_of_errors, judge
+from surrogate.studies.beyond.alarms import alarms, auroc_of_errors, judge, judge_unusual
 from surrogate.studies.beyond.certified_samples import (
     SAMPLES,
     WITHIN,
@@ -208,7 +208,8 @@ def alarm_tables(resources: Resources, found: dict[str, Certified]) -> list[Tabl
         for run in runs:
             one = found[run]
             passes = min(PASSES, resources.scale.passes)
-            areas = alarms(one.surrogate, one.force, passes)
+            inside = judge(one.surrogate, one.force, passes)
+            areas = alarms(inside, judge_unusual(one.surrogate, one.force, passes))
             kinds |= dict.fromkeys(areas)
             scores = dict.fromkeys(name for of_kind in areas.values() for name in of_kind)
             rows += [

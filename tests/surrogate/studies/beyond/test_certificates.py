@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from surrogate.inference.prediction import load
+from surrogate.mechanics.certificate import certify
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import correct
 from surrogate.studies.beyond.alarms import (
@@ -17,8 +18,12 @@ from surrogate.studies.beyond.alarms import (
     PLACE,
     SEVERAL,
     TWICE,
+    Judged,
+    WrongPredictions,
+    alarms_of_errors,
     auroc,
     auroc_of_errors,
+    true_errors,
     unusual_loads,
 )
 from surrogate.studies.beyond.certificates import STUDY
@@ -61,6 +66,26 @@ def test_unusual_loads(trained: Path) -> None:
     assert not elsewhere[:, geometry.loadable | geometry.clamped].any()
     assert (found[SEVERAL].any(axis=2).sum(axis=1) == 3).all()
     assert (np.abs(found[SEVERAL]) <= limit).all()
+
+
+def test_alarms_of_errors() -> None:
+    """One of two unusual predictions is wrong: only one score is higher for it than for others."""
+    equilibrium = Equilibrium(box("quad"), RUBBER)
+    force = end_load(box("quad"), 1.0, -4.0)[None] * np.array([1.0, 0.5])[:, None, None]
+    exact = np.stack([correct(equilibrium, f, 0 * f).displacement for f in force])
+
+    def judged(scale: tuple[float, float], **scores: list[float]) -> Judged:
+        predicted = exact * np.array(scale)[:, None, None]
+        certificate = certify(equilibrium, force, predicted)
+        arrays = {name: np.array(values) for name, values in scores.items()}
+        return Judged(force, predicted, equilibrium, certificate, arrays)
+
+    inside = judged((1.01, 0.99), right=[0.0, 1.0], wrong=[3.0, 4.0])
+    unusual = judged((1.5, 1.001), right=[2.0, 0.0], wrong=[2.0, 5.0])
+    assert true_errors(inside) == pytest.approx(0.01 * np.abs(exact).mean(axis=(1, 2)))
+    found = alarms_of_errors(inside, {"kind": unusual, "same": inside})
+    assert found["kind"] == WrongPredictions(1, 2, {"right": 1.0, "wrong": 0.0})
+    assert found["same"] == WrongPredictions(0, 2, {})
 
 
 def test_starts_of_newtons_method() -> None:
