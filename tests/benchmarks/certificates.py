@@ -255,9 +255,9 @@ def table(results: Results) -> str:
             f"{results['degrees_of_freedom']} degrees of freedom.",
             "",
             markdown_table(["quantity", "value"], rows),
-            "Loads outside the training, as many of each kind: predictions with a larger error than "
-            "any of the\ntest split, and the probability (AUROC) that the score of such a one is "
-            "above that of another one, of\nthis kind or of the test split. In parentheses: the "
+            "Loads outside the training, as many of each kind: predictions with a larger error "
+            "than any of the\ntest split, and the probability (AUROC) that the score of such a one "
+            "is above that of another one, of\nthis kind or of the test split. In parentheses: the "
             "same for all loads of the kind against the test\nsplit, though the network may be "
             "right under them.",
             "",
