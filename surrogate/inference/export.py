@@ -30,6 +30,7 @@ from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 
 Format = Literal["onnx", "pt2"]
@@ -67,12 +68,14 @@ class NodalFunction(nn.Module):
             return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
         _, factor = self.network.factors(force)
         passes = self.passes or 1
-        moments = Moments.of(self.network(force, passes, response)).scaled(factor)
+        mean, std = self.network(force, passes, response)
+        in_double = Prediction(mean.double(), None if std is None else std.double())
+        moments = Moments.of(in_double).scaled(factor.double())
         return {
-            "displacement": moments.mean,
-            "std": moments.std,
-            "std_epistemic": moments.std_epistemic,
-            "std_aleatoric": moments.std_aleatoric,
+            "displacement": moments.mean.float(),
+            "std": moments.std.float(),
+            "std_epistemic": moments.std_epistemic.float(),
+            "std_aleatoric": moments.std_aleatoric.float(),
         }
 
 

@@ -22,7 +22,8 @@ CERTIFIED = """new Promise((resolve) => {
     const ask = () => surrogatePage.state.certificate ? resolve() : setTimeout(ask, 10);
     ask();
 })"""
-ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+ARGUMENTS = ["--enable-unsafe-swiftshader"]  # WebGL without a graphics processor
+READBACK = "GPU stall due to ReadPixels"  # a driver's remark on saved and measured pictures
 
 
 @contextmanager
@@ -59,11 +60,16 @@ class OpenPage:
         self.requests: list[str] = []
         self.messages: list[str] = []
         self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: self.messages.append(message.text))
+        self.page.on("console", lambda message: self.say(message.text))
         self.page.on("pageerror", lambda error: self.messages.append(str(error)))
         self.address = path.resolve().as_uri()
         self.page.goto(self.address)
         self.page.evaluate(READY)
+
+    def say(self, text: str) -> None:
+        """Keep a line of the console."""
+        if READBACK not in text:
+            self.messages.append(text)
 
     def close(self) -> None:
         """Close the page; it has been silent, and has asked for nothing but itself."""
