@@ -33,6 +33,7 @@ from surrogate.runs.split import split_training
 from surrogate.runs.tensor_file import load_tensors, serialised
 from surrogate.uncertainty.conformal import conformal_quantile
 
+ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
 LEVELS = (0.9, 0.95)  # whose coverage is measured
 MEASURES = ("mean", "largest")
 Array = NDArray[np.float64]
@@ -159,7 +160,8 @@ class FastCertificate:
 
     def serialised(self) -> bytes:
         """Content of a file of the ratios, which `load_fast_certificate` reads."""
-        return serialised({n: torch.from_numpy(np.sort(r)) for n, r in self.ratios.items()}, {})
+        ratios = {name: torch.from_numpy(np.sort(r)) for name, r in self.ratios.items()}
+        return serialised(ratios, ESTIMATE)
 
 
 def sizes(error: Array) -> dict[str, Array]:
@@ -215,15 +217,20 @@ def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
     Raises
     ------
     InputError
-        If the file is missing or damaged.
+        If the file is missing or damaged, or was calibrated for another estimate.
     """
     if not path.is_file():
         raise InputError(
             f"{path}: no fast certificate in the run, expected it from 'surrogate evaluate RUN "
             "--data DIR --certify'"
         )
-    tensors, _ = load_tensors(path)
+    tensors, metadata = load_tensors(path)
     if set(tensors) != set(MEASURES):
         raise InputError(f"{path}: not a fast certificate")
+    if metadata != ESTIMATE:
+        raise InputError(
+            f"{path}: calibrated for the estimate of another version, expected it from 'surrogate "
+            "evaluate RUN --data DIR --certify' of this one"
+        )
     ratios = {name: tensors[name].double().numpy() for name in MEASURES}
     return FastCertificate(fast_estimate(surrogate), ratios)

@@ -18,6 +18,7 @@ from surrogate.mechanics.newton import correct
 from surrogate.presentation.run_figures import write_evaluation
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
+from surrogate.runs.tensor_file import load_tensors, serialised
 from surrogate.uncertainty.fast_certificate import (
     FastCertificate,
     load_fast_certificate,
@@ -100,6 +101,9 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
         true = np.abs(predicted - samples.displacement).mean(axis=(1, 2))
         largest.append((true / np.abs(error).mean(axis=(1, 2))).max())
     assert fast.factor(0.9) == pytest.approx(max(largest), rel=1e-4)
+    run.fast_certificate.write_bytes(serialised(load_tensors(run.fast_certificate)[0]))
+    with pytest.raises(InputError, match="calibrated for the estimate of another version"):
+        load_fast_certificate(surrogate, run.fast_certificate)
 
 
 def test_early_stopping_has_seen_the_validation_samples(
