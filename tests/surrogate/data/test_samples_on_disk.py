@@ -226,7 +226,8 @@ def test_a_dataset_larger_than_the_memory(tmp_path: Path, make_config: MakeConfi
                 *(sys.executable, "-c", LIMITED, str(few), str(many)),
                 *("train", str(path), "--device", "cpu"),
             ],
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
+            # a thread that reads ahead would reserve 64 MiB of addresses for itself
+            env={**os.environ, "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"},
             capture_output=True,
             text=True,
             check=False,
