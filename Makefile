@@ -52,7 +52,7 @@ help: ## list the targets
 		"SCALE=$(SCALE)):"
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
 
-setup: .venv-datagen/.installed .venv-surrogate/.installed ## install what is missing
+setup: .venv-datagen/.installed .venv-surrogate/.installed $(BUNDLE) ## install what is missing
 
 demo: report ## install, solve, train and evaluate; print the path of the report
 

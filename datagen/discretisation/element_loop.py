@@ -54,14 +54,21 @@ class Elimination:
 
     Attributes
     ----------
+    deformed_volume : Kernel
+        ∫ J dV.
     residual : Kernel
         Derivative of the energy Π(u, θ, p).
     volumes : array, (n_cells,)
         In m³.
+    before : array
+        State at the last tangent of Newton's method, which the next one is foretold by; equal to
+        the state itself where the tangent is to be the derivative of the forces.
     """
 
+    deformed_volume: Kernel
     residual: Kernel
     volumes: NDArray[np.float64]
+    before: NDArray[np.float64]
 
 
 class ElementLoop:
@@ -123,8 +130,8 @@ class ElementLoop:
         work = places.shape[1] + dofs.shape[1] + 3 * vertices.shape[1]
         if elimination is not None:
             assert volumes is not None
-            addresses.append(elimination.residual.address)
-            arrays += [elimination.residual.constants, volumes]
+            addresses += [elimination.deformed_volume.address, elimination.residual.address]
+            arrays += [elimination.residual.constants, volumes, elimination.before]
             work = (dofs.shape[1] + 2) * (dofs.shape[1] + 4) + 3 * vertices.shape[1]
         arrays += [np.empty(work), self.values]
         # C sees only addresses, so the arrays must be kept alive here.

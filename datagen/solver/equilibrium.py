@@ -66,6 +66,7 @@ INVERTED = "inverted element (J <= 0)"
 STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
 EXACT = 1e-10  # relative tolerance of Krylov iterations under such loads
+FORETELLING = 1e-4  # of those of nearly incompressible cells
 
 
 @dataclass(frozen=True)
@@ -335,13 +336,19 @@ class EquilibriumProblem:
             self._direct_snes = self._direct_snes or self._make_snes("lu")
             snes = self._direct_snes
         if snes is not self._direct_snes:
-            inexact = self._is_driven or self._force_norm > LINEAR_LOADS * self._round_off.at_rest
-            snes.setUseEW(inexact)
-            if not inexact:  # rounding may hide what a first, inexact step leaves
+            is_linear = not self._is_driven and (
+                self._force_norm <= LINEAR_LOADS * self._round_off.at_rest
+            )
+            foretells = self.forms.before is not None
+            snes.setUseEW(not is_linear and not foretells)
+            if is_linear:  # rounding may hide what a first, inexact step leaves
                 snes.getKSP().setTolerances(rtol=EXACT)
+            elif foretells:  # a pressure; an inexact step would foretell a wrong one
+                snes.getKSP().setTolerances(rtol=FORETELLING)
         snes.setForceIteration(self._is_loaded)
         self.load_factor = load_factor
         self._inverted = False
+        self._begin()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         snes.solve(None, self._x)
         self._take(self._x)
@@ -433,7 +440,17 @@ class EquilibriumProblem:
 
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
+        self._begin()
+        return self._next_tangent()
+
+    def _begin(self) -> None:
+        """Begin Newton's method at the current state: no tangent before foretells a pressure."""
+        if self.forms.before is not None:
+            self.forms.before[:] = self.u.x.array
+
+    def _next_tangent(self) -> PETSc.Mat:
         self._assembly.assemble_tangent()
+        self._begin()
         matrix = self._assembly.matrix
         if self._is_pressed:
             assert self._pressure is not None
@@ -521,12 +538,12 @@ class EquilibriumProblem:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile()
         if self.corotation is None:
-            self.tangent()
+            self._next_tangent()
             return
         if x.norm() == 0.0 and not self._is_pressed:
             self.corotation.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         else:
-            self.tangent()
+            self._next_tangent()
         self.corotation.turn()
 
 

@@ -89,8 +89,10 @@ def completed(f: Expression) -> Expression:
     return ufl.as_tensor([[f[0, 0], f[0, 1], 0], [f[1, 0], f[1, 1], 0], [0, 0, 1]])
 
 
-def energy_density(f: Expression, material: Material, domain: Any) -> Expression:
-    """Strain energy density W(F) of any material in J/m³.
+def energy_density(
+    f: Expression, material: Material, domain: Any, dilation: Expression | None = None
+) -> Expression:
+    """Strain energy density W(F) of any material in J/m³; with a dilation θ, W((θ/J)^(1/d) F).
 
     The moduli of shipped materials are constants of the form, so that two bodies of one model share
     the compiled code.
@@ -101,23 +103,29 @@ def energy_density(f: Expression, material: Material, domain: Any) -> Expression
         Deformation gradient; d = 2 means plane strain.
     material : Material
     domain : dolfinx.mesh.Mesh
+    dilation : UFL scalar, optional
+        θ, which takes the place of J (`element.py`).
 
     Raises
     ------
     InputError
         If the method `energy` of a user's own material raises an error or gives no scalar.
     """
+    d, j = f.ufl_shape[0], ufl.det(f)
+    squared = 1.0 if dilation is None else (dilation / j) ** (2 / d)
     if isinstance(material, OwnMaterial):
-        return _own_energy(completed(f), material)
+        return _own_energy(completed(f if dilation is None else squared**0.5 * f), material)
     assert isinstance(material, ShippedMaterial)
-    if isinstance(material, NeoHookean):
+    if isinstance(material, NeoHookean) and dilation is None:
         lam, mu = (_constant(m, domain) for m in (material.lame_lambda, material.lame_mu))
         return strain_energy(f, lam, mu, material.volumetric)
+    # By the invariants of F: the compiled derivatives of a scaled F are ten times as long.
     numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}
-    c = completed(f).T * completed(f)
-    i1 = ufl.tr(c)
-    i2 = (i1**2 - ufl.tr(c * c)) / 2
-    return material.model_copy(update=numbers).energy(i1, i2, ufl.det(f), ufl.ln)
+    c, out_of_plane = f.T * f, 3 - d
+    i1 = squared * ufl.tr(c) + out_of_plane
+    i2 = (i1**2 - squared**2 * ufl.tr(c * c) - out_of_plane) / 2
+    scaled = material.model_copy(update=numbers)
+    return scaled.energy(i1, i2, j if dilation is None else dilation, ufl.ln)
 
 
 def longitudinal_modulus(material: Material) -> float:

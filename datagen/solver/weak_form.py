@@ -64,6 +64,9 @@ class WeakForm:
     eliminations : mapping from int to Elimination, or None
         What eliminates dilation and pressure in the cells of each material, if they are constant
         in each cell: the forms then have both beside the unknowns of the body.
+    before : array, or None
+        State at the last tangent of Newton's method, which those cells take their pressure from
+        (`mean_dilation.c`).
     """
 
     energy: Any
@@ -71,6 +74,7 @@ class WeakForm:
     tangent: Any
     parts: NDArray[np.int64] | None = None
     eliminations: Mapping[int, Elimination] | None = None
+    before: NDArray[np.float64] | None = None
 
     def loop(
         self, compiled: Any, unknowns: Unknowns, places: NDArray[np.int32], size: int
@@ -150,16 +154,17 @@ def weak_form(
         dilation, pressure = 1 + t / length, scale * q
     f = deformation_gradient(u)
     j = ufl.det(f)
-    f_bar = (dilation / j) ** (1 / d) * f
-    energy = energy_of(lambda m: energy_density(f_bar, m, domain) + pressure * (j - dilation))
+    energy = energy_of(lambda m: energy_density(f, m, domain, dilation) + pressure * (j - dilation))
     forms = _derivatives(energy, state)
     if kind.dilation == "continuous":
         return WeakForm(*forms, own_parts)
-    volumes = cell_volumes(unknowns, dx)
+    volumes, before = cell_volumes(unknowns, dx), unknowns.state.x.array.copy()
+    (deformed,) = kernels_of(form(j * dx, COMPILER_OPTIONS)).values()
     eliminations = {
-        part: Elimination(kernel, volumes) for part, kernel in kernels_of(forms[1]).items()
+        part: Elimination(deformed, kernel, volumes, before)
+        for part, kernel in kernels_of(forms[1]).items()
     }
-    return WeakForm(*forms, own_parts, eliminations)
+    return WeakForm(*forms, own_parts, eliminations, before)
 
 
 def kernels_of(compiled: Any) -> dict[int, Kernel]:

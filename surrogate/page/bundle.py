@@ -1,6 +1,6 @@
 """The page's script, style and WebAssembly, which one npm script makes of ``web/``.
 
-A wheel contains the bundle, so that its users need no node. A checkout has it after ``make page``
+A wheel contains the bundle, so that its users need no node. A checkout has it after ``make setup``
 or the npm script.
 """
 
@@ -44,7 +44,7 @@ def read_bundle(folder: Path = FOLDER) -> Bundle:
     if not all(path.is_file() for path in paths):
         raise InputError(
             f"page: {folder} is not built yet, expected: cd {folder.parent / 'web'} && {COMMAND} "
-            "(or make page)"
+            "(or make setup)"
         )
     script, style, runtime = paths
     return Bundle(script.read_text("utf-8"), style.read_text("utf-8"), runtime.read_bytes())

@@ -21,7 +21,7 @@ class BuildWithPage(build_py):
     """
 
     def run(self) -> None:
-        """Bundle, then build; an editable install leaves the bundle to `make page`."""
+        """Bundle, then build; an editable install leaves the bundle to `make setup`."""
         if not self.editable_mode and not is_up_to_date():
             if shutil.which("npm") is None:
                 self.warn(f"npm not found: built without the page; expected npm, or {BUNDLE}")

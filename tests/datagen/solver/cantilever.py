@@ -88,8 +88,8 @@ def beam_tip(cells_across: int, simplices: bool, element: Element, poisson_ratio
     return float(-found.displacement[found.loaded, 2].mean())
 
 
-def cook_tip(elements: int, simplices: bool, element: Element, poisson_ratio: float) -> float:
-    """Rise in m of the upper corner of Cook's membrane.
+def cook(elements: int, simplices: bool, element: Element, poisson_ratio: float) -> Bent:
+    """Cook's membrane.
 
     Its corners are (0, 0), (48, 44), (48, 60) and (0, 44). The left side is held, the right one
     sheared upwards by 100 N (Simo and Armero 1992).
@@ -102,4 +102,11 @@ def cook_tip(elements: int, simplices: bool, element: Element, poisson_ratio: fl
     found = bent(mesh, element, material, (0.0, COOK_TRACTION), SolverSettings())
     found.problem.close()
     assert found.report.solved
-    return float(found.displacement[np.hypot(*(points - (48.0, 60.0)).T).argmin(), 1])
+    return found
+
+
+def cook_tip(elements: int, simplices: bool, element: Element, poisson_ratio: float) -> float:
+    """Rise in m of the upper corner of Cook's membrane."""
+    found = cook(elements, simplices, element, poisson_ratio)
+    corner = np.hypot(*(found.problem.mesh.coordinates - (48.0, 60.0)).T).argmin()
+    return float(found.displacement[corner, 1])

@@ -13,7 +13,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from shared_schema.material import NeoHookean
-from tests.datagen.solver.cantilever import beam_tip, box, cook_tip
+from tests.datagen.solver.cantilever import beam_tip, box, cook, cook_tip
 
 BOXES = {2: ((2.0, 1.0), (4, 3)), 3: ((2.0, 1.0, 1.0), (3, 2, 2))}
 ALL = [(element, d, simplices) for element in ELEMENTS for d in BOXES for simplices in (0, 1)]
@@ -161,6 +161,18 @@ def test_all_elements_agree_where_none_locks(simplices: bool) -> None:
 def test_bent_beam(element: Element, simplices: bool, cells_across: int, ratio: float) -> None:
     """The deflection of the end is within 2 % of that on fine meshes."""
     assert beam_tip(cells_across, simplices, element, ratio) == pytest.approx(BENT[ratio], rel=0.02)
+
+
+@pytest.mark.parametrize("ratio", [0.49, 0.4999])
+def test_few_iterations_where_the_volume_hardly_changes(ratio: float) -> None:
+    """One load step, and as many iterations as a compressible body takes, or two more.
+
+    With the tangent of the forces alone, 2 steps of 12 and 4 of 39 iterations are necessary.
+    """
+    compressible = cook(16, False, "incompressible", 0.3).report
+    report = cook(16, False, "incompressible", ratio).report
+    assert report.load_steps == 1
+    assert report.newton_iterations <= compressible.newton_iterations + 2
 
 
 @pytest.mark.slow

@@ -182,7 +182,7 @@ def test_checkout_without_bundle_says_how_to_build_it(
     assert main(["page", "beam2d_any", "--out", str(tmp_path / "page.html")]) == 2
     error = capsys.readouterr().err
     assert len(error.splitlines()) == 1
-    assert f"cd {tmp_path / 'web'} && npm ci && npm run build (or make page)" in error
+    assert f"cd {tmp_path / 'web'} && npm ci && npm run build (or make setup)" in error
 
 
 def test_arrays_are_aligned_and_inlined_reproducibly() -> None:
