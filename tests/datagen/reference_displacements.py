@@ -32,6 +32,7 @@ SAME = ("beam3d_places", "beam3d_sweep")  # body of beam3d under single loads, a
 CASES = sorted(path.stem for path in SHIPPED.glob("*.yaml") if path.stem not in SAME)
 FRACTIONS = {2: (0.0, 0.45, 1.0), 3: (0.0, 1.0)}  # of the samples of a case, by dimension
 KEPT_NODES = 8
+CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,7 @@ class KeptMesh:
                 key.rpartition(" ")[2]: file[key] for key in file if key.startswith(self.name + " ")
             }
         coordinates, cells = groups.pop("coordinates"), groups.pop("cells").astype(np.int64)
-        kind = {3: "triangle", 4: "tetra"}[cells.shape[1]]
-        return RawMesh(coordinates, cells, kind, groups)
+        return RawMesh(coordinates, cells, CELL_TYPES[coordinates.shape[1], cells.shape[1]], groups)
 
 
 def body_of(case: Case) -> Body:
@@ -79,9 +79,11 @@ def samples_of(case: Case, dimension: int) -> list[int]:
 def solved(case: Case, body: Body, sample: int) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Load of a sample as plain data, and the displacement under it: (n_nodes, d) in m."""
     load = body.loads[sample]
-    report = solve_load_case(body.problem, load.nodes, load.forces, case.solver)
+    report = solve_load_case(body.problem, load.nodes, load.forces, case.solver, load.pressures)
     assert report.solved, report.explanation
     plain = {"nodes": load.nodes.tolist(), "forces": load.forces.tolist()}
+    if len(load.pressures):
+        plain["pressures"] = load.pressures.tolist()
     return plain, body.problem.displacement()
 
 

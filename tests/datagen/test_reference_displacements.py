@@ -44,6 +44,7 @@ def test_displacements_are_those_of_every_platform(name: str, volumetric: Volume
         assert np.asarray(load["forces"]) == pytest.approx(
             np.asarray(kept["load"]["forces"]), abs=1e-15
         )
+        assert load.get("pressures", []) == pytest.approx(kept["load"].get("pressures", []))
         assert np.abs(u).max() > 1e-3
         assert np.abs(u[kept_nodes(len(u))] - kept["displacement"]).max() < 1e-9
         assert abs(np.sqrt(np.mean(u**2)) - kept["root_mean_square"]) < 1e-9
