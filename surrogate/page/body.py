@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean
+from surrogate.data.elements_of_case import material_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.band_matrix import BandLayout
@@ -31,10 +32,13 @@ class Mechanics:
     arrays : dict
         Order of the degrees of freedom in the band of K; on embedded grids also the nodes, with
         weights, that a nodal force reaches by way of the grid.
+    certified : bool
+        Whether the page estimates errors: they are those of linear elements under dead loads.
     """
 
     material: dict[str, Any] | None
     arrays: Arrays
+    certified: bool
 
 
 def drawn(geometry: Geometry) -> Arrays:
@@ -61,13 +65,14 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     InputError
         If the network contains the linear response of a body whose band is too large.
     """
-    geometry = surrogate.geometry
-    is_needed = surrogate.network.linear is not None
+    geometry, data = surrogate.geometry, surrogate.description.data
+    is_needed, certified = surrogate.network.linear is not None, _can_be_balanced(surrogate)
     try:
-        material = surrogate.description.data.material
+        material = material_of_response(data.material, data.case)
         if not isinstance(material, NeoHookean) or geometry.single is not None:
             raise InputError("page: expected a Neo-Hookean body whose supports hold all components")
-        surrogate.balanced()
+        if not certified and not is_needed:
+            return Mechanics(None, {}, False)
         layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
         entries = len(layout.dofs) * (layout.width + 1)
         if entries > BAND:
@@ -78,7 +83,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     except InputError:
         if is_needed:
             raise
-        return Mechanics(None, {})
+        return Mechanics(None, {}, False)
     arrays: Arrays = {"order": layout.dofs.astype(np.int32)}
     if is_needed and not geometry.grid.points_are_nodes:
         spread = spread_of(geometry)
@@ -88,7 +93,15 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             "spreadWeights": spread.data,
         }
     constants = {"lambda": material.lame_lambda, "mu": material.lame_mu}
-    return Mechanics(constants | {"volumetric": material.volumetric}, arrays)
+    return Mechanics(constants | {"volumetric": material.volumetric}, arrays, certified)
+
+
+def _can_be_balanced(surrogate: Surrogate) -> bool:
+    try:
+        surrogate.balanced()
+    except InputError:
+        return False
+    return True
 
 
 def spread_of(geometry: Geometry) -> csr_array:

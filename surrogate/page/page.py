@@ -77,6 +77,7 @@ def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
     mechanics = mechanics_of(surrogate)
     table, block = packed(drawn(surrogate.geometry) | mechanics.arrays)
     content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
+    content["certified"] = mechanics.certified
     parts = {
         "style": bundle.style,
         "script": bundle.script,
@@ -96,7 +97,7 @@ def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
     if size > largest:
         raise InputError(f"page: {size / 1e6:.1f} MB, expected {largest / 1e6:.1f} MB at most")
     write_text(path, page)
-    return Written(size, network.passes, mechanics.material is not None)
+    return Written(size, network.passes, mechanics.certified)
 
 
 def described(surrogate: Surrogate, run: Path) -> dict[str, Any]:

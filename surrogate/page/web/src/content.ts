@@ -16,6 +16,8 @@ interface Text {
   limit: number[];
   loads: TrainingRange["loads"];
   material: Material | null;
+  /** Whether the mechanics are those of the body, so that errors are estimated. */
+  certified: boolean;
   passes: number | null;
   arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
 }

@@ -138,7 +138,7 @@ async function start(): Promise<void> {
   };
 
   const estimate = (): void => {
-    if (!mechanics || !state.displacement) return;
+    if (!mechanics || !content.certified || !state.displacement) return;
     const force = state.loads.nodal(content.nodes);
     mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
       state.certificate = certificate;

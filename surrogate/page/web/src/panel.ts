@@ -71,7 +71,7 @@ export class Panel {
         ),
         section("Loads", this.cards.element),
         section("Colours", this.choices()),
-        ...(content.order ? [section("Estimated error", this.estimate)] : []),
+        ...(content.certified ? [section("Estimated error", this.estimate)] : []),
         section("At the node", this.readout),
         section("Force and displacement", this.curveTitle, canvas),
         section("The same by the program", this.command, this.copyButton()),

@@ -24,7 +24,7 @@ export class State {
   /** Colour fields that this page can show. */
   get choices(): FieldName[] {
     const kinds = Object.values(this.content.deviations);
-    return ["displacement", ...kinds, ...(this.content.order ? (["error"] as const) : [])];
+    return ["displacement", ...kinds, ...(this.content.certified ? (["error"] as const) : [])];
   }
 
   get isLoaded(): boolean {
