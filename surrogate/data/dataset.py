@@ -17,6 +17,7 @@ from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.material import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
+from surrogate.data.elements_of_case import with_elements
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.data.samples import Samples
@@ -112,7 +113,7 @@ def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
     manifest = reader.manifest
     if manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    geometry = Geometry.from_arrays(reader.body, reader.cell_type)
+    geometry = with_elements(Geometry.from_arrays(reader.body, reader.cell_type), manifest.case)
     is_exact = geometry.grid.points_are_nodes
     everything = reader.ascending()
     is_test = np.empty(len(everything), dtype=np.bool_)

@@ -1,8 +1,9 @@
 """Elements that a body is solved with, as far as the learner knows them.
 
-The learner assembles linear elements. Certificates and corrections are statements about the very
-equations that made the data, so they are refused for a body of other elements. The linear response
-K⁻¹f in a network's input only has to resemble the body's: it is then that of linear elements on the
+The learner assembles linear elements, and `incompressible` quadrilaterals and hexahedra.
+Certificates and corrections are statements about the very equations that made the data, so they are
+refused for a body of other elements. The linear response K⁻¹f in a network's input only has to
+resemble the body's: for other elements, and in load series, it is that of linear elements on the
 same nodes, with a Poisson's ratio of at most 0.4, for which they hardly lock; the network learns
 the difference.
 """
@@ -10,10 +11,12 @@ the difference.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, RubberLike, ShippedMaterial, ratio_at_rest
+from surrogate.data.geometry import Geometry
 
 LARGEST_RATIO = 0.4  # of Poisson, for linear elements that stand for others
 
@@ -23,24 +26,53 @@ def element_of(case: Mapping[str, Any]) -> str:
     return str(case.get("element", "linear"))
 
 
-def require_linear_elements(case: Mapping[str, Any]) -> None:
-    """Raise InputError unless a case has linear elements, whose equilibria the learner computes."""
+def with_elements(geometry: Geometry, case: Mapping[str, Any]) -> Geometry:
+    """Geometry of a body with the elements of its case."""
+    whole = element_of(case) == "incompressible" and geometry.cell_type in ("quad", "hexahedron")
+    return replace(geometry, mean_dilation=whole)
+
+
+def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
+    """Raise InputError unless a case has linear elements."""
     element = element_of(case)
     if element != "linear":
         raise InputError(
-            f"key 'element' of the run's case = '{element}': certificates, corrections, bounds, "
-            "stresses and load paths are for linear elements only; `datagen solve --start` "
-            "corrects with others"
+            f"key 'element' of the run's case = '{element}': {what} are for linear elements only"
         )
 
 
-def material_of_response(material: Materials, case: Mapping[str, Any]) -> Materials:
-    """Material of the linear elements whose response stands for that of the case's elements."""
-    if element_of(case) == "linear":
-        return material
+def require_known_elements(case: Mapping[str, Any], geometry: Geometry) -> None:
+    """Raise InputError unless the learner computes the equilibria of a case's elements."""
+    element = element_of(case)
+    if element != "linear" and not geometry.mean_dilation:
+        raise InputError(
+            f"key 'element' of the run's case = '{element}': certificates and corrections are for "
+            "linear elements, and incompressible quadrilaterals and hexahedra; `datagen solve "
+            "--start` corrects with others"
+        )
+
+
+def body_of_response(
+    geometry: Geometry, material: Materials, case: Mapping[str, Any], series: bool
+) -> tuple[Geometry, Materials]:
+    """Geometry and material of the linear response in a network's input.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        From `with_elements`.
+    material : ShippedMaterial, or tuple of some
+    case : mapping
+        Configuration of the case.
+    series : bool
+        Whether the network goes on from the response by a load series.
+    """
+    if element_of(case) == "linear" or (geometry.mean_dilation and not series):
+        return geometry, material
+    linear = replace(geometry, mean_dilation=False)
     if isinstance(material, tuple):
-        return tuple(_compressible(each) for each in material)
-    return _compressible(material)
+        return linear, tuple(_compressible(each) for each in material)
+    return linear, _compressible(material)
 
 
 def _compressible(material: ShippedMaterial) -> ShippedMaterial:

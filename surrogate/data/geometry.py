@@ -42,6 +42,9 @@ class Geometry:
         Nodes of the named groups of the mesh.
     pressed : array of int, (n_facets, n_corners), or None
         Facets that a pressure of the case follows.
+    mean_dilation : bool
+        True if the volume of a cell changes as a whole (`surrogate.mechanics.mean_dilation`). Not
+        among the arrays: the case says it (`surrogate.data.elements_of_case`).
     """
 
     coordinates: NDArray[np.float64]
@@ -54,6 +57,7 @@ class Geometry:
     parts: NDArray[np.int64] | None = None
     groups: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     pressed: NDArray[np.int64] | None = None
+    mean_dilation: bool = False
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:

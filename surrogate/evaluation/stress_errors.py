@@ -53,7 +53,7 @@ def measure_stresses(
         Displacements in m.
     """
     try:
-        surrogate.equilibrium  # noqa: B018
+        surrogate.stressed  # noqa: B018
     except InputError:
         return None
     step = max(1, AT_ONCE // len(surrogate.geometry.cells))

@@ -14,7 +14,11 @@ from torch import Tensor
 
 from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
-from surrogate.data.elements_of_case import material_of_response, require_linear_elements
+from surrogate.data.elements_of_case import (
+    require_known_elements,
+    require_linear_elements,
+    with_elements,
+)
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import convolutions
 from surrogate.hardware import memory_errors
@@ -24,6 +28,7 @@ from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
+from surrogate.mechanics.solid import Solid
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
@@ -169,13 +174,27 @@ class Surrogate:
         Raises
         ------
         InputError
-            If its material is none of the shipped ones, or its elements are not linear.
+            If its material is none of the shipped ones, or the learner does not compute the
+            equilibria of its elements.
         """
-        require_linear_elements(self.description.data.case)
+        require_known_elements(self.description.data.case, self.geometry)
+        whole = self.geometry.mean_dilation
         for module in self.network.modules():
-            if isinstance(module, Compliance):
+            if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
                 return module.equilibrium
         return Equilibrium(self.geometry, self.description.data.material)
+
+    @property
+    def stressed(self) -> Solid:
+        """The solid whose stresses are known.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or its elements are not linear.
+        """
+        require_linear_elements(self.description.data.case, "stresses and reactions")
+        return self.equilibrium.solid
 
     def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
@@ -248,7 +267,7 @@ class Surrogate:
         """
         u = np.asarray(displacement, dtype=np.float64)
         samples = u.reshape(-1, *self.geometry.coordinates.shape)
-        fields = cell_stresses(self.equilibrium.solid, self.geometry, samples)
+        fields = cell_stresses(self.stressed, self.geometry, samples)
         return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
 
     def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
@@ -263,9 +282,7 @@ class Surrogate:
         """
         u = np.asarray(displacement, dtype=np.float64)
         forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
-        of_sample: Array = reactions(self.equilibrium.solid, self.geometry, u[None], forces[None])[
-            0
-        ]
+        of_sample: Array = reactions(self.stressed, self.geometry, u[None], forces[None])[0]
         return of_sample
 
     def _with_predicted(
@@ -412,10 +429,10 @@ def make_surrogate(
         If the tensors do not fit the description.
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
-    geometry = Geometry.from_tensors(on_cpu, description.data.cell_type)
     config, data = description.run, description.data
-    material = material_of_response(data.material, data.case) if config.needs_material else None
-    network = config.build(geometry, data.info, material)
+    geometry = with_elements(Geometry.from_tensors(on_cpu, data.cell_type), data.case)
+    material = data.material if config.needs_material else None
+    network = config.build_for(geometry, data.info, material, data.case)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

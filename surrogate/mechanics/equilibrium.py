@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solid import Solid
 
 Array = NDArray[np.float64]
@@ -74,6 +75,8 @@ class Equilibrium:
     Attributes
     ----------
     solid : Solid
+    mean_dilation : bool
+        Whether the volumes of its cells change as a whole.
     layout : BandLayout
         Order of the free degrees of freedom in the band of K.
     free : array of bool, (n_nodes, d)
@@ -84,8 +87,9 @@ class Equilibrium:
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells
-        self.solid = Solid(*body, geometry.cell_type, material, geometry.parts)
-        self.free = ~geometry.held
+        solid = MeanDilationSolid if geometry.mean_dilation else Solid
+        self.solid = solid(*body, geometry.cell_type, material, geometry.parts)
+        self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self._size = geometry.coordinates.size

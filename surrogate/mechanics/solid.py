@@ -49,6 +49,11 @@ class Solid(nn.Module):
     material : ShippedMaterial, or tuple of some
     parts : array of int, (n_cells,), optional
         Position of each cell's material in the tuple.
+
+    Attributes
+    ----------
+    nodes : int
+        Number of nodes.
     """
 
     cells: Tensor
@@ -71,6 +76,7 @@ class Solid(nn.Module):
         if isinstance(material, NeoHookean):
             metric = np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
             constant = material.lame_mu * metric
+        self.nodes = len(coordinates)
         self.materials = as_tuple(material)
         self.neo_hookean = material if isinstance(material, NeoHookean) else None
         self._members = []
@@ -87,12 +93,27 @@ class Solid(nn.Module):
 
     def deformation_gradient(self, u: Tensor) -> Tensor:
         """F at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""
+        return self.gradient_of(self.at_corners(u))
+
+    def at_corners(self, u: Tensor) -> Tensor:
+        """Displacements of the cells' corners: (N, n_nodes, d) → (n_cells, N, d, n_corners)."""
+        return u[:, self.cells].permute(1, 0, 3, 2)
+
+    def gradient_of(self, at_corners: Tensor) -> Tensor:
+        """F at the quadrature points: (n_cells, N, d, n_corners) → (d, d, n_cells, N, n_points)."""
         count, points, corners, d = self.gradients.shape
-        at_corners = u[:, self.cells].permute(1, 0, 3, 2).reshape(count, -1, corners)
+        samples = at_corners.shape[1]
         slopes = self.gradients.transpose(1, 2).reshape(count, corners, points * d)
-        h = torch.bmm(at_corners, slopes).reshape(count, len(u), d, points, d)
-        identity = torch.eye(d, dtype=u.dtype, device=u.device)
+        h = torch.bmm(at_corners.reshape(count, -1, corners), slopes)
+        h = h.reshape(count, samples, d, points, d)
+        identity = torch.eye(d, dtype=h.dtype, device=h.device)
         return h.permute(2, 4, 0, 1, 3).contiguous() + identity[:, :, None, None, None]
+
+    def sum_at_nodes(self, forces: Tensor) -> Tensor:
+        """Sum what acts at the corners: (n_cells, N, d, n_corners) → (N, n_nodes, d)."""
+        at_nodes = forces.permute(1, 0, 3, 2).reshape(forces.shape[1], -1, forces.shape[2])
+        total = forces.new_zeros(forces.shape[1], self.nodes, forces.shape[2])
+        return total.index_add(1, self.cells.flatten(), at_nodes)
 
     def by_material(
         self, function: Callable[[Tensor, ShippedMaterial], Tensor], f: Tensor
@@ -122,9 +143,7 @@ class Solid(nn.Module):
         p = self.volumes[:, None] * self.by_material(stress, self.deformation_gradient(u))
         p = p.permute(2, 3, 0, 4, 1).reshape(count, len(u) * d, points * d)
         slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
-        forces = torch.bmm(p, slopes).reshape(count, len(u), d, corners)
-        forces = forces.permute(1, 0, 3, 2).reshape(len(u), -1, d)
-        return torch.zeros_like(u).index_add(1, self.cells.flatten(), forces)
+        return self.sum_at_nodes(torch.bmm(p, slopes).reshape(count, len(u), d, corners))
 
     def cell_tangents(self, u: Tensor) -> Tensor:
         """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).

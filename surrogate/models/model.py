@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sized
+from collections.abc import Mapping, Sized
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
@@ -15,6 +15,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import body_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.models.training_config import SplitConfig, TrainingConfig
@@ -81,6 +82,23 @@ class Model(Frozen, ABC):
     def needs_material(self) -> bool:
         """True if the network contains the linear response of the body."""
         return False
+
+    @property
+    def has_series(self) -> bool:
+        """True if the network goes on from the linear response by a load series."""
+        return False
+
+    def build_for(
+        self,
+        geometry: Geometry,
+        info: StructuredInfo,
+        material: Materials | None,
+        case: Mapping[str, Any],
+    ) -> FieldNetwork:
+        """Build the network of a body whose elements its case configuration names."""
+        if material is not None:
+            geometry, material = body_of_response(geometry, material, case, self.has_series)
+        return self.build(geometry, info, material)
 
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None

@@ -56,6 +56,11 @@ class ReducedModel(NetworkModel):
         """True: the network contains the linear response of the body."""
         return True
 
+    @property
+    def has_series(self) -> bool:
+        """True if the network goes on from the linear response by a load series."""
+        return bool(self.network.series)
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:

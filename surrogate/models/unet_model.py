@@ -62,6 +62,11 @@ class UNetModel(NetworkModel):
         """True if the network contains the linear response of the body."""
         return self.network.needs_linear_response
 
+    @property
+    def has_series(self) -> bool:
+        """True if the network goes on from the linear response by a load series."""
+        return self.network.skip == "series"
+
     def build(
         self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
     ) -> FieldNetwork:
@@ -71,9 +76,10 @@ class UNetModel(NetworkModel):
         linear = None
         if self.needs_material:
             body = geometry, required(material), config.needs_gradient
-            is_series = config.skip == "series"
             linear = (
-                SeriesResponse(*body, config.series_order) if is_series else LinearResponse(*body)
+                SeriesResponse(*body, config.series_order)
+                if self.has_series
+                else LinearResponse(*body)
             )
         return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip != "none")
 

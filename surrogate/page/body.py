@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean
-from surrogate.data.elements_of_case import material_of_response
+from surrogate.data.elements_of_case import body_of_response, require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.band_matrix import BandLayout
@@ -28,7 +28,8 @@ class Mechanics:
     Attributes
     ----------
     material : dict or None
-        Lamé parameters in Pa and name of the volumetric term; None if the page has no mechanics.
+        Lamé parameters in Pa, name of the volumetric term, and whether the volumes of cells change
+        as a whole; None if the page has no mechanics.
     arrays : dict
         Order of the degrees of freedom in the band of K; on embedded grids also the nodes, with
         weights, that a nodal force reaches by way of the grid.
@@ -65,10 +66,11 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     InputError
         If the network contains the linear response of a body whose band is too large.
     """
-    geometry, data = surrogate.geometry, surrogate.description.data
-    is_needed, certified = surrogate.network.linear is not None, _can_be_balanced(surrogate)
+    data, series = surrogate.description.data, surrogate.description.run.has_series
+    is_needed, certified = surrogate.network.linear is not None, _certified(surrogate)
+    geometry = surrogate.geometry
     try:
-        material = material_of_response(data.material, data.case)
+        geometry, material = body_of_response(geometry, data.material, data.case, series)
         if not isinstance(material, NeoHookean) or geometry.single is not None:
             raise InputError("page: expected a Neo-Hookean body whose supports hold all components")
         if not certified and not is_needed:
@@ -92,12 +94,14 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             "spreadNodes": spread.indices.astype(np.int32),
             "spreadWeights": spread.data,
         }
-    constants = {"lambda": material.lame_lambda, "mu": material.lame_mu}
-    return Mechanics(constants | {"volumetric": material.volumetric}, arrays, certified)
+    constants: dict[str, Any] = {"lambda": material.lame_lambda, "mu": material.lame_mu}
+    constants |= {"volumetric": material.volumetric, "meanDilation": geometry.mean_dilation}
+    return Mechanics(constants, arrays, certified)
 
 
-def _can_be_balanced(surrogate: Surrogate) -> bool:
+def _certified(surrogate: Surrogate) -> bool:
     try:
+        require_linear_elements(surrogate.description.data.case, "estimates on a page")
         surrogate.balanced()
     except InputError:
         return False

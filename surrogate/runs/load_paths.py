@@ -93,7 +93,7 @@ def compute_missing(dataset: Dataset, rows: Tensor, count: int) -> None:
     InputError
         If the elements of the case are not linear.
     """
-    require_linear_elements(dataset.manifest.case)
+    require_linear_elements(dataset.manifest.case, "load paths")
     missing = [n for n in files_of(rows) if not path_file(dataset, n, count).is_file()]
     if not missing:
         return

@@ -96,7 +96,8 @@ def dry_run(config: Model, dataset: Dataset, device: torch.device) -> DryRun:
     memory = training_memory(config, dataset.geometry, batch)
     require_device_memory(memory, f"config '{config.name}': training", device)
     material = dataset.material if config.needs_material else None
-    network = config.build(dataset.geometry, dataset.info, material)
+    body = dataset.geometry, dataset.info, material
+    network = config.build_for(*body, dataset.manifest.case)
     config.start_from_data(network, dataset, first_samples(split, config.seed))
     trainer = make_trainer(config, network, split, dataset, device)
     times = list(trainer.timed_steps(WARM_UP + MOST, SECONDS))

@@ -21,7 +21,6 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.dataset import Dataset
-from surrogate.data.elements_of_case import material_of_response
 from surrogate.data.mirror import with_mirror_images
 from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import DeviceStore
@@ -128,10 +127,9 @@ def train(
     with ExitStack() as held:
         ranks.from_first(lambda: held.enter_context(run.owned()))
         began = time.perf_counter()
-        material = None
-        if config.needs_material:
-            material = material_of_response(dataset.material, dataset.manifest.case)
-        network = config.build(dataset.geometry, dataset.info, material)
+        material = dataset.material if config.needs_material else None
+        body = dataset.geometry, dataset.info, material
+        network = config.build_for(*body, dataset.manifest.case)
         if start is None:
             config.start_from_data(network, dataset, first_samples(split, config.seed))
         else:

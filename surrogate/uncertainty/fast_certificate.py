@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.certificate import millimetres
 from surrogate.mechanics.fast_estimate import FastEstimate
@@ -173,7 +174,8 @@ def sizes(error: Array) -> dict[str, Array]:
 
 
 def fast_estimate(surrogate: Surrogate) -> FastEstimate:
-    """Estimate of the errors of a network; InputError if the run does not name its material."""
+    """Estimate of the errors of a network; InputError if its equilibria are not known for it."""
+    require_linear_elements(surrogate.description.data.case, "bounds and proposed loads")
     return FastEstimate(
         surrogate.geometry, surrogate.description.data.material, surrogate.balanced()
     )

@@ -1,42 +1,78 @@
-"""The learner computes equilibria of linear elements only, and refuses others."""
+"""The learner knows what it computes equilibria of, and what stands for other elements."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import pytest
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, Yeoh, ratio_at_rest
-from surrogate.data.elements_of_case import material_of_response, require_linear_elements
+from surrogate.data.elements_of_case import (
+    body_of_response,
+    require_known_elements,
+    require_linear_elements,
+    with_elements,
+)
+from tests.surrogate.mechanics.bodies import box
 
 SILICONE = NeoHookean(young_modulus=5e5, poisson_ratio=0.49)
+SOFT = {"element": "incompressible"}
 
 
 @pytest.mark.parametrize("element", ["quadratic", "incompressible", "of a later version"])
-def test_other_elements_are_refused(element: str) -> None:
-    with pytest.raises(InputError, match=f"'element' of the run's case = '{element}'"):
-        require_linear_elements({"element": element})
+def test_other_elements_have_no_stresses(element: str) -> None:
+    with pytest.raises(InputError, match=f"'{element}': stresses are for linear elements only"):
+        require_linear_elements({"element": element}, "stresses")
 
 
 def test_linear_elements_are_known() -> None:
     """A case without the key has them."""
-    require_linear_elements({})
-    require_linear_elements({"element": "linear"})
+    for case in ({}, {"element": "linear"}):
+        require_linear_elements(case, "stresses")
+        require_known_elements(case, box("tetra"))
+
+
+@pytest.mark.parametrize(
+    ("cell_type", "is_known"),
+    [("quad", True), ("hexahedron", True), ("triangle", False), ("tetra", False)],
+)
+def test_incompressible_elements(cell_type: str, is_known: bool) -> None:
+    """F-bar is known, Taylor and Hood's pair is not."""
+    geometry = with_elements(box(cell_type), SOFT)
+    assert geometry.mean_dilation == is_known
+    assert not with_elements(geometry, {}).mean_dilation
+    if is_known:
+        require_known_elements(SOFT, geometry)
+        assert body_of_response(geometry, SILICONE, SOFT, series=False) == (geometry, SILICONE)
+    else:
+        with pytest.raises(InputError, match="'element' of the run's case = 'incompressible'"):
+            require_known_elements(SOFT, geometry)
 
 
 def test_response_of_other_elements_does_not_lock() -> None:
     """ν = 0.4 at most, and the same E; that of linear elements is their own."""
-    assert material_of_response(SILICONE, {}) == SILICONE
-    softer = material_of_response(SILICONE, {"element": "incompressible"})
+    geometry = box("tetra")
+    assert body_of_response(geometry, SILICONE, {}, series=False) == (geometry, SILICONE)
+    body, softer = body_of_response(with_elements(geometry, SOFT), SILICONE, SOFT, series=False)
+    assert not body.mean_dilation
     assert isinstance(softer, NeoHookean)
     assert (softer.young_modulus, softer.poisson_ratio) == (5e5, 0.4)
     rubber = SILICONE.model_copy(update={"poisson_ratio": 0.3})
-    assert material_of_response(rubber, {"element": "quadratic"}) == rubber
+    assert body_of_response(geometry, rubber, {"element": "quadratic"}, series=False)[1] == rubber
+
+
+def test_load_series_are_those_of_linear_elements() -> None:
+    geometry = replace(box("hexahedron"), mean_dilation=True)
+    body, softer = body_of_response(geometry, SILICONE, SOFT, series=True)
+    assert not body.mean_dilation
+    assert ratio_at_rest(softer) == pytest.approx(0.4)  # type: ignore[arg-type]
 
 
 def test_response_of_rubber_and_of_several_materials_does_not_lock() -> None:
     """K/μ = 50 is ν = 0.49; the shear modulus stays."""
     rubber = Yeoh(model="yeoh", c10=1e5, bulk_modulus=1e7)
-    found = material_of_response((SILICONE, rubber), {"element": "incompressible"})
+    _, found = body_of_response(box("tetra"), (SILICONE, rubber), SOFT, series=False)
     assert isinstance(found, tuple)
     assert [ratio_at_rest(each) for each in found] == pytest.approx([0.4, 0.4])
     assert found[1].lame_mu == rubber.lame_mu

@@ -13,6 +13,8 @@ export interface Material {
   lambda: number;
   mu: number;
   volumetric: "paper" | "quadratic";
+  /** Whether the volume of a cell changes as a whole; the tangent is then that of the body at rest. */
+  meanDilation: boolean;
 }
 
 export class Solid {
@@ -129,6 +131,37 @@ export class Solid {
     return forces;
   }
 
+  /**
+   * Change K of a cell at rest to that of `surrogate/mechanics/mean_dilation.py`, which has the mean
+   * of the volume strain in place of the strain itself:
+   *
+   *   K − (λ + 2μ/d) [Σ_q w_q G_q G_qᵀ − (Σ_q w_q G_q) (Σ_q w_q G_q)ᵀ / Σ_q w_q].
+   */
+  private averageDilation(cell: number, k: Float64Array): void {
+    const { points, gradients, volumes } = this.parts;
+    const size = this.corners * this.d;
+    const { lambda, mu } = this.material;
+    const modulus = lambda + (2 * mu) / this.d;
+    const mean = new Float64Array(size);
+    let volume = 0;
+    for (let point = cell * points; point < (cell + 1) * points; point++) {
+      const w = volumes[point];
+      const g = gradients.subarray(point * size, (point + 1) * size);
+      volume += w;
+      for (let row = 0; row < size; row++) {
+        mean[row] += w * g[row];
+        for (let column = 0; column <= row; column++) {
+          k[row * size + column] -= modulus * w * g[row] * g[column];
+        }
+      }
+    }
+    for (let row = 0; row < size; row++) {
+      for (let column = 0; column <= row; column++) {
+        k[row * size + column] += (modulus * mean[row] * mean[column]) / volume;
+      }
+    }
+  }
+
   /** K of one cell in N/m into `k`, (corners · d)², rows and columns numbered corner · d + component. */
   cellTangent(u: Float64Array, cell: number, k: Float64Array): void {
     const { d, corners } = this;
@@ -169,6 +202,7 @@ export class Solid {
         }
       }
     }
+    if (this.material.meanDilation) this.averageDilation(cell, k);
     for (let row = 0; row < size; row++) {
       for (let column = row + 1; column < size; column++) {
         k[row * size + column] = k[column * size + row]!;
