@@ -5,7 +5,8 @@
 >>> displacement = model.predict(forces)                # doctest: +SKIP
 """
 
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.inference.training_range import OutsideTrainingWarning
 
 __version__ = "0.2.0"

@@ -88,7 +88,8 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.errors import InputError, NotCertifiedError
     from shared_schema.common.solution_file import require_suffix, write_solution
     from surrogate.device import choose_device
-    from surrogate.inference.prediction import load, require_known_pressure
+    from surrogate.inference.loading import load
+    from surrogate.inference.prediction import require_known_pressure
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
     from surrogate.uncertainty.intervals import load_intervals

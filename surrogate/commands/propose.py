@@ -45,7 +45,8 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.manifest import digest_of
     from surrogate.data.random_loads import random_loads
     from surrogate.device import choose_device
-    from surrogate.inference.prediction import load, require_passes
+    from surrogate.inference.loading import load
+    from surrogate.inference.prediction import require_passes
     from surrogate.uncertainty.proposal import propose
 
     require_suffix(options.out, (".h5",))

@@ -20,7 +20,8 @@ from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.paper import PAPER
 from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.evaluation.stress_errors import StressMeasures, measure_stresses
-from surrogate.inference.prediction import PASSES, Distribution, Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import PASSES, Distribution, Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run

@@ -25,7 +25,8 @@ from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
-from surrogate.inference.prediction import Surrogate, load, require_passes
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate, require_passes
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,11 +15,9 @@ from shared_schema.common.errors import InputError, first_line
 from surrogate.data.elements_of_case import (
     require_known_elements,
     require_linear_elements,
-    with_elements,
 )
-from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.data.geometry import Geometry
 from surrogate.device import convolutions
-from surrogate.hardware import memory_errors
 from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
 from surrogate.mechanics.certificate import Certificate, certify
@@ -37,8 +33,6 @@ from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
 from surrogate.runs.description import RunDescription
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.shelf import find_run
 
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
@@ -416,53 +410,3 @@ def require_passes(passes: int, seed: int) -> None:
     ):
         if not least <= value <= most:
             raise InputError(f"{name} = {value}, expected {least} at least and {most} at most")
-
-
-def make_surrogate(
-    tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
-) -> Surrogate:
-    """Make a surrogate from the tensors of ``model.safetensors``.
-
-    Raises
-    ------
-    KeyError, IndexError, RuntimeError, ValueError
-        If the tensors do not fit the description.
-    """
-    on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
-    config, data = description.run, description.data
-    geometry = with_elements(Geometry.from_tensors(on_cpu, data.cell_type), data.case)
-    material = data.material if config.needs_material else None
-    network = config.build_for(geometry, data.info, material, data.case)
-    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
-    return Surrogate(network.to(device), geometry, description)
-
-
-def load(run: str | Path, device: str = "cpu") -> Surrogate:
-    """Load a trained network; nothing is unpickled.
-
-    Parameters
-    ----------
-    run : str or Path
-        Run folder, or the name of a network that comes with the package.
-    device : str
-
-    Raises
-    ------
-    InputError
-        If there is no finished run, its files are damaged, or a weight is not finite.
-    """
-    folder = RunFolder(find_run(run))
-    description = folder.description()
-    tensors = folder.read_tensors()
-    for name, tensor in tensors.items():
-        if not torch.isfinite(tensor).all():
-            raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
-    try:
-        with memory_errors():
-            surrogate = make_surrogate(tensors, description, device)
-    except (KeyError, IndexError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
-        ) from None
-    surrogate.mean_error = folder.mean_error()
-    return surrogate

@@ -19,7 +19,8 @@ from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.export import require_packages
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.page.body import drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from surrogate.evaluation.paper import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.studies.components.errors_on_test_split import MM, split_errors
 from surrogate.studies.framework.resources import Resources
 from surrogate.studies.framework.scale import Scale

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.paper import PAPER
 from surrogate.hardware import hardware
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.studies.components.bayesian_prediction_times import (
     PassTimes,
     pass_comparisons,

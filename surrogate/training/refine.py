@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.random_loads import RandomLoads, random_loads
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.models.model import TrainedModel
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate

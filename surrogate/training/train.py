@@ -28,7 +28,7 @@ from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import lay_out
 from surrogate.hardware import hardware, require_device_memory
-from surrogate.inference.prediction import load, make_surrogate
+from surrogate.inference.loading import load, make_surrogate
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork

@@ -14,7 +14,7 @@ import torch
 from shared_schema.common.errors import InputError
 from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.models.model import Model, TrainedModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.runs.description import Origin

@@ -31,7 +31,8 @@ from shared_schema.common.configuration import read_named
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.models.model import TrainedModel
 from surrogate.runs.configuration import SHIPPED, run_config
 from surrogate.runs.description import Refinement

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser
 
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.page.page import write_page
 from surrogate.runs.shelf import shelved
 from tests.benchmarks.publication import (

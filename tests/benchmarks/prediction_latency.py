@@ -33,7 +33,8 @@ from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.paper import PAPER
 from surrogate.inference.export import NodalFunction, export
-from surrogate.inference.prediction import PASSES, Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import PASSES, Surrogate
 from surrogate.networks.unet import UNetConfig, parameter_count
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.configuration import run_config

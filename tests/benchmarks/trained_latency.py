@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.inference.export import export
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.shelf import find_run, shelved
 from tests.benchmarks.prediction_latency import by_pytorch

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from surrogate.data.dataset import Dataset
 from surrogate.device import Precision, convolutions
 from surrogate.inference.export import NodalFunction
-from surrogate.inference.prediction import PASSES, Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import PASSES, Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.studies.framework.timing import Timing, median_seconds

@@ -444,7 +444,7 @@ def test_lack_of_memory_is_failed_work(
 
     command = ["predict", str(trained), "--load", "3.5,1.5:0,1", "--out", str(out / "u.npz")]
     for place in (
-        "surrogate.inference.prediction.make_surrogate",
+        "surrogate.inference.loading.make_surrogate",
         "surrogate.runs.tensor_file.safe_open",
         "surrogate.inference.prediction.Surrogate.predict_distribution",
     ):

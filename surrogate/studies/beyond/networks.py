@@ -19,7 +19,6 @@ BODIES = {
     "beam2d_any": "2D beam",
     "lshape2d_any": "2D L-shape",
     "beam3d_any": "3D beam",
-    "finger3d": "finger",
 }
 
 

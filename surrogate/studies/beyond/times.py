@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surrogate.hardware import hardware
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.studies.beyond.coverage import UNCERTAIN
 from surrogate.studies.beyond.loads_by_number import COMPARED
 from surrogate.studies.beyond.networks import BODIES, KINDS, kind_of, patterns, runs_by_body

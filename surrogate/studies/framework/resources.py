@@ -15,7 +15,8 @@ from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
-from surrogate.inference.prediction import Distribution, Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Distribution, Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.folder import RunFolder
 from surrogate.studies.framework.scale import Scale

@@ -17,7 +17,8 @@ from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConf
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig

@@ -19,7 +19,7 @@ from shared_schema.shard_writer import write_shard
 from surrogate.data.body_check import differing_array
 from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder

@@ -14,7 +14,7 @@ from shared_schema.manifest import ComponentStatistics
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.joined_dataset import pooled, read_datasets
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 
 
 @pytest.fixture(scope="module")

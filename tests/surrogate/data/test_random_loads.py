@@ -7,7 +7,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from surrogate.data.random_loads import RandomLoads, random_loads
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from tests.surrogate.mechanics.bodies import box
 
 LIMIT = (2.0, 3.0)

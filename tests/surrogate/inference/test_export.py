@@ -21,7 +21,8 @@ from shared_schema.layout import NO_NODE
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import Format, export
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder

@@ -14,7 +14,8 @@ from torch import nn
 from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.models.model import Model
 from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe

@@ -17,7 +17,7 @@ from shared_schema.grid import Grid
 from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.nodal_gradient import nodal_gradient
 from surrogate.models.unet_model import UNetModel

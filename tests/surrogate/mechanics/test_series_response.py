@@ -14,7 +14,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, StVenantKirchhoff
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.newton import correct

@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.inference.export import export, load_exported
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.load_series import series_on_grid
 from surrogate.models.reduced_model import ReducedModel

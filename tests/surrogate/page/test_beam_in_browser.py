@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from surrogate.command_line import main
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.page.page import write_page
 from tests.surrogate.page.browser import OpenPage
 

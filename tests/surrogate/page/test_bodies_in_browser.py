@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.page.page import write_page
 from tests.surrogate.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage

@@ -18,7 +18,7 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import responses
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.page import body, bundle
 from surrogate.page.body import mechanics_of, spread_of

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.stochastic_passes import Drawable

@@ -10,7 +10,8 @@ from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import Surrogate, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.ensemble import Ensemble

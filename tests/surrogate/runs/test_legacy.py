@@ -15,7 +15,7 @@ from safetensors.torch import save
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.configuration import read_config, run_config

@@ -11,7 +11,7 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.fast_estimate import FastEstimate
 from surrogate.mechanics.newton import correct

@@ -13,7 +13,7 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.presentation.run_figures import write_evaluation
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training

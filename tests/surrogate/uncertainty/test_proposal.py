@@ -10,7 +10,7 @@ import pytest
 from shared_schema.load_cases import read_load_cases
 from surrogate.command_line import main
 from surrogate.data.random_loads import random_loads
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.uncertainty.fast_certificate import fast_estimate
 from surrogate.uncertainty.proposal import farthest, propose
 

@@ -9,7 +9,8 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import Distribution, load
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Distribution
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training

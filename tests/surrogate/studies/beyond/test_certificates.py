@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surrogate.inference.prediction import load
+from surrogate.inference.loading import load
 from surrogate.mechanics.certificate import certify
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import correct
