@@ -43,8 +43,9 @@ class Geometry:
     pressed : array of int, (n_facets, n_corners), or None
         Facets that a pressure of the case follows.
     mean_dilation : bool
-        True if the volume of a cell changes as a whole (`surrogate.mechanics.mean_dilation`). Not
-        among the arrays: the case says it (`surrogate.data.elements_of_case`).
+        True if the volume of a cell changes as a whole
+        (`surrogate.mechanics.solids.mean_dilation`). Not among the arrays: the case says it
+        (`surrogate.data.elements_of_case`).
     """
 
     coordinates: NDArray[np.float64]

@@ -24,7 +24,7 @@ from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import Correction, correct
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork

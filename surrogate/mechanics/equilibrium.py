@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
-from surrogate.mechanics.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ

@@ -8,10 +8,10 @@ minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
 .. math:: x \in \mathrm{span} \, \{P r, \; P \, K(u) \, P r\}
 
 so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the energy, x is no larger
-than δ. Rotations are the factors of the polar decomposition of the mean of
-:math:`F = I + ∇u` over the cells at a node. The product with the tangent
-is that of the cells' stresses (`surrogate.mechanics.neo_hookean`), which no matrix is assembled
-for. A large body is treated in single precision. Where a cell is inverted, the error is infinite.
+than δ. Rotations are the factors of the polar decomposition of the mean of :math:`F = I + ∇u` over
+the cells at a node. The product with the tangent is that of the cells' stresses
+(`surrogate.mechanics.solids.neo_hookean`), which no matrix is assembled for. A large body is
+treated in single precision. Where a cell is inverted, the error is infinite.
 
 All is written in NumPy, since a small body takes a few microseconds an operation. Components
 come first: F is (d, d, n_points, N).

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from surrogate.mechanics.elements import CORNERS, gradients_at
+from surrogate.mechanics.solids.elements import CORNERS, gradients_at
 
 Array = NDArray[np.float64]
 

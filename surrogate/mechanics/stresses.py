@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from shared_schema.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.elements import CORNERS, gradients_at
-from surrogate.mechanics.hyperelastic import completed, energy_density, stress
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.elements import CORNERS, gradients_at
+from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
+from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import torch
 from scipy.sparse import coo_array, csr_array
 
 from shared_schema.material import NeoHookean, Volumetric
-from surrogate.mechanics.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Solid
 from tests.end_to_end.commands import DATAGEN, execute
 
 # writes the state of a body under a smooth displacement plus noise, as dolfinx assembles it

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.mechanics.elements import CORNERS, cell_gradients, quadrature
+from surrogate.mechanics.solids.elements import CORNERS, cell_gradients, quadrature
 
 VOLUMES = {"triangle": 1 / 2, "quad": 1.0, "tetra": 1 / 6, "hexahedron": 1.0}
 

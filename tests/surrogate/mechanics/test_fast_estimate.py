@@ -11,7 +11,7 @@ from surrogate.mechanics import fast_estimate
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.fast_estimate import FastEstimate, State, cofactors, rotations
 from surrogate.mechanics.newton import correct
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 

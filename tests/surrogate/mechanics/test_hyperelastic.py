@@ -19,12 +19,12 @@ from shared_schema.material import (
     Yeoh,
     materials_of,
 )
-from surrogate.mechanics import neo_hookean
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.hyperelastic import completed, energy_density, moduli, stress
 from surrogate.mechanics.newton import correct
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids import neo_hookean
+from surrogate.mechanics.solids.hyperelastic import completed, energy_density, moduli, stress
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 

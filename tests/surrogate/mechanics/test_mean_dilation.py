@@ -12,10 +12,10 @@ from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.certificate import certify
 from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.hyperelastic import energy_density
-from surrogate.mechanics.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.newton import correct
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.hyperelastic import energy_density
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import box, end_load
 
 SILICONE = NeoHookean(young_modulus=500, poisson_ratio=0.499)

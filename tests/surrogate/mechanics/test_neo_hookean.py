@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from shared_schema.material import NeoHookean, Volumetric
-from surrogate.mechanics.neo_hookean import (
+from surrogate.mechanics.solids.neo_hookean import (
     determinant,
     energy_density,
     inverse_transpose,

@@ -10,7 +10,7 @@ import torch
 
 from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 from tests.surrogate.plane_strain import plane_strain_stiffness
 

@@ -1,6 +1,6 @@
 /**
  * Linear finite elements: gradients of the shape functions at quadrature points, as
- * `surrogate/mechanics/elements.py`: 2 Gauss points along each axis of quadrilaterals and
+ * `surrogate/mechanics/solids/elements.py`: 2 Gauss points along each axis of quadrilaterals and
  * hexahedra, one point in triangles and tetrahedra.
  */
 

@@ -1,5 +1,5 @@
 /**
- * A Neo-Hookean solid of finite elements, as `surrogate/mechanics/solid.py` and `neo_hookean.py`:
+ * A Neo-Hookean solid of finite elements, as `surrogate/mechanics/solids/solid.py` and `neo_hookean.py`:
  *
  *   F = I + Σ_a u_a ⊗ G_a,  P = μ (F − F^{-T}) + J U' F^{-T},  f_a = Σ_q w_q P_q G_a,
  *   K_ab = Σ_q w_q [μ (G_a·G_b) I + (μ − J U') g_b ⊗ g_a + (J U' + J² U'') g_a ⊗ g_b],
@@ -132,7 +132,7 @@ export class Solid {
   }
 
   /**
-   * Change K of a cell at rest to that of `surrogate/mechanics/mean_dilation.py`, which has the mean
+   * Change K of a cell at rest to that of `surrogate/mechanics/solids/mean_dilation.py`, which has the mean
    * of the volume strain in place of the strain itself:
    *
    *   K − (λ + 2μ/d) [Σ_q w_q G_q G_qᵀ − (Σ_q w_q G_q) (Σ_q w_q G_q)ᵀ / Σ_q w_q].

@@ -4,8 +4,9 @@ r"""Stress and moduli of any shipped material, from its strain energy by automat
           W = W(I_1, I_2, J)
 
 with the energies of `shared_schema.material`; in the plane :math:`F_{33} = 1`. The Neo-Hookean
-solid has closed forms of its own (`surrogate.mechanics.neo_hookean`). Tensors have their components
-first: F is (d, d, …), scalars are (…). Where J ≤ 0, or a material has no energy, W is +∞.
+solid has closed forms of its own (`surrogate.mechanics.solids.neo_hookean`). Tensors have their
+components first: F is (d, d, …), scalars are (…). Where J ≤ 0, or a material has no energy, W is
++∞.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import torch
 from torch import Tensor
 
 from shared_schema.material import NeoHookean, ShippedMaterial
-from surrogate.mechanics import neo_hookean
-from surrogate.mechanics.neo_hookean import determinant
+from surrogate.mechanics.solids import neo_hookean
+from surrogate.mechanics.solids.neo_hookean import determinant
 
 
 def energy_density(f: Tensor, material: ShippedMaterial) -> Tensor:

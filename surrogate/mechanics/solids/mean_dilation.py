@@ -17,9 +17,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surrogate.mechanics.hyperelastic import energy_density
-from surrogate.mechanics.neo_hookean import determinant
-from surrogate.mechanics.solid import Solid
+from surrogate.mechanics.solids.hyperelastic import energy_density
+from surrogate.mechanics.solids.neo_hookean import determinant
+from surrogate.mechanics.solids.solid import Solid
 
 
 class MeanDilationSolid(Solid):

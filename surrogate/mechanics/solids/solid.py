@@ -8,8 +8,9 @@ quadrature volumes :math:`w_q`,
     f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a.
 
 The tangent of a cell is :math:`K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}` with the
-moduli of `surrogate.mechanics.hyperelastic`. That of a Neo-Hookean cell has a closed form with the
-gradients :math:`g_a = F^{-T} G_a` on the deformed body (`surrogate.mechanics.neo_hookean`):
+moduli of `surrogate.mechanics.solids.hyperelastic`. That of a Neo-Hookean cell has a closed form
+with the gradients :math:`g_a = F^{-T} G_a` on the deformed body
+(`surrogate.mechanics.solids.neo_hookean`):
 
 .. math::
     K_{ab} = \frac{∂f_{int,a}}{∂u_b} = \sum_q w_q \left[ μ (G_a · G_b) I
@@ -28,9 +29,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from shared_schema.material import Materials, NeoHookean, ShippedMaterial, as_tuple
-from surrogate.mechanics.elements import cell_gradients
-from surrogate.mechanics.hyperelastic import energy_density, moduli, stress
-from surrogate.mechanics.neo_hookean import determinant, inverse_transpose, tangent_moduli
+from surrogate.mechanics.solids.elements import cell_gradients
+from surrogate.mechanics.solids.hyperelastic import energy_density, moduli, stress
+from surrogate.mechanics.solids.neo_hookean import determinant, inverse_transpose, tangent_moduli
 
 
 class Solid(nn.Module):

@@ -1,0 +1,1 @@
+"""Solids of finite elements: shape functions, materials, energy, internal forces, tangent."""
