@@ -81,7 +81,7 @@ shelve: evaluate ## put the evaluated run among the trained networks of the pack
 	$(SURROGATE) shelve $(RUN) $(CASE)
 
 reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
-beyond: ## do the studies beyond the paper at SCALE=smoke|laptop|day
+beyond: ## do the studies beyond the paper at SCALE=smoke|plane|laptop|day
 reproduce beyond: setup
 	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
