@@ -31,11 +31,11 @@ from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.random_loads import random_loads
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
 from surrogate.mechanics.certificate import Certificate
-from surrogate.mechanics.newton import correct
 from surrogate.presentation.field_figures import add_field
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 from surrogate.studies.beyond.alarms import alarms, alarms_of_errors, judge, judge_unusual
+from surrogate.studies.beyond.certified_samples import settled
 from surrogate.uncertainty.fast_certificate import fit_fast_certificate, load_fast_certificate
 from tests.benchmarks.publication import (
     Results,
@@ -49,7 +49,6 @@ Array = NDArray[np.float64]
 LOADS = 300  # of every kind
 NEW_LOADS = 1000
 PASSES = 20
-SETTLED = 1e-11  # N; datasets are solved to 1e-8 N, and errors of some networks are as small
 
 
 def main() -> None:
@@ -98,16 +97,6 @@ def timed(work: Callable[[], Certificate]) -> tuple[float, Certificate]:
     began = time.process_time()
     result = work()
     return time.process_time() - began, result
-
-
-def settled(model: surrogate.Surrogate, force: Array, truth: Array) -> Array:
-    """Solutions of the dataset without what the tolerance of the finite elements leaves."""
-    return np.stack(
-        [
-            correct(model.equilibrium, f, u, SETTLED).displacement
-            for f, u in zip(force, truth, strict=True)
-        ]
-    )
 
 
 def compared(
