@@ -35,7 +35,7 @@ from surrogate.presentation.field_figures import add_field
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 from surrogate.studies.beyond.alarms import alarms, alarms_of_errors, judge, judge_unusual
-from surrogate.studies.beyond.certified_samples import settled
+from surrogate.studies.beyond.certified_samples import SETTLED, settled
 from surrogate.uncertainty.fast_certificate import fit_fast_certificate, load_fast_certificate
 from tests.benchmarks.publication import (
     Results,
