@@ -348,7 +348,7 @@ class EquilibriumProblem:
         snes.setForceIteration(self._is_loaded)
         self.load_factor = load_factor
         self._inverted = False
-        self._begin()
+        self._foretell_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         snes.solve(None, self._x)
         self._take(self._x)
@@ -440,17 +440,17 @@ class EquilibriumProblem:
 
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
-        self._begin()
+        self._foretell_from_here()
         return self._next_tangent()
 
-    def _begin(self) -> None:
-        """Begin Newton's method at the current state: no tangent before foretells a pressure."""
+    def _foretell_from_here(self) -> None:
+        """Let the next tangent take its pressures from what that at the current state foretells."""
         if self.forms.before is not None:
             self.forms.before[:] = self.u.x.array
 
     def _next_tangent(self) -> PETSc.Mat:
         self._assembly.assemble_tangent()
-        self._begin()
+        self._foretell_from_here()
         matrix = self._assembly.matrix
         if self._is_pressed:
             assert self._pressure is not None

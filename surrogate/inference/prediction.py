@@ -12,10 +12,7 @@ from torch import Tensor
 
 from shared_schema.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
-from surrogate.data.elements_of_case import (
-    require_known_elements,
-    require_linear_elements,
-)
+from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.device import convolutions
 from surrogate.inference.one_load import OneLoad, in_numpy

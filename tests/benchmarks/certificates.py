@@ -153,8 +153,10 @@ def fast(
     The certificate is that of the run's folder, or fitted where there is none.
     """
     kept = RunFolder(find_run(run)).fast_certificate
-    found = load_fast_certificate(model, kept) if kept.is_file() else None
-    found = found or fit_fast_certificate(model, dataset, 1, 0)
+    if kept.is_file():
+        found = load_fast_certificate(model, kept)
+    else:
+        found = fit_fast_certificate(model, dataset, 1, 0)
     predicted = model.predict(force)
     seconds = []
     for number in range(min(len(force), 200)):
