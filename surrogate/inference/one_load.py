@@ -1,7 +1,7 @@
 """Prediction of the displacements under one load in NumPy, where PyTorch's calls take most time.
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
-response, gradient, scales; the higher terms of a load series follow from it (`series_in_numpy`). On
+response, gradient, scales; the higher terms of a load series follow from it (`compiled_series`). On
 small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; for
 a reduced network on a grid of nodes, by a few columns of K⁻¹.
 """
@@ -9,6 +9,7 @@ a reduced network on a grid of nodes, by a few columns of K⁻¹.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from surrogate.inference.dense_in_numpy import ReducedInNumPy
-from surrogate.inference.series_in_numpy import SeriesInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
@@ -26,6 +26,9 @@ from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
 from surrogate.probabilistic.ensemble import Ensemble
+
+if TYPE_CHECKING:
+    from surrogate.inference.compiled_series import CompiledSeries
 
 LARGEST = 2**22  # values of the matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
@@ -164,7 +167,7 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
     return found if isinstance(found, Compliance) and not len(found.matrix) else None
 
 
-def series_at_nodes(network: NodalNetwork) -> SeriesInNumPy | None:
+def series_at_nodes(network: NodalNetwork) -> CompiledSeries | None:
     """Higher terms of the response of a small body whose nodes are the grid points.
 
     None for all other networks.
@@ -176,7 +179,11 @@ def series_at_nodes(network: NodalNetwork) -> SeriesInNumPy | None:
         return None
     d = len(network.network.displacement_scale)
     size = linear.higher.weighted.numel() // linear.higher.weighted.shape[2] * d
-    return SeriesInNumPy(linear, d) if size * d * linear.nodes <= LARGEST else None
+    if size * d * linear.nodes > LARGEST:
+        return None
+    from surrogate.inference.compiled_series import CompiledSeries  # Numba: half a second
+
+    return CompiledSeries(linear, d)
 
 
 def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:

@@ -3,36 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-import numpy as np
+import torch
+from torch import Tensor
 
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.arrays import constant, library_of, like
 from surrogate.mechanics.series.least_energy import least_energy
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
-
-Array = Any  # of NumPy, or a Tensor
 
 
 def beyond_linear(
     material: NeoHookean,
-    volumes: Array,
+    volumes: Tensor,
     order: int,
-    first: Array,
-    gradient: Callable[[Array], Array],
-    balanced: Callable[[Array], Array],
-) -> tuple[Array, Array]:
+    first: Tensor,
+    gradient: Callable[[Tensor], Tensor],
+    balanced: Callable[[Tensor], Tensor],
+) -> tuple[Tensor, Tensor]:
     """Return Σₖ cₖ uₖ - u₁ and the last term cₙ uₙ in m, (…, n_dofs) each, of u₁.
 
     Parameters
     ----------
     material : NeoHookean
-    volumes : array, (n_points,)
+    volumes : Tensor, (n_points,)
         Of the quadrature points in m³ (m² in the plane).
     order : int
         Order n, 2 at least.
-    first : array, (…, n_dofs)
+    first : Tensor, (…, n_dofs)
         u₁ in m.
     gradient : callable
         Displacements in m to their gradients, (…, n_dofs) → (…, d, d, n_points).
@@ -41,8 +38,8 @@ def beyond_linear(
     """
     slope = gradient(first)
     terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
-    every = library_of(first).stack([first, *terms], -2)
+    every = torch.stack([first, *terms], -2)
     c = least_energy(material, volumes, [slope, *slopes])
-    last = like(first, c[..., -1:]) * terms[-1]
-    beyond = c - constant(np.eye(1, order)[0], c)
-    return (like(first, beyond)[..., None, :] @ every)[..., 0, :], last
+    last = c[..., -1:].to(first) * terms[-1]
+    beyond = c - torch.eye(1, order, dtype=c.dtype, device=c.device)[0]
+    return (beyond.to(first)[..., None, :] @ every)[..., 0, :], last

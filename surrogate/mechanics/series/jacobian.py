@@ -21,12 +21,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 from itertools import combinations_with_replacement, permutations
-from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from surrogate.mechanics.series.arrays import constant, library_of, on_device_of
 from surrogate.mechanics.series.cofactors import (
     cofactors,
     contraction,
@@ -35,53 +35,52 @@ from surrogate.mechanics.series.cofactors import (
     trace,
 )
 
-Array = Any  # of NumPy, or a Tensor
-
 
 class JacobianPolynomial:
     """J at points, and its derivatives with respect to c.
 
     Parameters
     ----------
-    h : array, (…, n, d, d, n_points)
+    h : Tensor, (…, n, d, d, n_points)
         Hₖ.
 
     Attributes
     ----------
-    coefficients : array, (…, n_monomials, n_points)
+    coefficients : Tensor, (…, n_monomials, n_points)
         Jₘ.
     """
 
-    def __init__(self, h: Array) -> None:
-        self.library, self.degree, self.order = library_of(h), h.shape[-2], h.shape[-4]
-        self.coefficients = self.library.concatenate(list(_coefficients(h)), -2)
+    def __init__(self, h: Tensor) -> None:
+        self.degree, self.order = h.shape[-2], h.shape[-4]
+        self.coefficients = torch.cat(list(_coefficients(h)), -2)
         forms, curvatures = monomial_forms(self.order, self.degree)
-        self.forms, self.curvatures = on_device_of(h, forms), on_device_of(h, curvatures)
+        self.forms = torch.from_numpy(forms).to(h.device)
+        self.curvatures = torch.from_numpy(curvatures).to(h.device)
 
-    def monomials(self, c: Array) -> tuple[Array, Array, Array]:
+    def monomials(self, c: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return pₘ, and the first and second derivatives.
 
         Parameters
         ----------
-        c : array, (…, n)
+        c : Tensor, (…, n)
             In double precision.
 
         Returns
         -------
-        values : array, (…, n_monomials)
-        slopes : array, (…, n, n_monomials)
-        curvatures : array, (…, n_monomials, n²), or (n_monomials, n²) in the plane
+        values : Tensor, (…, n_monomials)
+        slopes : Tensor, (…, n, n_monomials)
+        curvatures : Tensor, (…, n_monomials, n²), or (n_monomials, n²) in the plane
         """
         d, size = self.degree, self.order + 1
         samples, count = c.shape[:-1], self.coefficients.shape[-2]
-        column = self.library.concatenate((0 * c[..., :1] + 1, c), -1)[..., None]
+        column = torch.cat((torch.ones_like(c[..., :1]), c), -1)[..., None]
         forms, curvatures = self.forms, self.curvatures
         if d == 3:
             forms = (forms @ column).reshape(*samples, count * size, size)
             curvatures = (curvatures @ column).reshape(*samples, count, self.order**2)
         slopes = (forms @ column).reshape(*samples, count, size)
         values = (slopes @ column)[..., 0]
-        return values, d * slopes[..., 1:].swapaxes(-1, -2), curvatures
+        return values, d * slopes[..., 1:].mT, curvatures
 
 
 @cache
@@ -105,39 +104,22 @@ def monomial_forms(order: int, degree: int) -> tuple[NDArray[np.float64], NDArra
     return forms.reshape(-1, order + 1), np.ascontiguousarray(curvatures.reshape(last))
 
 
-def _coefficients(h: Array) -> Iterator[Array]:
+def _coefficients(h: Tensor) -> Iterator[Tensor]:
     """Coefficients of monomials that differ in the last index: (…, n_monomials, n_points) each."""
     yield trace(h)
-    if h.shape[-2] == 2:  # small arrays: one call for all pairs
-        rows, columns, factors = _pairs(h.shape[-4])
-        products = contraction(linear_cofactors(h)[..., rows, :, :, :], h[..., columns, :, :, :])
-        yield constant(factors, h) * products
-        return
     first = range(h.shape[-4])
     of = [h[..., k, :, :, :] for k in first]
     for k in first:
         yield _with_later(linear_cofactors(of[k]), h, k, 2)
+    if h.shape[-2] == 2:
+        return
     for k in first:
         yield _with_later(cofactors(of[k]), h, k, 3)
         for m in first[k + 1 :]:
             yield _with_later(cross_product(of[k], of[m]), h, m, 2)
 
 
-@cache
-def _pairs(order: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """All pairs k ≤ l, and 1/r, (n_pairs, 1)."""
-    k, m = np.triu_indices(order)
-    return k, m, np.where(k == m, 0.5, 1.0)[:, None]
-
-
-@cache
-def _first_divided(count: int, occurrences: int) -> NDArray[np.float64]:
-    """1/r and ones: (count, 1)."""
-    return np.where(np.arange(count) == 0, 1 / occurrences, 1.0)[:, None]
-
-
-def _with_later(product: Array, h: Array, start: int, occurrences: int) -> Array:
+def _with_later(product: Tensor, h: Tensor, start: int, occurrences: int) -> Tensor:
     """Contractions with H of `start`, which then occurs so often, and with those after it."""
     values = contraction(product[..., None, :, :, :], h[..., start:, :, :, :])
-    values *= constant(_first_divided(values.shape[-2], occurrences), values)
-    return values
+    return torch.cat((values[..., :1, :] / occurrences, values[..., 1:, :]), -2)

@@ -27,27 +27,23 @@ aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁:
 
 Newton's method minimises Π, from terms that fade where they do not decrease, so that Π is finite
 there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that does not raise
-Π is taken. The formulas hold for arrays of NumPy as for tensors: of one load, or of a batch. What
-there is at every quadrature point has the precision of the gradients; c and the sums are double.
+Π is taken. What there is at every quadrature point has the precision of the gradients; c and the
+sums are double. This is for batches of loads; `surrogate.mechanics.series.compiled_energy` does the
+same for one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from math import prod
-from typing import Any
+from math import inf
+from typing import NamedTuple
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
+from torch import Tensor
 
 from shared_schema.material import NeoHookean
-from surrogate.mechanics.series.arrays import constant, in_double, library_of, like, rounding_of
 from surrogate.mechanics.series.jacobian import JacobianPolynomial
-
-Array = Any  # of NumPy, or a Tensor
 
 
 @dataclass(frozen=True)
@@ -77,136 +73,147 @@ SMALL_STEP, SMALLEST_STEP = 3e-2, 1e-10  # relative to the last term, and to the
 TINY = 1e-60  # no division by zero
 
 
+class State(NamedTuple):
+    """Π and its derivatives at some coefficients, in double precision.
+
+    Attributes
+    ----------
+    c : Tensor, (…, n)
+    energy : Tensor, (…)
+        In J.
+    gradient, hessian : Tensor, (…, n), (…, n, n)
+    """
+
+    c: Tensor
+    energy: Tensor
+    gradient: Tensor
+    hessian: Tensor
+
+
 class EnergyOfTerms:
     """Π(c) in J, and its derivatives.
 
     Parameters
     ----------
     material : NeoHookean
-    volumes : array, (n_points,)
+    volumes : Tensor, (n_points,)
         Of the quadrature points in m³ (m² in the plane).
-    gradients : sequence of n arrays, (…, d, d, n_points)
+    gradients : sequence of n tensors, (…, d, d, n_points)
         Hₖ.
 
     Attributes
     ----------
     rounding : float
         Relative rounding of a number in the precision of `gradients`.
-    works : array, (…, n)
+    works : Tensor, (…, n)
         aₖ in J.
     """
 
-    def __init__(self, material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> None:
+    def __init__(self, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> None:
         lam, self.mu = material.lame_lambda, material.lame_mu
         square = lam / 2 if material.volumetric == "paper" else lam  # factor of e² / 2
-        self.library, self.square = library_of(volumes), square * volumes
+        self.square = square * volumes
         self.excess = (lam + self.mu - square) * volumes  # factor of e - ln (1 + e)
-        self.square_in_double = in_double(self.square)
-        self.excess_in_double = in_double(self.excess)
-        h = self.library.stack(list(gradients), -4)  # (…, n, d, d, n_points)
-        self.rounding = rounding_of(h)
+        h = torch.stack(list(gradients), -4)  # (…, n, d, d, n_points)
+        self.rounding = torch.finfo(h.dtype).eps
         self.jacobian = JacobianPolynomial(h)
-        self.squares = self.mu * in_double(_flat(h * volumes) @ _flat(h).swapaxes(-1, -2))
-        n = len(gradients)
-        integrals = self.mu * in_double(self.jacobian.coefficients @ volumes)
-        self.nonlinear = integrals * constant(_is_nonlinear(n, integrals.shape[-1]), integrals)
+        flat, n = h.flatten(-3), len(gradients)
+        self.squares = self.mu * ((h * volumes).flatten(-3) @ flat.mT).double()
+        integrals = self.mu * (self.jacobian.coefficients @ volumes).double()
+        self.nonlinear = torch.cat((0 * integrals[..., :n], integrals[..., n:]), -1)
         traces = self.jacobian.coefficients[..., :n, :]
-        squared = in_double((traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0])
-        products = constant(_occurrences(n), integrals) * integrals[..., n : 2 * n]
+        squared = (traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0].double()
+        mixed = self.nonlinear[..., n : 2 * n]  # of c₁ cₖ
+        products = torch.cat((2 * mixed[..., :1], mixed[..., 1:]), -1)
         self.works = self.squares[..., 0, :] - products + (lam + self.mu) * squared
 
-    def at(self, c: Array) -> tuple[Array, Array, Array, Array]:
-        """Return c, Π, its gradient and its Hessian, in double: (…, n), (…), (…, n), (…, n, n).
-
-        Π is +∞ where J is not positive at a point; the derivatives have no meaning there.
-        """
+    def at(self, c: Tensor) -> State:
+        """Evaluate Π; it is +∞ where J is not positive at a point, without derivatives there."""
         values, slopes, curvatures = self.jacobian.monomials(c)
         coefficients = self.jacobian.coefficients
-        e = _sum(like(coefficients, values), coefficients)
+        e = _sum(values.to(coefficients), coefficients)
         inside = e > SMALLEST_J - 1
         inside_everywhere = inside.all(-1)
         if not _is_known(inside_everywhere.all()):
-            e = self.library.where(inside, e, SMALLEST_J - 1)
+            e = torch.where(inside, e, SMALLEST_J - 1)
         inverse = 1 / (1 + e)
         logarithmic = inverse * self.excess
-        integrals = in_double((coefficients @ ((logarithmic + self.square) * e)[..., None])[..., 0])
-        first = like(coefficients, slopes) @ coefficients
+        integrals = (coefficients @ ((logarithmic + self.square) * e)[..., None])[..., 0].double()
+        first = slopes.to(coefficients) @ coefficients
         weighted = first * (logarithmic * inverse + self.square)[..., None, :]
         forces = integrals - self.nonlinear
-        hessian = self._hessian(forces, curvatures) + in_double(weighted @ first.swapaxes(-1, -2))
-        e = in_double(e)
-        energy = (e - self.library.log1p(e)) @ self.excess_in_double
-        energy = energy + 0.5 * _dot(self.square_in_double * e, e) - _dot(values, self.nonlinear)
+        hessian = self._hessian(forces, curvatures) + (weighted @ first.mT).double()
+        e = e.double()
+        energy = (e - torch.log1p(e)) @ self.excess.double()
+        energy = energy + 0.5 * _dot(self.square.double() * e, e) - _dot(values, self.nonlinear)
         stretched = _sum(c, self.squares) - self.works
         energy = energy + 0.5 * _dot(c, stretched - self.works)
         gradient = stretched + (slopes @ forces[..., None])[..., 0]
         if not _is_known(inside_everywhere.all()):
-            energy = self.library.where(inside_everywhere, energy, np.inf)
-        return c, energy, gradient, hessian
+            energy = torch.where(inside_everywhere, energy, inf)
+        return State(c, energy, gradient, hessian)
 
-    def _hessian(self, forces: Array, curvatures: Array) -> Array:
+    def _hessian(self, forces: Tensor, curvatures: Tensor) -> Tensor:
         """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
         return self.squares + _sum(forces, curvatures).reshape(self.squares.shape)
 
 
-def least_energy(material: NeoHookean, volumes: Array, gradients: Sequence[Array]) -> Array:
+def least_energy(material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> Tensor:
     """Return the coefficients c of the least Π, in double precision: (…, n).
 
     Parameters
     ----------
     material : NeoHookean
-    volumes : array, (n_points,)
+    volumes : Tensor, (n_points,)
         In m³ (m² in the plane).
-    gradients : sequence of n arrays, (…, d, d, n_points)
+    gradients : sequence of n tensors, (…, d, d, n_points)
         Hₖ at the points.
     """
     potential = EnergyOfTerms(material, volumes, gradients)
     effort = EXPORTED if torch.compiler.is_compiling() else USUAL
-    unit = constant(_unit(len(gradients)), potential.squares)
-    stiffness = potential.library.diagonal(potential.squares, 0, -2, -1)
+    stiffness = potential.squares.diagonal(dim1=-2, dim2=-1)
     invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
     scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
     scales = scale[..., :, None] * scale[..., None, :]
+    unit = torch.eye(len(gradients), dtype=scale.dtype, device=scale.device)
     smallest, rounding = max(SMALLEST_STEP, potential.rounding), ROUNDING * potential.rounding
 
-    def is_last(c: Array, step: Array) -> Array:
+    def is_last(c: Tensor, step: Tensor) -> Tensor:
         """Whether the next step of Newton's method, of the order of the square, is too small."""
         small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
         return _dot(step, step) <= small * small
 
     state = potential.at(_fading(stiffness))
     for _ in range(effort.halvings):
-        outside = state[1] == np.inf
+        outside = state.energy == inf
         if not _may_be(outside.any()):
             break
-        powers = potential.library.cumsum(0 * scale + 1, -1)
+        powers = torch.cumsum(torch.ones_like(scale), -1)
         halves = 0.5**powers  # c_k of half the load
-        state = _where(outside, potential.at(state[0] * halves), state)
+        state = _where(outside, potential.at(state.c * halves), state)
     for _ in range(effort.iterations):
         c, energy, gradient, hessian = state
         bound = energy + rounding * abs(energy)
-        waits = energy < np.inf
+        waits = energy < inf
         for shift in effort.shifts:
             relative = solved(hessian * scales + shift * unit, gradient * scale)
             step = scale * relative
             if shift == effort.shifts[0] and _is_known(is_last(c, relative).all()):
                 return c - step
             trial = potential.at(c - step)
-            falls = waits & (trial[1] <= bound)
+            falls = waits & (trial.energy <= bound)
             state = _where(falls, trial, state)
             waits = waits & ~falls
             if not _may_be(waits.any()):
                 break
-    return state[0]
+    return state.c
 
 
-def solved(matrix: Array, right: Array) -> Array:
+def solved(matrix: Tensor, right: Tensor) -> Tensor:
     """Solve small symmetric systems: (…, n, n), (…, n) → (…, n).
 
     Exported files have no operation that solves, so that tensors are eliminated row by row.
     """
-    if library_of(right) is np:
-        return np.linalg.solve(matrix, right)
     rows = []
     while right.shape[-1] > 1:
         pivot, row, value = matrix[..., 0, :1], matrix[..., 0, 1:], right[..., :1]
@@ -220,7 +227,7 @@ def solved(matrix: Array, right: Array) -> Array:
     return found
 
 
-def _fading(squares: Array) -> Array:
+def _fading(squares: Tensor) -> Tensor:
     r"""Coefficients :math:`\prod_{j=2}^k 1 / (1 + (M_{jj} / M_{j-1,j-1})^2)`: (…, n) → same.
 
     They are 1 - O(t⁴) under loads t f, and small after a term that is larger than that before it.
@@ -230,58 +237,37 @@ def _fading(squares: Array) -> Array:
     factors = [0 * squares[..., 0] + 1]
     for k in range(falls.shape[-1]):
         factors.append(factors[-1] * falls[..., k])
-    return library_of(squares).stack(factors, -1)
+    return torch.stack(factors, -1)
 
 
-@cache
-def _is_nonlinear(n: int, monomials: int) -> NDArray[np.float64]:
-    """0 for c₁ … cₙ, the first monomials, and 1 for all others."""
-    return np.repeat((0.0, 1.0), (n, monomials - n))
-
-
-@cache
-def _occurrences(n: int) -> NDArray[np.float64]:
-    """Second derivatives of c₁ cₖ, the monomials after the first n, with respect to both."""
-    return np.where(np.arange(n) == 0, 2.0, 1.0)
-
-
-@cache
-def _unit(n: int) -> NDArray[np.float64]:
-    """The unit matrix."""
-    return np.eye(n)
-
-
-def _flat(h: Array) -> Array:
-    """(…, n, d, d, n_points) → (…, n, d² n_points)."""
-    return h.reshape(*h.shape[:-3], prod(h.shape[-3:]))
-
-
-def _dot(a: Array, b: Array) -> Array:
+def _dot(a: Tensor, b: Tensor) -> Tensor:
     """Products of vectors: (…, n), (…, n) → (…)."""
     return (a * b).sum(-1)
 
 
-def _sum(c: Array, x: Array) -> Array:
+def _sum(c: Tensor, x: Tensor) -> Tensor:
     """Σₖ cₖ xₖ: (…, n), (…, n, m) → (…, m)."""
     return (c[..., None, :] @ x)[..., 0, :]
 
 
-def _where(condition: Array, some: tuple[Array, ...], others: tuple[Array, ...]) -> Any:
+def _where(condition: Tensor, some: State, others: State) -> State:
     """Choose states, sample by sample."""
     if _is_known(condition.all()):
         return some
-    where, axes = library_of(condition).where, condition.ndim
-    return tuple(
-        where(condition[(..., *(None,) * (a.ndim - axes))], a, b)
-        for a, b in zip(some, others, strict=True)
+    axes = condition.ndim
+    return State(
+        *(
+            torch.where(condition[(..., *(None,) * (a.ndim - axes))], a, b)
+            for a, b in zip(some, others, strict=True)
+        )
     )
 
 
-def _is_known(condition: Array) -> bool:
+def _is_known(condition: Tensor) -> bool:
     """Whether a condition holds; exported files know no conditions and do all iterations."""
     return not torch.compiler.is_compiling() and bool(condition)
 
 
-def _may_be(condition: Array) -> bool:
+def _may_be(condition: Tensor) -> bool:
     """Whether a condition holds, or is not known."""
     return torch.compiler.is_compiling() or bool(condition)

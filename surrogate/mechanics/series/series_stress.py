@@ -25,6 +25,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from torch import Tensor
+
 from shared_schema.material import NeoHookean
 from surrogate.mechanics.series.cofactors import (
     add_multiple,
@@ -35,7 +37,12 @@ from surrogate.mechanics.series.cofactors import (
     trace,
 )
 
-Array = Any  # of NumPy, or a Tensor
+
+def factors(material: NeoHookean) -> tuple[float, float, float]:
+    """μ, and the factors of J and -1/J in s."""
+    lam, mu = material.lame_lambda, material.lame_mu
+    growth = lam / 2 if material.volumetric == "paper" else lam
+    return mu, growth, lam + mu - growth
 
 
 class SeriesStress:
@@ -44,20 +51,19 @@ class SeriesStress:
     Parameters
     ----------
     material : NeoHookean
-    first : array or Tensor, (…, d, d, n_points)
+    first : Tensor, (…, d, d, n_points)
         H₁.
     """
 
-    def __init__(self, material: NeoHookean, first: Array) -> None:
-        lam, self.mu = material.lame_lambda, material.lame_mu
-        self.growth = lam / 2 if material.volumetric == "paper" else lam  # factor of J in s
-        self.decay = lam + self.mu - self.growth  # of -1/J
-        self.h, self.c = [first], [linear_cofactors(first)]
+    def __init__(self, material: NeoHookean, first: Tensor) -> None:
+        self.mu, self.growth, self.decay = factors(material)
+        self.h = [first]
+        self.c: list[Any] = [linear_cofactors(first)]  # Tensors; None is zero
         self.j = [trace(first)]
         self.r = [-self.j[0]]
         self.s = [self._s()]
 
-    def next_without(self) -> Array:
+    def next_without(self) -> Tensor:
         """The next P_k without the part that is linear in H_k, as if H_k = 0."""
         k = len(self.h) + 1
         products = [j * r for j, r in zip(self.j, self.r[::-1], strict=True)]
@@ -73,7 +79,7 @@ class SeriesStress:
             stress -= self.mu * self.c[-1]
         return stress
 
-    def add(self, h: Array) -> None:
+    def add(self, h: Tensor) -> None:
         """Set H_k, after `next_without`."""
         of_h = trace(h)
         self.h.append(h)
@@ -82,7 +88,7 @@ class SeriesStress:
         self.r[-1] = self.r[-1] - of_h
         self.s[-1] = self._s()
 
-    def _jacobian(self, k: int) -> Array:
+    def _jacobian(self, k: int) -> Tensor:
         """J_k without tr H_k; in the plane, C_j : H_{k-j} = C_{k-j} : H_j."""
         plane = self.h[0].shape[-2] == 2
         parts = [
@@ -91,7 +97,7 @@ class SeriesStress:
         ]
         return sum(parts[1:], start=parts[0])
 
-    def _products(self, k: int) -> Array | None:
+    def _products(self, k: int) -> Tensor | None:
         """½ Σ Hⱼ × H_{k-j}; None in the plane."""
         if self.h[0].shape[-2] == 2:
             return None
@@ -100,7 +106,7 @@ class SeriesStress:
             parts.append(cofactors(self.h[k // 2 - 1]))
         return sum(parts[1:], start=parts[0])
 
-    def _s(self) -> Array:
+    def _s(self) -> Tensor:
         """The last s_k."""
         return self.growth * self.j[-1] - self.decay * self.r[-1]
 
@@ -108,9 +114,9 @@ class SeriesStress:
 def higher_terms(
     series: SeriesStress,
     order: int,
-    gradient: Callable[[Array], Array],
-    balanced: Callable[[Array], Array],
-) -> tuple[list[Array], list[Array]]:
+    gradient: Callable[[Tensor], Tensor],
+    balanced: Callable[[Tensor], Tensor],
+) -> tuple[list[Tensor], list[Tensor]]:
     """u₂ … u_n in m, and their gradients, which follow one by one from those before.
 
     Parameters
@@ -124,8 +130,8 @@ def higher_terms(
     balanced : callable
         Stresses in Pa, (…, d, d, n_points), to the displacements that balance them.
     """
-    terms: list[Array] = []
-    gradients: list[Array] = []
+    terms: list[Tensor] = []
+    gradients: list[Tensor] = []
     for _ in range(2, order + 1):
         if gradients:
             series.add(gradients[-1])

@@ -11,7 +11,10 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import correct
 from surrogate.mechanics.series.cofactors import cofactors, cross_product, linear_cofactors
+from surrogate.mechanics.series.compiled_energy import energy_at, potential_of_terms
+from surrogate.mechanics.series.compiled_energy import least_energy as compiled_least_energy
 from surrogate.mechanics.series.least_energy import EnergyOfTerms, least_energy, solved
+from surrogate.mechanics.series.one_load import beyond_linear_of_one
 from surrogate.mechanics.series.series_response import SeriesResponse
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
@@ -95,17 +98,60 @@ def test_under_any_load() -> None:
     torch.testing.assert_close(coefficients[:, 0], torch.ones(2).double(), rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
 @pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
-def test_numpy_finds_the_same(cell_type: str) -> None:
-    terms = Terms(box(cell_type), t=2.0)
-    expected = terms.least()
+def test_compiled_energy_is_the_same(cell_type: str, volumetric: str) -> None:
+    """Π, its derivatives and its minimum; +∞ where J is not positive."""
+    material = NeoHookean.model_validate(
+        {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
+    )
+    terms = Terms(box(cell_type), material, t=2.0)
+    expected, least = EnergyOfTerms(material, terms.volumes, terms.gradients), terms.least()
+    c = torch.tensor([0.9, 1.1, 0.7], dtype=torch.float64)
+    _, energy, gradient, hessian = expected.at(c.expand(2, ORDER))
     for sample in range(2):
-        found = least_energy(
-            terms.material,
-            terms.volumes.numpy(),
-            [h[sample].numpy() for h in terms.gradients],
-        )
-        np.testing.assert_allclose(found, expected[sample], rtol=1e-5)
+        h = np.stack([h[sample].numpy() for h in terms.gradients])
+        potential = potential_of_terms(material, terms.volumes.numpy(), h)
+        found, of_found = np.empty(ORDER), np.empty((ORDER, ORDER))
+        value = energy_at(np.array([1, *c]), potential, found, of_found)
+        np.testing.assert_allclose(value, energy[sample], rtol=1e-12)
+        np.testing.assert_allclose(found, gradient[sample], rtol=1e-10)
+        lower = np.tril_indices(ORDER)  # the upper half is not written
+        np.testing.assert_allclose(of_found[lower], hessian[sample][lower], rtol=1e-12)
+        by_newton = compiled_least_energy(potential, np.finfo(float).eps)
+        np.testing.assert_allclose(by_newton[1:], least[sample], rtol=1e-5)
+        far = torch.tensor([[x, 0, 0] for x in (-30, -10, -3, 3, 10, 30)], dtype=torch.float64)
+        energies = [expected.at(c.expand(2, ORDER)).energy[sample] for c in far]
+        values = [energy_at(np.array([1, *c]), potential, found, of_found) for c in far]
+        np.testing.assert_allclose(values, energies)
+        assert np.inf in values
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
+def test_compiled_terms_are_the_same(cell_type: str) -> None:
+    """Terms of one load, also far beyond the range of the series."""
+    geometry = box(cell_type)
+    response = SeriesResponse(geometry, MATERIAL, order=4)
+    higher, shape = response.higher, (1, geometry.dimension, len(geometry.coordinates))
+
+    def gradient(u: np.ndarray) -> np.ndarray:
+        of_points: np.ndarray = higher.gradient(torch.from_numpy(u).reshape(shape))[0].numpy()
+        return of_points
+
+    def balanced(stress: np.ndarray) -> np.ndarray:
+        u: np.ndarray = response.balanced(torch.from_numpy(stress)[None]).numpy().ravel()
+        return u
+
+    for t in (0.5, 2.0, 30.0):
+        load = t * end_load(geometry, *LOAD[: geometry.dimension])
+        first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(load[None]))
+        nodal = first.transpose(1, 2).contiguous()
+        expected = response.beyond_first(nodal)
+        one = nodal.numpy().ravel()
+        found = beyond_linear_of_one(MATERIAL, higher.volumes.numpy(), 4, one, gradient, balanced)
+        for field, other in zip(found, expected, strict=True):
+            size = float((nodal + expected[0]).abs().max())
+            np.testing.assert_allclose(field, other.flatten(), rtol=0, atol=1e-6 * size)
 
 
 def test_loads_do_not_depend_on_others() -> None:

@@ -1,4 +1,4 @@
-"""The response of a small body beyond the linear one in NumPy, for one load at a time."""
+"""The response of a small body beyond the linear one, compiled, for one load at a time."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from surrogate.mechanics.series.best_response import beyond_linear
+from surrogate.mechanics.series.compiled import weighted_sums
+from surrogate.mechanics.series.one_load import beyond_linear_of_one
 from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.networks.weighted_sums import padded_rows
 
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 
-class SeriesInNumPy:
+class CompiledSeries:
     """What `SeriesResponse` finds, by a few matrices.
 
     Parameters
@@ -29,10 +31,11 @@ class SeriesInNumPy:
 
     Attributes
     ----------
-    slopes : csr_array, (d² · n_points, n_dofs)
-        Displacements of the nodes to their gradients at the quadrature points.
-    forces : csr_array, (n_dofs, d² · n_points)
-        Stresses there to their forces.
+    slopes : tuple of array, (k, d² · n_points) each
+        Sources and weights, from displacements of the nodes to their gradients at the quadrature
+        points.
+    forces : tuple of array, (k, n_dofs) each
+        From stresses there to their forces.
     response : array, (n_dofs, n_dofs)
         Forces to the displacements that balance them.
     gradients : array, (n_dofs, n_grid_points · d²)
@@ -46,9 +49,10 @@ class SeriesInNumPy:
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
             slopes = response.higher.gradient(units.double())
-            self.slopes, self.shape = csr_array(_rows(slopes).T), slopes.shape[1:]
+            of_slopes, self.shape = _rows(slopes).T, slopes.shape[1:]
             volumes = np.tile(self.volumes, d * d)[:, None]
-            self.forces = csr_array((self.slopes * volumes).T)
+            self.slopes = _by_column(csr_array(of_slopes))
+            self.forces = _by_column(csr_array((of_slopes * volumes).T))
             balancing = -response.respond(units.double())
             self.response = _rows(balancing.transpose(1, 2))
             gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
@@ -62,7 +66,7 @@ class SeriesInNumPy:
         flat = force.ravel()
         loaded = flat.nonzero()[0]
         first = -(flat[loaded] @ self.response[loaded])
-        beyond, last = beyond_linear(
+        beyond, last = beyond_linear_of_one(
             self.material, self.volumes, self.order, first, self._gradient, self._balanced
         )
         d = force.shape[1]
@@ -71,13 +75,19 @@ class SeriesInNumPy:
 
     def _gradient(self, u: Array) -> Array:
         """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
-        slopes: Array = self.slopes @ u
-        return slopes.reshape(self.shape)
+        slopes: Array = weighted_sums(*self.slopes, u).reshape(self.shape)
+        return slopes
 
     def _balanced(self, stress: Array) -> Array:
         """Displacements that balance stresses: (d, d, n_cells · n_points) → (n_dofs,)."""
-        u: Array = self.response @ (self.forces @ stress.ravel())
+        u: Array = self.response @ weighted_sums(*self.forces, stress.ravel())
         return u
+
+
+def _by_column(matrix: csr_array) -> tuple[NDArray[np.int64], Array]:
+    """Columns and weights of every row, (k, n_out)."""
+    columns, weights = padded_rows(matrix)
+    return np.ascontiguousarray(columns.T), np.ascontiguousarray(weights.T)
 
 
 def _rows(values: Tensor) -> NDArray[Any]:
