@@ -126,10 +126,12 @@ class Surrogate:
         return self.passes.differ
 
     def predict(self, forces: ArrayLike) -> Array:
-        """Predict displacements, the mean of `predict_distribution`.
+        """Predict displacements, the means of `predict_distribution`.
 
         Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
-        a CPU (`surrogate.inference.one_load`); float32 rounding is all that differs from a batch.
+        a CPU, a load series by code that Numba compiles, in some seconds, at the first prediction
+        after an installation (`surrogate.inference.one_load`). Rounding of single precision is all
+        that differs from `predict_distribution`.
 
         Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
 
@@ -311,9 +313,6 @@ class Surrogate:
         """
         require_passes(passes, seed)
         nodal = self._checked(forces)
-        if self._is_one(nodal) and not self.is_probabilistic:
-            mean = self._mean(nodal)
-            return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
         return self._predicted(nodal, passes, seed)
 
     @cached_property

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -39,6 +37,7 @@ from surrogate.studies.framework.study_record import Claim, Comparison, compare
 from surrogate.studies.framework.timing import (
     Solutions,
     alternating_seconds,
+    prediction,
     prediction_seconds,
     read_solutions,
 )
@@ -104,9 +103,7 @@ def measure_times_by_load(resources: Resources, case: str, solutions: Solutions)
     networks = {}
     for kind, (run, device) in runs.items():
         surrogate = load(resources.trained(run).folder, device.type)
-        predictions = [
-            partial(surrogate.predict_distribution, force[order[end]], passes) for end in (0, -1)
-        ]
+        predictions = [prediction(surrogate, force[order[end]], passes) for end in (0, -1)]
         networks[kind] = Ends(*(MS * s for s in alternating_seconds(predictions, timing)))
     return TimesByLoad(*solving_ends(solutions), networks)
 
