@@ -20,6 +20,7 @@ from surrogate.inference.dense_in_numpy import ReducedInNumPy
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.series import series_response
 from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.networks.field_network import TINY
 from surrogate.networks.nodal_network import NodalNetwork
@@ -170,10 +171,10 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
 def series_at_nodes(network: NodalNetwork) -> CompiledSeries | None:
     """Higher terms of the response of a small body whose nodes are the grid points.
 
-    None for all other networks.
+    None for all other networks, and where Numba is missing.
     """
     linear = network.network.linear
-    if not isinstance(linear, SeriesResponse):
+    if not isinstance(linear, SeriesResponse) or not series_response.COMPILES:
         return None
     if any(len(sums.weights) > 1 for sums in (network.to_nodes, network.to_grid)):
         return None

@@ -132,7 +132,7 @@ def energy_at(c: Doubles, potential: Potential, gradient: Doubles, hessian: Doub
     c : array, (n + 1,)
     potential : Potential
     gradient, hessian : array, (n,), (n, n)
-        Output.
+        Output; of the Hessian, the lower half.
     """
     indices, coefficients, squares, works, nonlinear, square, excess = potential
     n, (count, points), d = len(works), coefficients.shape, indices.shape[1]
@@ -177,9 +177,8 @@ def energy_at(c: Doubles, potential: Potential, gradient: Doubles, hessian: Doub
         straight = -works[k]
         for i in range(n):
             straight += squares[k, i] * c[i + 1]
-            hessian[k, i] = squares[k, i]
         for i in range(k + 1):
-            hessian[k, i] += integral(first[k], first[i], second)
+            hessian[k, i] = squares[k, i] + integral(first[k], first[i], second)
         gradient[k] = straight
         energy += c[k + 1] * (straight - works[k]) / 2
     for m in range(count):

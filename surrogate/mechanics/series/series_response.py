@@ -14,6 +14,8 @@ moderate loads, are those of the least potential energy (`surrogate.mechanics.se
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import torch
 from torch import Tensor, nn
 
@@ -26,6 +28,7 @@ from surrogate.mechanics.series.best_response import beyond_linear
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 
 
 class HigherOrders(nn.Module):
@@ -150,7 +153,7 @@ class SeriesResponse(LinearResponse):
         """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
-        alone = self._at_once == 1 and nodal.device.type == "cpu"
+        alone = COMPILES and self._at_once == 1 and nodal.device.type == "cpu"
         beyond = self._beyond_of_one if alone else self._beyond
         parts = [beyond(part) for part in torch.split(nodal, self._at_once)]
         totals, last = zip(*parts, strict=True)

@@ -16,6 +16,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Surrogate
+from surrogate.mechanics.series import series_response
 from surrogate.models.model import Model
 from surrogate.runs.configuration import run_config
 from surrogate.runs.description import describe
@@ -88,6 +89,14 @@ def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
     model = untrained(dataset, **KINDS[kind])
     assert model._one_load is not None
     assert model._one_load.matrix is not None
+    assert_same_alone(model, dataset)
+
+
+def test_without_numba(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(series_response, "COMPILES", False)
+    model = untrained(dataset, network=SERIES)
+    assert model._one_load is not None
+    assert model._one_load.series is None
     assert_same_alone(model, dataset)
 
 
