@@ -12,7 +12,7 @@ RUN apt-get update \
     && apt-get clean \
     && rm -rf /var/lib/apt/lists/*
 
-# A home folder that any user may write to: matplotlib and PyTorch keep caches there.
+# A home folder that any user may write to: matplotlib, Numba and PyTorch keep caches there.
 RUN useradd --uid 1000 --create-home worker \
     && chmod 1777 /home/worker \
     && install --directory --owner=worker /work
@@ -26,8 +26,8 @@ ARG TORCH=torch==2.13.0
 RUN python3 -m venv /opt/venv \
     && pip install --no-cache-dir --constraint /opt/constraints.txt "$TORCH"
 RUN pip install --no-cache-dir --constraint /opt/constraints.txt \
-    h5py jinja2 matplotlib meshio numpy pydantic pyyaml safetensors scikit-learn scipy shtab tqdm \
-    onnx onnxruntime onnxscript tensorboard
+    h5py jinja2 matplotlib meshio numba numpy pydantic pyyaml safetensors scikit-learn scipy shtab \
+    tqdm onnx onnxruntime onnxscript tensorboard
 
 COPY shared_schema /opt/source/shared_schema
 COPY surrogate /opt/source/surrogate
