@@ -2,8 +2,8 @@
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
 response, gradient, scales; the higher terms of a load series follow from it (`compiled_series`). On
-small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; for
-a reduced network on a grid of nodes, by a few columns of K⁻¹.
+small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; on a
+grid of nodes, for a reduced network and with a load series (`large_series`), by columns of K⁻¹.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from surrogate.probabilistic.ensemble import Ensemble
 
 if TYPE_CHECKING:
     from surrogate.inference.compiled_series import CompiledSeries
+    from surrogate.inference.large_series import LargeSeries
 
 LARGEST = 2**22  # values of the matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
@@ -63,12 +64,15 @@ class OneLoad:
         self.grid_sources = to_grid.sources.numpy()[: len(grid_weights)]
         self.grid_weights = grid_weights[:, None].numpy()
         self.response = response_at_nodes(network)
-        self.series = series_at_nodes(network)
+        self.series, self.large = series_at_nodes(network)
+        self.matrix: Single | None = None
+        self.inputs = 0  # of the network, among the values of `linear_part`
+        if self.large is not None:
+            return
         with torch.inference_mode():
             values = self.linear_part(torch.zeros(1, self.nodes, d)).numel()
             has_response = field.skip and self.series is None
             self.inputs = values - self.nodes * d if has_response else values
-            self.matrix: Single | None = None
             nonlinear = isinstance(field.linear, SeriesResponse) and self.series is None
             if values * self.nodes * d <= LARGEST and not nonlinear:
                 units = torch.split(torch.eye(self.nodes * d).reshape(-1, self.nodes, d), AT_ONCE)
@@ -76,8 +80,13 @@ class OneLoad:
 
     def __call__(self, forces: Array) -> Array:
         """Predict displacements in m from forces in N, both (n_nodes, d)."""
-        linear = self._linear_part(forces.astype(np.float32))
-        fields = linear[: self.inputs].reshape(self.points, -1)
+        force, response = forces.astype(np.float32), None
+        if self.large is not None:
+            response, gradients = self.large(forces)
+            fields, linear = self._joined(force, gradients), gradients[:0]
+        else:
+            linear = self._linear_part(force)
+            fields = linear[: self.inputs].reshape(self.points, -1)
         if self.series is not None:
             response, fields[:, self.foretold] = self.series(forces)
         if self.foretold is not None:
@@ -94,7 +103,7 @@ class OneLoad:
         if len(linear) > self.inputs:
             nodal += linear[self.inputs :].reshape(nodal.shape)
         displacement: Array = nodal.astype(np.float64)
-        return displacement if self.series is None else displacement + response
+        return displacement if response is None else displacement + response
 
     def _linear_part(self, force: Single) -> Single:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
@@ -113,12 +122,20 @@ class OneLoad:
 
     def _by_columns(self, force: Single, response: Compliance) -> Single:
         """Return `linear_part` of forces and linear response at the nodes, without gradients."""
-        free = response.free_nodes.numpy()
-        by_component = np.ascontiguousarray(force[free].T).ravel()
-        u = np.zeros_like(force)
-        u[free] = response.respond(by_component[None]).reshape(force.shape[1], -1).T
-        fields = force.take(self.grid_sources, axis=0) * self.grid_weights
-        return np.concatenate((fields.ravel(), u.ravel()))
+        u = response.respond_at_nodes(force)
+        return np.concatenate((self._on_grid(force).ravel(), u.ravel()))
+
+    def _joined(self, force: Single, gradients: Single) -> Single:
+        """Inputs at the grid points, by their names: (n_points, d), (n_points, 2 d²) → …."""
+        channels = gradients.shape[1] // 2
+        fields = {"force": self._on_grid(force), "linear_gradient": gradients[:, :channels]}
+        fields["last_gradient"] = gradients[:, channels:]
+        return np.concatenate([fields[name] for name in self.network.network.inputs], axis=1)
+
+    def _on_grid(self, force: Single) -> Single:
+        """Scaled forces on a grid of nodes: (n_nodes, d) → (n_points, d)."""
+        scaled: Single = force.take(self.grid_sources, axis=0) * self.grid_weights
+        return scaled
 
     def linear_part(self, force: Tensor) -> Tensor:
         """Return the network's inputs and, where its output is added to it, the linear response.
@@ -168,23 +185,30 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
     return found if isinstance(found, Compliance) and not len(found.matrix) else None
 
 
-def series_at_nodes(network: NodalNetwork) -> CompiledSeries | None:
-    """Higher terms of the response of a small body whose nodes are the grid points.
+def series_at_nodes(
+    network: NodalNetwork,
+) -> tuple[CompiledSeries | None, LargeSeries | None]:
+    """The load series of a small or a large body whose nodes are the grid points.
 
     None for all other networks, and where Numba is missing.
     """
     linear = network.network.linear
     if not isinstance(linear, SeriesResponse) or not series_response.COMPILES:
-        return None
-    if any(len(sums.weights) > 1 for sums in (network.to_nodes, network.to_grid)):
-        return None
+        return None, None
+    maps = network.to_nodes, network.to_grid, linear.to_grid, linear.to_nodes
+    if any(len(sums.weights) > 1 for sums in maps):
+        return None, None
     d = len(network.network.displacement_scale)
     size = linear.higher.weighted.numel() // linear.higher.weighted.shape[2] * d
     if size * d * linear.nodes > LARGEST:
-        return None
-    from surrogate.inference.compiled_series import CompiledSeries  # Numba: half a second
+        if not len(linear.derivatives):
+            return None, None
+        from surrogate.inference.large_series import LargeSeries  # Numba: half a second
 
-    return CompiledSeries(linear, d)
+        return None, LargeSeries(linear)
+    from surrogate.inference.compiled_series import CompiledSeries
+
+    return CompiledSeries(linear, d), None
 
 
 def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:

@@ -2,7 +2,8 @@ r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes tha
 
 K and its factor are those of `surrogate.mechanics.equilibrium`. A small body keeps K⁻¹ as a dense
 matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved for: a
-load on a few nodes, met again, then costs a sum of a few columns.
+load on a few nodes, met again, then costs a sum of a few columns. Forces in single precision are
+solved for by a factor in single precision, unless the body is so slender that this has an effect.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from surrogate.mechanics.equilibrium import Equilibrium
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 KEPT = 2**31  # bytes of all columns that may be kept
+CLOSE = 1e-5  # relative error that a factor in single precision may have
 FEW, LOADED = 16, 30  # samples, and loaded degrees of freedom of each, that columns are kept for
 
 
@@ -50,6 +52,8 @@ class Compliance(nn.Module):
         K⁻¹ in m/N; empty for a large body.
     factor : BandCholesky or None
         Factor of K, of a large body.
+    quick : BandCholesky or None
+        The same for forces in single precision.
     size : int
         d · n_free.
     order : array of int, (n_dofs,)
@@ -69,6 +73,7 @@ class Compliance(nn.Module):
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
         self.factor: BandCholesky | None = self.equilibrium.undeformed
+        self.quick: BandCholesky | None = None
         dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
         nodes, components = np.divmod(dofs, geometry.dimension)
@@ -80,6 +85,7 @@ class Compliance(nn.Module):
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
             self.factor = None
         else:
+            self.quick = in_single_precision(self.factor)
             nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
             tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
             self.stiffness = assembled(tangents, geometry, dofs)
@@ -94,11 +100,12 @@ class Compliance(nn.Module):
         response: Tensor = _Response.apply(force, self)  # type: ignore[no-untyped-call]
         return response
 
-    def solve(self, force: NDArray[Any]) -> NDArray[np.float64]:
-        """Solve with the factor: (N, d · n_free) → same."""
-        assert self.factor is not None
-        found = np.zeros(force.shape)
-        found[:, self.order] = self.factor.solve(force[:, self.order].T.astype(np.float64)).T
+    def solve(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Solve with the factor, in the precision of the forces: (N, d · n_free) → same."""
+        factor = self.factor if force.dtype == np.float64 else self.quick
+        assert factor is not None
+        found = np.zeros_like(force)
+        found[:, self.order] = factor.solve(force[:, self.order].T).T
         return found
 
     def respond(self, force: NDArray[Any]) -> NDArray[Any]:
@@ -107,8 +114,20 @@ class Compliance(nn.Module):
         if force.dtype == np.float64:
             return self.solve(force)
         if len(force) > FEW or len(loaded) > LOADED * len(force) or 4 * self.size**2 > KEPT:
-            return self.solve(force).astype(np.float32)
+            return self.solve(force)
         return force[:, loaded] @ self.columns(loaded)
+
+    def respond_at_nodes(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Respond to one load, given and answered at all nodes: (n_nodes, d) → same."""
+        free = self.free_nodes.numpy()
+        by_component = force[free].T.reshape(1, -1)
+        if len(self.matrix):
+            u = by_component @ self.matrix.numpy()
+        else:
+            u = self.respond(by_component)
+        nodal = np.zeros_like(force)
+        nodal[free] = u.reshape(force.shape[1], -1).T
+        return nodal
 
     def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
         """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""
@@ -123,6 +142,15 @@ class Compliance(nn.Module):
             self._columns[missing] = self.solve(unit)
             self._is_kept[missing] = True
         return self._columns[dofs]
+
+
+def in_single_precision(factor: BandCholesky) -> BandCholesky:
+    """The factor in single precision, or itself if a random load tells the difference."""
+    force = np.random.default_rng(0).normal(size=factor.factor.shape[1])
+    expected = factor.solve(force)
+    difference = factor.single.solve(force.astype(np.float32)) - expected
+    is_close = np.linalg.norm(difference) <= CLOSE * np.linalg.norm(expected)
+    return factor.single if is_close else factor
 
 
 def assembled(

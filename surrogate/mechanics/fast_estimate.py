@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpbtrs, spbtrs
 from scipy.sparse import coo_array, csr_array
 
 from shared_schema.common.errors import InputError
@@ -64,8 +63,7 @@ class FastEstimate:
         self.material, self.free = material, equilibrium.free
         self.dimension = geometry.dimension
         self._dofs = layout.dofs
-        self._factor = np.asfortranarray(equilibrium.undeformed.factor.astype(self.dtype))
-        self._solve = spbtrs if large else dpbtrs
+        self._factor = equilibrium.undeformed.single if large else equilibrium.undeformed
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
         count, points, corners, d = gradients.shape
         self._shape = count, points
@@ -157,7 +155,7 @@ class FastEstimate:
         d, nodes, n = force.shape
         turned = (rotation * force[:, None]).sum(0).transpose(1, 0, 2).reshape(nodes * d, n)
         response = np.zeros_like(turned)
-        response[self._dofs] = self._solve(self._factor, turned[self._dofs], lower=1)[0]
+        response[self._dofs] = self._factor.solve(turned[self._dofs])
         back = response.reshape(nodes, d, n).transpose(1, 0, 2)
         result: Values = (rotation * back[None]).sum(1)
         return result

@@ -100,3 +100,79 @@ def weighted_sums(sources: NDArray[np.int64], weights: Array, x: Array) -> Array
         for i in range(len(y)):
             y[i] += weights[k, i] * x[sources[k, i]]
     return y
+
+
+@compiled
+def slopes_in_cells(cells: NDArray[np.int64], gradients: Array, u: Array) -> Array:
+    """Gradients at the quadrature points: (n_nodes, d) → (d, d, n_cells · n_points).
+
+    Parameters
+    ----------
+    cells : array of int, (n_cells, n_corners)
+    gradients : array, (n_cells, n_corners, d, n_points)
+        Of the shape functions.
+    u : array, (n_nodes, d)
+    """
+    count, corners, d, points = gradients.shape
+    out = np.zeros((d, d, count * points), u.dtype)
+    for c in range(count):
+        for a in range(corners):
+            for i in range(d):
+                x = u[cells[c, a], i]
+                for j in range(d):
+                    for q in range(points):
+                        out[i, j, c * points + q] += x * gradients[c, a, j, q]
+    return out
+
+
+@compiled
+def forces_of_cells(
+    cells: NDArray[np.int64], gradients: Array, volumes: Array, stress: Array, nodes: int
+) -> Array:
+    """Forces of stresses: (d, d, n_cells · n_points) → (n_nodes, d).
+
+    Parameters
+    ----------
+    cells, gradients : array
+        As of `slopes_in_cells`.
+    volumes : array, (n_cells · n_points,)
+    stress : array, (d, d, n_cells · n_points)
+    nodes : int
+    """
+    count, corners, d, points = gradients.shape
+    out = np.zeros((nodes, d), stress.dtype)
+    weighted = np.empty((d, d, points), stress.dtype)
+    for c in range(count):
+        for i in range(d):
+            for j in range(d):
+                for q in range(points):
+                    p = c * points + q
+                    weighted[i, j, q] = stress[i, j, p] * volumes[p]
+        for a in range(corners):
+            for i in range(d):
+                total = stress.dtype.type(0)
+                for j in range(d):
+                    for q in range(points):
+                        total += weighted[i, j, q] * gradients[c, a, j, q]
+                out[cells[c, a], i] += total
+    return out
+
+
+@compiled
+def slopes_at_points(columns: NDArray[np.int64], weights: Array, u: Array) -> Array:
+    """Gradients as weighted sums over nodes: (n_nodes, d) → (n_out, d²), channel i + d j.
+
+    Parameters
+    ----------
+    columns : array of int, (n_out, k)
+    weights : array, (n_out, k, d)
+    u : array, (n_nodes, d)
+    """
+    d = u.shape[1]
+    out = np.zeros((len(columns), d * d), u.dtype)
+    for p in range(len(columns)):
+        for k in range(columns.shape[1]):
+            for j in range(d):
+                for i in range(d):
+                    out[p, i + d * j] += weights[p, k, j] * u[columns[p, k], i]
+    return out

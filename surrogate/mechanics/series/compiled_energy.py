@@ -33,6 +33,7 @@ from surrogate.mechanics.series.least_energy import (
 )
 
 HALVINGS, ITERATIONS, SHIFTS = USUAL.halvings, USUAL.iterations, USUAL.shifts
+AT_ONCE = 1024  # quadrature points whose fields are in the cache together
 Doubles = NDArray[np.float64]
 
 
@@ -101,24 +102,27 @@ def jacobian_coefficients(h: Array, count: int) -> Array:
 def _potential(
     h: Array, volumes: Array, indices: NDArray[np.int64], lam: float, mu: float, of_square: float
 ) -> Potential:
-    n, d = h.shape[:2]
+    n, d, _, points = h.shape
     count, number = len(indices), h.dtype.type
-    coefficients = jacobian_coefficients(h, count)
-    squares, works, nonlinear = np.empty((n, n)), np.empty(n), np.zeros(count)
-    ones = np.ones_like(volumes)
-    for m in range(n, count):
-        nonlinear[m] = mu * integral(coefficients[m], ones, volumes)
+    coefficients = np.empty((count, points), h.dtype)
+    squares, works, nonlinear = np.zeros((n, n)), np.zeros(n), np.zeros(count)
+    for start in range(0, points, AT_ONCE):
+        part = np.ascontiguousarray(h[:, :, :, start : start + AT_ONCE])
+        weights = volumes[start : start + AT_ONCE]
+        jacobian, ones = jacobian_coefficients(part, count), np.ones_like(weights)
+        coefficients[:, start : start + AT_ONCE] = jacobian
+        for m in range(n, count):
+            nonlinear[m] += mu * integral(jacobian[m], ones, weights)
+        for k in range(n):
+            for i in range(k + 1):
+                for a in range(d):
+                    for b in range(d):
+                        squares[k, i] += mu * integral(part[k, a, b], part[i, a, b], weights)
+            works[k] += (lam + mu) * integral(jacobian[0], jacobian[k], weights)
     for k in range(n):
-        for i in range(k + 1):
-            total = 0.0
-            for a in range(d):
-                for b in range(d):
-                    total += integral(h[k, a, b], h[i, a, b], volumes)
-            squares[k, i] = mu * total
-            squares[i, k] = mu * total
-        traces = integral(coefficients[0], coefficients[k], volumes)
-        twice = 2.0 if k == 0 else 1.0
-        works[k] = squares[0, k] - twice * nonlinear[n + k] + (lam + mu) * traces
+        for i in range(k):
+            squares[i, k] = squares[k, i]
+        works[k] += squares[0, k] - (2.0 if k == 0 else 1.0) * nonlinear[n + k]
     square, excess = number(of_square) * volumes, number(lam + mu - of_square) * volumes
     return Potential(indices, coefficients, squares, works, nonlinear, square, excess)
 

@@ -15,6 +15,7 @@ moderate loads, are those of the least potential energy (`surrogate.mechanics.se
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
@@ -26,6 +27,9 @@ from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.series.best_response import beyond_linear
 from surrogate.mechanics.series.series_stress import SeriesStress, higher_terms
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.series.compiled_response import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
@@ -126,6 +130,7 @@ class SeriesResponse(LinearResponse):
         operators = solid.gradients.to(self.precision), solid.volumes.to(self.precision)
         self.higher = HigherOrders(geometry, material, *operators)
         self.order = order
+        self._of_one: CompiledResponse | None = None
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
 
@@ -180,19 +185,21 @@ class SeriesResponse(LinearResponse):
 
     def _beyond_of_one(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """The same of one load on a large body: compiled, it takes a third of the time."""
-        from surrogate.mechanics.series.one_load import beyond_linear_of_one  # Numba: half a second
-
-        shape = nodal.shape
-        found = beyond_linear_of_one(
-            self.higher.material,
-            self.higher.volumes.numpy(),
-            self.order,
-            nodal.flatten().numpy(),
-            lambda u: self.higher.gradient(torch.from_numpy(u).reshape(shape))[0].numpy(),
-            lambda stress: self.balanced(torch.from_numpy(stress)[None]).flatten().numpy(),
-        )
-        beyond, last = (torch.from_numpy(u).reshape(shape) for u in found)
+        found = self.of_one(nodal[0].T.contiguous().numpy())
+        beyond, last = (torch.from_numpy(u).T[None] for u in found)
         return beyond, last
+
+    @property
+    def of_one(self) -> CompiledResponse:
+        """The compiled response of a body on the CPU."""
+        if self._of_one is None:
+            from surrogate.mechanics.series import compiled_response  # Numba: half a second
+
+            assert isinstance(self.compliance, Compliance)
+            self._of_one = compiled_response.CompiledResponse(
+                self.higher, self.compliance, self.order
+            )
+        return self._of_one
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
