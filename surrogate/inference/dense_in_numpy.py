@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 from torch import Tensor, nn
 
-from surrogate.networks.reduced_network import DenseNetwork, ReducedNetwork
+from surrogate.networks.reduced_network import DenseNetwork, ReducedNetwork, on_grid
 from surrogate.probabilistic.ensemble import Ensemble
 
 Single = NDArray[np.float32]
@@ -56,17 +56,16 @@ class ReducedInNumPy:
     ----------
     network : ReducedNetwork
         Network without random weights; its weights are copied.
-    dimension : int
-        Number of space dimensions d.
+    shape : tuple of int
+        Number of grid points along every axis.
     """
 
-    def __init__(self, network: ReducedNetwork, dimension: int) -> None:
+    def __init__(self, network: ReducedNetwork, shape: tuple[int, ...]) -> None:
         dense = network.dense.members if isinstance(network.dense, Ensemble) else [network.dense]
         self.members = []
         for member in dense:
             assert isinstance(member, DenseNetwork)
             self.members.append(DenseInNumPy(member, len(network.modes)))
-        self.points = network.points.numpy()
         self.orders: list[tuple[NDArray[np.int64], Single, Single]] = []
         if network.series is not None:
             scales = network.series.input_scales.numpy()
@@ -77,16 +76,16 @@ class ReducedInNumPy:
                 self.orders.append((factors, matrix.numpy(), scale))
 
         def by_point(modes: Tensor) -> Single:
-            """Reorder the columns of modes: by point, then by component."""
-            split = modes.numpy().reshape(len(modes), dimension, -1)
-            return np.ascontiguousarray(split.swapaxes(1, 2).reshape(len(modes), -1))
+            """Columns of all points of the grid, in their order, then by component."""
+            placed = on_grid(modes, network.points, modes.new_empty(1, len(shape), *shape))
+            return np.ascontiguousarray(placed.flatten(2).swapaxes(1, 2).flatten(1).numpy())
 
         self.encoder = np.ascontiguousarray(by_point(network.encoder).T)
         self.modes = by_point(network.modes) / np.float32(len(self.members))
 
     def __call__(self, fields: Single) -> Single:
         """Predict scaled corrections from scaled forces, both (n_points, d)."""
-        force = fields.take(self.points, axis=0).ravel()
+        force = fields.ravel()
         loaded = force.nonzero()[0]
         if 4 * len(loaded) < len(force):
             coefficients = force[loaded] @ self.encoder[loaded]
@@ -101,8 +100,7 @@ class ReducedInNumPy:
         total = sum(others, start=first)
         for term in terms:
             total += term * np.float32(len(self.members))
-        correction = np.zeros_like(fields)
-        correction[self.points] = (total @ self.modes).reshape(-1, fields.shape[1])
+        correction: Single = (total @ self.modes).reshape(fields.shape)
         return correction
 
 

@@ -224,7 +224,7 @@ def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[G
         Number of output channels to compute, the first ones.
     """
     if isinstance(network, ReducedNetwork):
-        return [ReducedInNumPy(network, outputs)]
+        return [ReducedInNumPy(network, shape)]
     members = list(network.members) if isinstance(network, Ensemble) else [network]
     unets = [member for member in members if isinstance(member, UNet)]
     if len(unets) < len(members):

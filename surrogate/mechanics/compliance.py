@@ -79,6 +79,10 @@ class Compliance(nn.Module):
         nodes, components = np.divmod(dofs, geometry.dimension)
         self.order = components * len(free) + np.searchsorted(free, nodes)
         self.size = len(free) * geometry.dimension
+        axes = np.arange(geometry.dimension)[:, None]
+        self._at_nodes = (free * geometry.dimension + axes).ravel()  # places in nodal fields
+        self._of_nodes = np.full(geometry.coordinates.shape, self.size)
+        self._of_nodes.ravel()[self._at_nodes] = np.arange(self.size)
         self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
         matrix = torch.empty(0)
         if self.size <= DENSE:
@@ -119,14 +123,12 @@ class Compliance(nn.Module):
 
     def respond_at_nodes(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond to one load, given and answered at all nodes: (n_nodes, d) → same."""
-        free = self.free_nodes.numpy()
-        by_component = force[free].T.reshape(1, -1)
-        if len(self.matrix):
-            u = by_component @ self.matrix.numpy()
-        else:
-            u = self.respond(by_component)
-        nodal = np.zeros_like(force)
-        nodal[free] = u.reshape(force.shape[1], -1).T
+        by_component = force.take(self._at_nodes)[None]
+        dense = self.matrix.numpy()
+        u = by_component @ dense if len(dense) else self.respond(by_component)
+        padded = np.zeros(self.size + 1, force.dtype)
+        padded[:-1] = u[0]
+        nodal: NDArray[Any] = padded.take(self._of_nodes)
         return nodal
 
     def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -146,7 +148,7 @@ class Compliance(nn.Module):
 
 def in_single_precision(factor: BandCholesky) -> BandCholesky:
     """The factor in single precision, or itself if a random load tells the difference."""
-    force = np.random.default_rng(0).normal(size=factor.factor.shape[1])
+    force = np.random.default_rng(0).normal(size=(factor.factor.shape[1],))
     expected = factor.solve(force)
     difference = factor.single.solve(force.astype(np.float32)) - expected
     is_close = np.linalg.norm(difference) <= CLOSE * np.linalg.norm(expected)

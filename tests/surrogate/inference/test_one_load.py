@@ -119,6 +119,19 @@ def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.M
     assert_same_alone(surrogate, dataset_3d)
 
 
+@pytest.mark.parametrize("inputs", [SERIES["inputs"], ["linear_gradient", "last_gradient"]])
+def test_series_of_large_bodies(
+    dataset_3d: Dataset, inputs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cell by cell, by a factor in single precision."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    monkeypatch.setattr(one_load, "LARGEST", 1000)
+    model = untrained(dataset_3d, network={"inputs": inputs, "skip": "series"})
+    assert model._one_load is not None
+    assert model._one_load.large is not None
+    assert_same_alone(model, dataset_3d)
+
+
 def test_embedded_grid(dataset: Dataset) -> None:
     """One node is the mean of two grid points."""
     grid = averaging(dataset.geometry.grid)

@@ -37,6 +37,22 @@ def test_assembled_and_solved(cell_type: str) -> None:
         np.testing.assert_allclose(factor.solve(right), expected, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.parametrize("columns", [1, 20])
+def test_in_single_precision(columns: int) -> None:
+    """A stiff chain, 2 on the diagonal and -1 beside it: rounding by the condition number."""
+    n, rng = 40, np.random.default_rng(0)
+    band = np.array([[2.0, -1.0]] * n)
+    factor = BandCholesky.of(band)
+    assert factor is not None
+    right = rng.normal(size=(n, columns))
+    found = factor.single.solve(right.astype(np.float32))
+    assert found.dtype == np.float32
+    expected = factor.solve(right)
+    condition = 4 * (n / np.pi) ** 2
+    atol = condition * np.finfo(np.float32).eps * np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
+
+
 def test_indefinite_matrix() -> None:
     """The band of [[1, 2], [2, 1]], whose eigenvalues are 3 and -1."""
     assert BandCholesky.of(np.array([[1.0, 2.0], [1.0, 0.0]])) is None

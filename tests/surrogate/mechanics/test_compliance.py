@@ -70,6 +70,35 @@ def test_a_large_body_responds_by_columns_or_solves(
         assert_close(large(torch.from_numpy(force)), force @ inverse)
 
 
+@pytest.mark.parametrize("dense", [0, 10**6])
+def test_one_load_at_all_nodes(
+    dataset: Dataset, inverse: np.ndarray, dense: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Zero at clamped nodes, whatever acts there."""
+    monkeypatch.setattr(compliance, "DENSE", dense)
+    found = Compliance(dataset.geometry, dataset.material)
+    force = np.random.default_rng(0).normal(size=dataset.geometry.coordinates.shape)
+    free = ~dataset.geometry.clamped
+    expected = np.zeros_like(force)
+    expected[free] = (force[free].T.ravel() @ inverse).reshape(2, -1).T
+    for dtype in (np.float32, np.float64):
+        u = found.respond_at_nodes(force.astype(dtype))
+        np.testing.assert_allclose(u, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_single_precision_only_where_it_suffices(
+    large: Compliance, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert large.quick is not None
+    assert large.quick.factor.dtype == np.float32
+    monkeypatch.setattr(compliance, "DENSE", 0)
+    monkeypatch.setattr(compliance, "CLOSE", 1e-12)  # as if the body were slender
+    careful = Compliance(dataset.geometry, dataset.material)
+    assert careful.quick is careful.factor
+    force = loads(careful.size, 40, careful.size)
+    np.testing.assert_allclose(careful.solve(force), large.solve(force), rtol=0, atol=1e-5)
+
+
 def test_columns_are_solved_for_once(
     large: Compliance, inverse: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
