@@ -159,6 +159,7 @@ class SeriesResponse(LinearResponse):
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
         alone = COMPILES and self._at_once == 1 and nodal.device.type == "cpu"
+        alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
         beyond = self._beyond_of_one if alone else self._beyond
         parts = [beyond(part) for part in torch.split(nodal, self._at_once)]
         totals, last = zip(*parts, strict=True)
