@@ -95,3 +95,6 @@ def run(options: argparse.Namespace) -> None:
         shares = ", ".join(f"{b['coverage']:.1%} of {b['level']:.0%}" for b in certified["mean"])
         wide = certified["mean"][-1]["median_width"]
         print(f"{run}: fast bounds cover {shares}, in the median {wide:.2g} times the error")
+        if of_components := certified.get("component"):
+            shares = ", ".join(f"{b['coverage']:.1%} of {b['level']:.0%}" for b in of_components)
+            print(f"{run}: intervals of its size cover {shares} of the components")

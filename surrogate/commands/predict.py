@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
     from surrogate.inference.prediction import Surrogate
     from surrogate.mechanics.certificate import Certificate
-    from surrogate.uncertainty.fast_certificate import Bounds
+    from surrogate.uncertainty.fast_certificate import Bounds, FastCertificate
 
     Array = NDArray[np.float64]
 
@@ -62,7 +61,8 @@ def add_to(commands: Commands) -> None:
         nargs="?",
         const="full",
         choices=("full", "fast"),
-        help="estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds",
+        help="estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds, "
+        "also of every component if the network predicts standard deviations: 'half_width'",
     )
     parser.add_argument(
         "--level", type=share, metavar="P", help="probability of the fast bounds (default 0.95)"
@@ -109,9 +109,8 @@ def run(options: argparse.Namespace) -> None:
         run.seal.require_intact(run.intervals)
         intervals = load_intervals(run.intervals)
     surrogate = load(options.run, choose_device(options.device).type)
-    certify: Callable[[Array, Array], Certificate | Bounds] = surrogate.certify
-    if options.certify == "fast":
-        certify = _fast_certificate(options, surrogate)
+    level = options.level or 0.95
+    fast = _fast_certificate(options.run, surrogate, level) if options.certify == "fast" else None
     surrogate.require_stochastic(**given_passes(options))
     geometry = surrogate.geometry
     body = geometry.loaded_body
@@ -133,8 +132,16 @@ def run(options: argparse.Namespace) -> None:
         fields = {"displacement": correction.displacement, "predicted": predicted.mean}
         notes.append(correction.summary())
     if options.certify:
-        certificate = certify(forces, fields["displacement"])
+        displacement = fields["displacement"]
+        certificate: Certificate | Bounds
+        if fast is None:
+            certificate = surrogate.certify(forces, displacement)
+        else:
+            certificate = fast.certify(forces, displacement, level)
         fields["estimated_error"] = certificate.error
+        if fast is not None and fast.knows_components:
+            error, std = certificate.error[None], predicted.std[None]
+            fields["half_width"] = fast.half_widths(error, std, level)[0]
         notes.append(certificate.summary())
         if options.tolerance is not None:
             refusal = certificate.refusal(options.tolerance)
@@ -153,20 +160,18 @@ def run(options: argparse.Namespace) -> None:
         raise NotCertifiedError(refusal)
 
 
-def _fast_certificate(
-    options: argparse.Namespace, surrogate: Surrogate
-) -> Callable[[Array, Array], Bounds]:
+def _fast_certificate(run: Path, surrogate: Surrogate, level: float) -> FastCertificate:
     """Read the fast certificate of a run, and check that it has the level."""
     from shared_schema.common.errors import InputError
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
     from surrogate.uncertainty.fast_certificate import load_fast_certificate
 
-    run, level = RunFolder(find_run(options.run)), options.level or 0.95
-    run.seal.require_intact(run.fast_certificate)
-    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    folder = RunFolder(find_run(run))
+    folder.seal.require_intact(folder.fast_certificate)
+    fast = load_fast_certificate(surrogate, folder.fast_certificate)
     try:
         fast.factor(level)
     except ValueError as error:
         raise InputError(f"--level {level:g}: {error}") from None
-    return lambda forces, predicted: fast.certify(forces, predicted, level)
+    return fast

@@ -197,10 +197,11 @@ def evaluate(
     if intervals is not None:
         content["conformal"] = intervals.measures(surrogate, distribution, reference)
     if fast is not None:
-        content["fast_certificate"] = fast.measures(force, distribution.mean, reference)
+        std = distribution.std
+        content["fast_certificate"] = fast.measures(force, distribution.mean, reference, std)
         if evaluation.extrapolation is not None:
             others, theirs = evaluation.extrapolation.samples, evaluation.extrapolation.predicted
-            measures = fast.measures(others.force, theirs.mean, others.displacement)
+            measures = fast.measures(others.force, theirs.mean, others.displacement, theirs.std)
             content["extrapolation"]["fast_certificate"] = measures
     return evaluation
 

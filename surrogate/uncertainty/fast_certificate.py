@@ -10,6 +10,15 @@ for loads like theirs. Unlike a conformal interval of fixed width, the bound is 
 needs. There is a q for the mean error e (the paper's e_m), and one for the largest error of a node.
 Where a cell is inverted, both bounds are infinite.
 
+A network that predicts standard deviations knows where on the body its error is large, but not how
+large it is under loads unlike those of its training. The estimate knows that. Intervals of single
+components have the network's shape and the estimate's size,
+
+.. math:: |u_i - μ_i| \le q \, \hat e \, σ_i / \bar σ
+
+with the mean :math:`\bar σ` over the body, and the q with which they hold the wanted share of all
+components of the held-out samples.
+
 The held-out samples are the calibration and validation samples of the run. Training looks at the
 latter to stop early only; a run that does so leaves them out.
 """
@@ -37,6 +46,8 @@ from surrogate.uncertainty.conformal import conformal_quantile
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
 LEVELS = (0.9, 0.95)  # whose coverage is measured
 MEASURES = ("mean", "largest")
+COMPONENT = "component"  # of networks that predict standard deviations
+KEPT = 1001  # quantiles of the ratios of single components
 Array = NDArray[np.float64]
 
 
@@ -82,7 +93,8 @@ class FastCertificate:
     estimate : FastEstimate
     ratios : dict of str to array, (n,)
         Ratios of true and estimated errors of the held-out samples, by measure: "mean" and
-        "largest".
+        "largest". For a network that predicts standard deviations also "component": quantiles of
+        the ratios of single components, at `KEPT` equal steps.
     """
 
     estimate: FastEstimate
@@ -90,15 +102,53 @@ class FastCertificate:
 
     @classmethod
     def fit(
-        cls, estimate: FastEstimate, force: Array, predicted: Array, truth: Array
+        cls,
+        estimate: FastEstimate,
+        force: Array,
+        predicted: Array,
+        truth: Array,
+        std: Array | None = None,
     ) -> FastCertificate:
-        """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m and m."""
-        true, estimated = sizes(predicted - truth), sizes(estimate(force, predicted))
+        """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m."""
+        error, estimated = predicted - truth, estimate(force, predicted)
+        found = sizes(estimated)
         ratios = {
-            name: np.divide(e, estimated[name], out=np.zeros(len(e)), where=e > 0)
-            for name, e in true.items()
+            name: np.divide(e, found[name], out=np.zeros(len(e)), where=e > 0)
+            for name, e in sizes(error).items()
         }
+        if std is not None:
+            scale = with_size(std, found["mean"])
+            of_components = np.abs(error)[scale > 0] / scale[scale > 0]
+            ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
         return cls(estimate, ratios)
+
+    @property
+    def knows_components(self) -> bool:
+        """Whether there are intervals of single components."""
+        return COMPONENT in self.ratios
+
+    def half_widths(self, error: Array, std: Array, level: float) -> Array:
+        """Half widths in m of the intervals of all components, which hold the share `level`.
+
+        Parameters
+        ----------
+        error, std : array, (N, n_nodes, d)
+            Estimated errors, of `estimate`, and predicted standard deviations in m.
+        level : float
+        """
+        factor = np.interp(level, np.linspace(0, 1, KEPT), self.ratios[COMPONENT])
+        return float(factor) * with_size(std, sizes(error)["mean"])
+
+    def covered(
+        self, force: Array, predicted: Array, truth: Array, std: Array, level: float
+    ) -> Array:
+        """Share of the components of every sample inside their intervals, (N,).
+
+        Components that cannot move are left out.
+        """
+        half, moves = self.half_widths(self.estimate(force, predicted), std, level), std.any(axis=0)
+        inside: Array = (np.abs(predicted - truth) <= half)[:, moves].mean(axis=1)
+        return inside
 
     def factor(self, level: float, measure: str = "mean") -> float:
         """Return q of a level 1 − α.
@@ -138,7 +188,9 @@ class FastCertificate:
         found = {name: float(bound[0]) for name, bound in self.bounds(error, level).items()}
         return Bounds(error[0], level, **found)
 
-    def measures(self, force: Array, predicted: Array, truth: Array) -> dict[str, Any]:
+    def measures(
+        self, force: Array, predicted: Array, truth: Array, std: Array | None = None
+    ) -> dict[str, Any]:
         """Coverage of the bounds on other samples, and their median ratio to the true error.
 
         The result is plain data, by measure and level. A level that there were too few samples for
@@ -157,6 +209,12 @@ class FastCertificate:
                 covered = (true[name] <= bound).mean()
                 entry = {"level": level, "coverage": float(covered), "median_width": float(wide)}
                 content[name].append(entry)
+        if std is not None and self.knows_components:
+            shares = [self.covered(force, predicted, truth, std, level) for level in LEVELS]
+            content[COMPONENT] = [
+                {"level": level, "coverage": float(share.mean())}
+                for level, share in zip(LEVELS, shares, strict=True)
+            ]
         return content
 
     def serialised(self) -> bytes:
@@ -171,6 +229,14 @@ def sizes(error: Array) -> dict[str, Array]:
         "mean": np.abs(error).mean(axis=(1, 2)),
         "largest": np.linalg.norm(error, axis=2).max(axis=1),
     }
+
+
+def with_size(std: Array, size: Array) -> Array:
+    """Scale standard deviations (N, n_nodes, d) to mean sizes (N,), in m."""
+    mean = std.mean(axis=(1, 2))
+    factor = np.divide(size, mean, out=np.zeros(len(mean)), where=mean > 0)
+    result: Array = std * factor[:, None, None]
+    return result
 
 
 def fast_estimate(surrogate: Surrogate) -> FastEstimate:
@@ -208,9 +274,10 @@ def fit_fast_certificate(
             f"{description.run.training.calibration_fraction}, expected above 0"
         )
     samples = dataset.nodal_train(rows)
-    predicted = surrogate.predict_distribution(samples.force, passes, seed).mean
-    estimate = fast_estimate(surrogate)
-    return FastCertificate.fit(estimate, samples.force, predicted, samples.displacement)
+    predicted = surrogate.predict_distribution(samples.force, passes, seed)
+    std = predicted.std if surrogate.is_probabilistic else None
+    fields = samples.force, predicted.mean, samples.displacement, std
+    return FastCertificate.fit(fast_estimate(surrogate), *fields)
 
 
 def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
@@ -227,12 +294,12 @@ def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
             "--data DIR --certify'"
         )
     tensors, metadata = load_tensors(path)
-    if set(tensors) != set(MEASURES):
+    if set(tensors) - {COMPONENT} != set(MEASURES):
         raise InputError(f"{path}: not a fast certificate")
     if metadata != ESTIMATE:
         raise InputError(
             f"{path}: calibrated for the estimate of another version, expected it from 'surrogate "
             "evaluate RUN --data DIR --certify' of this one"
         )
-    ratios = {name: tensors[name].double().numpy() for name in MEASURES}
+    ratios = {name: ratio.double().numpy() for name, ratio in tensors.items()}
     return FastCertificate(fast_estimate(surrogate), ratios)

@@ -26,6 +26,7 @@ from surrogate.uncertainty.calibration import (
 UNCERTAIN = ("mechanics-mle", "mechanics-vb", "mechanics-ensemble", "reduced-vb", "modal-gp")
 BAYESIAN = {"mechanics-vb": "mechanics", "reduced-vb": "reduced"}  # and their deterministic kinds
 HELD = (0.93, 0.97)  # coverage of the 95 % intervals that counts as right
+OF_SIZE = " of the size of the fast certificate"
 PRICE = 2.0  # largest ratio of the errors of variational Bayes and of the deterministic network
 
 
@@ -33,12 +34,15 @@ def measure(resources: Resources) -> StudyResult:
     """Measure the calibration of all networks that predict standard deviations."""
     result = StudyResult()
     runs = [run for runs in runs_by_body(resources.scale, UNCERTAIN).values() for run in runs]
-    samples = {run: predicted_samples(resources, run) for run in runs}
+    samples = {run: predicted_samples(resources, run, certified=True) for run in runs}
     calibrations = {run: calibration(found) for run, found in samples.items()}
     result.tables = [
         calibration_table(resources, samples, calibrations),
         number_table(resources, samples),
     ]
+    certified = {run: found for run, found in samples.items() if found.certificate is not None}
+    if certified:
+        result.tables.append(number_table(resources, certified, with_size=True))
     panels: dict[str, list[Curve]] = {}
     for run in runs:
         body, found = BODIES[resources.case_of(run)], calibrations[run]
@@ -58,6 +62,8 @@ def measure(resources: Resources) -> StudyResult:
         for kind, deterministic in BAYESIAN.items():
             if (run := f"{case}-{kind}") in samples:
                 result.claims.append(covers(body, run, samples[run]))
+                if run in certified:
+                    result.claims.append(covers(body, run, samples[run], with_size=True))
                 if (plain := f"{case}-{deterministic}") in resources.scale.runs:
                     result.claims.append(price(resources, body, run, plain))
     return result
@@ -102,35 +108,39 @@ def calibration_table(
     )
 
 
-def number_table(resources: Resources, samples: dict[str, PredictedSamples]) -> Table:
+def number_table(
+    resources: Resources, samples: dict[str, PredictedSamples], with_size: bool = False
+) -> Table:
     """Table of the coverage of the 95 % intervals by the number of loads."""
     most = max(int(found.number.max()) for found in samples.values())
     rows: list[tuple[Cell, ...]] = []
     for run, found in samples.items():
-        shares = by_number(found)
+        shares = by_number(found, with_size)
         cells = (100 * shares[n] if n in shares else None for n in range(1, most + 1))
         rows.append((BODIES[resources.case_of(run)], kind_of(run).label, *cells))
     return Table(
-        caption="Components inside the 95 % intervals in %, by the number of loads (test split).",
+        caption=f"Components inside the 95 % intervals{OF_SIZE if with_size else ''} in %, by the "
+        "number of loads (test split).",
         head=("example", "network", *map(str, range(1, most + 1))),
         rows=tuple(rows),
     )
 
 
-def by_number(samples: PredictedSamples) -> dict[int, float]:
+def by_number(samples: PredictedSamples, with_size: bool = False) -> dict[int, float]:
     """Share of the components inside the 95 % intervals, by the number of loads."""
     numbers = np.unique(samples.number)
-    return {int(n): float(samples.covered[samples.number == n].mean()) for n in numbers}
+    covered = samples.covered_with_size if with_size else samples.covered
+    return {int(n): float(covered[samples.number == n].mean()) for n in numbers}
 
 
-def covers(body: str, run: str, samples: PredictedSamples) -> Claim:
+def covers(body: str, run: str, samples: PredictedSamples, with_size: bool = False) -> Claim:
     """Claim on the coverage of the 95 % intervals, over all and under each number of loads."""
-    shares = by_number(samples)
+    shares = by_number(samples, with_size)
     low, high = HELD
     listed = ", ".join(f"{n}: {100 * share:.3g} %" for n, share in shares.items())
     return Claim(
-        what=f"{body}, {kind_of(run).label}: the 95 % intervals hold as they say, under any number "
-        "of loads of the training.",
+        what=f"{body}, {kind_of(run).label}: the 95 % intervals{OF_SIZE if with_size else ''} hold "
+        "as they say, under any number of loads of the training.",
         holds=all(low <= share <= high for share in shares.values()),
         evidence=f"Inside, by number of loads: {listed} ({100 * low:g} to {100 * high:g} %).",
         of_paper=False,

@@ -15,6 +15,7 @@ from surrogate.evaluation.extrapolation import BAND
 from surrogate.inference.prediction import Distribution
 from surrogate.studies.framework.resources import Resources
 from surrogate.uncertainty.calibration import half_width
+from surrogate.uncertainty.fast_certificate import FastCertificate
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,12 +33,15 @@ class PredictedSamples:
     force, reference : array, (M, n_nodes, d)
         Forces in N, displacements in m.
     predicted : Distribution
+    certificate : FastCertificate or None
+        Fast certificate of the run; None without held-out samples, or if it was not asked for.
     """
 
     geometry: Geometry
     force: Array
     reference: Array
     predicted: Distribution
+    certificate: FastCertificate | None = None
 
     @cached_property
     def error(self) -> Array:
@@ -65,6 +69,13 @@ class PredictedSamples:
         result: Array = inside.mean(axis=(1, 2))
         return result
 
+    @cached_property
+    def covered_with_size(self) -> Array:
+        """The same, in the intervals that have the size of the fast estimate, (M,)."""
+        assert self.certificate is not None
+        mean, std = self.predicted.mean, self.predicted.std
+        return self.certificate.covered(self.force, mean, self.reference, std, BAND)
+
     @property
     def loaded(self) -> Mask:
         """Loaded nodes of every sample, (M, n_nodes)."""
@@ -83,16 +94,22 @@ class PredictedSamples:
 
 
 def predicted_samples(
-    resources: Resources, run: str, dataset: str | None = None
+    resources: Resources, run: str, dataset: str | None = None, certified: bool = False
 ) -> PredictedSamples:
-    """Predict the samples of a dataset by a run; without `dataset`, those of its test split."""
+    """Predict the samples of a dataset by a run; without `dataset`, those of its test split.
+
+    With its fast certificate, if that is asked for.
+    """
+    certificate = resources.fast_certificate(run) if certified else None
     if dataset is None or dataset not in resources.scale.datasets:
         own = resources.dataset_of(run)
         test, predicted = own.nodal_test, resources.predicted_test(run)
-        return PredictedSamples(own.geometry, test.force, test.displacement, predicted)
+        fields = test.force, test.displacement, predicted, certificate
+        return PredictedSamples(own.geometry, *fields)
     loads = resources.predicted_loads(run, dataset)
     samples, geometry = loads.samples, loads.surrogate.geometry
-    return PredictedSamples(geometry, samples.force, samples.displacement, loads.predicted)
+    fields = samples.force, samples.displacement, loads.predicted, certificate
+    return PredictedSamples(geometry, *fields)
 
 
 def distance_from(samples: PredictedSamples, nodes: Mask) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.studies.beyond.coverage import UNCERTAIN
+from surrogate.studies.beyond.coverage import HELD, OF_SIZE, UNCERTAIN
 from surrogate.studies.beyond.error_curves import Curve, draw_curves
 from surrogate.studies.beyond.loads_by_number import loads_in_training
 from surrogate.studies.beyond.networks import BODIES, kind_of, patterns, runs_by_body, stem_of
@@ -39,7 +39,7 @@ def measure(resources: Resources) -> StudyResult:
     for case, runs in bodies.items():
         body, stem = BODIES[case], stem_of(case)
         if (dataset := f"{stem}_sweep") in scale.datasets:
-            samples = {run: predicted_samples(resources, run, dataset) for run in runs}
+            samples = {run: predicted_samples(resources, run, dataset, True) for run in runs}
             reach = resources.predicted_loads(runs[0], dataset).reach
             groups = reach_groups(reach)
             result.tables.append(
@@ -50,7 +50,7 @@ def measure(resources: Resources) -> StudyResult:
                 where = f"{body}, {kind_of(run).label}, larger forces"
                 result.claims += outside_claims(where, samples[run], groups, limit=1.0)
         if (dataset := f"{stem}_many") in scale.datasets:
-            samples = {run: predicted_samples(resources, run, dataset) for run in runs}
+            samples = {run: predicted_samples(resources, run, dataset, True) for run in runs}
             groups = number_groups(next(iter(samples.values())))
             result.tables.append(group_table(f"{body}, number of loads", samples, groups))
             for run in runs:
@@ -73,7 +73,7 @@ def measure(resources: Resources) -> StudyResult:
         singles = [run for kind in SINGLE if (run := f"{stem}-{kind}") in scale.runs]
         if stem == case or not singles or dataset not in scale.datasets:
             continue
-        samples = {run: predicted_samples(resources, run, dataset) for run in singles}
+        samples = {run: predicted_samples(resources, run, dataset, True) for run in singles}
         distance = distance_from(samples[singles[0]], resources.structured(stem).geometry.loadable)
         groups = [(f"{d:.2f} m", d, mask) for d, mask in distance_groups(distance)]
         caption = (
@@ -118,11 +118,13 @@ def group_table(what: str, samples: dict[str, PredictedSamples], groups: Sequenc
     """Table of errors, standard deviations and coverage by group."""
     rows: list[tuple[Cell, ...]] = []
     for run, found in samples.items():
-        quantities = (
+        quantities = [
             ("mean error [mm]", MM * found.error),
             ("mean σ [mm]", MM * found.std),
             ("inside 95 % intervals [%]", 100 * found.covered),
-        )
+        ]
+        if found.certificate is not None:
+            quantities.append((f"inside those{OF_SIZE} [%]", 100 * found.covered_with_size))
         rows += [
             (kind_of(run).label, name, *(float(values[mask].mean()) for _, _, mask in groups))
             for name, values in quantities
@@ -172,6 +174,23 @@ def outside_claims(
             f"{std:.3g} times, the error {error:.3g} times (within a factor of {CLOSE:g}).",
             of_paper=False,
         ),
+        *size_claims(where, samples, np.any([mask for _, mask in outside], axis=0)),
+    ]
+
+
+def size_claims(where: str, samples: PredictedSamples, outside: NDArray[np.bool_]) -> list[Claim]:
+    """Claim on the intervals that have the size of the fast estimate, if the run has them."""
+    if samples.certificate is None:
+        return []
+    low, high = HELD
+    share = float(samples.covered_with_size[outside].mean())
+    return [
+        Claim(
+            what=f"{where}: the 95 % intervals{OF_SIZE} hold as they say.",
+            holds=low <= share <= high,
+            evidence=f"Inside: {100 * share:.3g} % ({100 * low:g} to {100 * high:g} %).",
+            of_paper=False,
+        )
     ]
 
 

@@ -22,6 +22,7 @@ from surrogate.runs.folder import RunFolder
 from surrogate.studies.framework.scale import Scale
 from surrogate.studies.framework.study_record import DatasetRecord, RunRecord
 from surrogate.training.train import train
+from surrogate.uncertainty.fast_certificate import FastCertificate, fit_fast_certificate
 
 Value = TypeVar("Value")
 SEED = 0  # of the stochastic passes
@@ -147,6 +148,17 @@ class Resources:
             ("loads", name, dataset),
             lambda: extrapolate(self.surrogate(name), folder, self.scale.passes, SEED),
         )
+
+    def fast_certificate(self, name: str) -> FastCertificate | None:
+        """Fast certificate of a run, calibrated on its held-out samples; None without these."""
+        return self._cached(("certificate", name), lambda: self._fast_certificate(name))
+
+    def _fast_certificate(self, name: str) -> FastCertificate | None:
+        passes = self.scale.passes
+        try:
+            return fit_fast_certificate(self.surrogate(name), self.dataset_of(name), passes, SEED)
+        except InputError:
+            return None
 
     def dataset_record(self, name: str) -> DatasetRecord:
         """Entry of a dataset in the record of a study."""

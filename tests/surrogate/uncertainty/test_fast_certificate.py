@@ -59,6 +59,37 @@ def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
     }
 
 
+def test_intervals_of_the_size_of_each_error(estimate: FastEstimate) -> None:
+    """σ of the right shape and one size for all loads, whose errors are from 1e-5 to 1e-3 m.
+
+    Intervals with the estimate's size hold their share under loads with small and large errors.
+    """
+    equilibrium, rng, n = Equilibrium(box("quad"), MATERIAL), np.random.default_rng(0), 300
+    force = end_load(box("quad"), 1.0, 1.0)[None] * rng.uniform(-3, 3, (n, 1, 2))
+    truth = np.stack([correct(equilibrium, f, 0 * f).displacement for f in force])
+    x = box("quad").coordinates[None, :, :1] / 2
+    std = np.broadcast_to(1e-4 * x**2, truth.shape)
+    size = 10 ** rng.uniform(-1, 1, n)
+    smooth = rng.normal(size=(n, 1, 2)) + x * rng.normal(size=(n, 1, 2))
+    predicted = truth + size[:, None, None] * std * smooth
+    some, others = slice(0, n // 2), slice(n // 2, n)
+    fast = FastCertificate.fit(estimate, force[some], predicted[some], truth[some], std[some])
+    assert fast.knows_components
+    new = force[others], predicted[others], truth[others], std[others]
+    for level in (0.5, 0.95):
+        inside = fast.covered(*new, level)
+        small = size[others] < 1
+        for group in (small, ~small):
+            tolerance = 3 * inside[group].std() / np.sqrt(group.sum()) + 0.02
+            assert abs(inside[group].mean() - level) < tolerance
+    measured = fast.measures(*new)["component"]
+    assert [entry["level"] for entry in measured] == [0.9, 0.95]
+    assert measured[1]["coverage"] == pytest.approx(fast.covered(*new, 0.95).mean())
+    half = fast.half_widths(estimate(*new[:2]), std[others], 0.95)
+    assert half.max() / half[half > 0].min() > 1e3
+    assert not half[:, x[0, :, 0] == 0].any()
+
+
 def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
     force = np.stack([end_load(box("quad"), 1.0, 1.0)] * 2)
     predicted = np.zeros_like(force)
