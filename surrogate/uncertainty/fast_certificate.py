@@ -234,8 +234,8 @@ def sizes(error: Array) -> dict[str, Array]:
 def with_size(std: Array, size: Array) -> Array:
     """Scale standard deviations (N, n_nodes, d) to mean sizes (N,), in m."""
     mean = std.mean(axis=(1, 2))
-    factor = np.divide(size, mean, out=np.zeros(len(mean)), where=mean > 0)
-    result: Array = std * factor[:, None, None]
+    factor = np.divide(size, mean, out=np.zeros(len(mean)), where=mean > 0)[:, None, None]
+    result: Array = np.multiply(std, factor, out=np.zeros_like(std), where=std > 0)
     return result
 
 
