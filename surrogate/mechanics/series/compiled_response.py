@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.series.cell_operators import CellOperators
 from surrogate.mechanics.series.compiled import Array, forces_of_cells, slopes_in_cells
 from surrogate.mechanics.series.one_load import beyond_linear_of_one
-
-if TYPE_CHECKING:
-    from surrogate.mechanics.series.series_response import HigherOrders
 
 
 class CompiledResponse:
@@ -19,14 +15,14 @@ class CompiledResponse:
 
     Parameters
     ----------
-    higher : HigherOrders
+    higher : CellOperators
         On the CPU; its precision is that of all fields.
     compliance : Compliance
     order : int
         Order n.
     """
 
-    def __init__(self, higher: HigherOrders, compliance: Compliance, order: int) -> None:
+    def __init__(self, higher: CellOperators, compliance: Compliance, order: int) -> None:
         self.material, self.compliance, self.order = higher.material, compliance, order
         self.cells, self.volumes = higher.cells.numpy(), higher.volumes.numpy()
         self.shape = compliance.equilibrium.free.shape
