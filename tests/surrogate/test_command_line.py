@@ -194,15 +194,22 @@ def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFix
     assert captured.err.endswith("> 1 mm\n")
 
 
+@pytest.mark.parametrize("likelihood", ["deterministic", "maximum_likelihood"])
 def test_fast_certificate(
-    make_run: Callable[..., Path], data: Path, out: Path, capsys: pytest.CaptureFixture[str]
+    make_run: Callable[..., Path],
+    data: Path,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    likelihood: str,
 ) -> None:
     """17 held-out samples: enough for bounds of 90 %, not of 95 %."""
-    run = make_run(epochs=2, calibration_fraction=0.25)
+    run = make_run(epochs=2, calibration_fraction=0.25, likelihood=likelihood)
     assert predict_code(run, out, "--certify", "fast") == 2
     assert "no fast certificate in the run" in capsys.readouterr().err
     assert main(["evaluate", str(run), "--data", str(data), "--certify"]) == 0
-    assert ": fast bounds cover " in capsys.readouterr().out
+    printed, predicts_std = capsys.readouterr().out, likelihood != "deterministic"
+    assert ": fast bounds cover " in printed
+    assert (": intervals of its size cover " in printed) == predicts_std
     assert predict_code(run, out, "--certify", "fast") == 2
     assert "--level 0.95: 17 calibration samples, expected at least 19" in capsys.readouterr().err
     fast = ("--certify", "fast", "--level", "0.9")
@@ -210,6 +217,12 @@ def test_fast_certificate(
     assert code == 0
     assert "at any node, each with probability 0.9" in capsys.readouterr().out
     assert fields["estimated_error"].shape == fields["displacement"].shape
+    assert ("half_width" in fields) == predicts_std
+    if predicts_std:  # one factor for the whole field
+        moves = fields["std"] > 0
+        factors = fields["half_width"][moves] / fields["std"][moves]
+        np.testing.assert_allclose(factors, factors[0])
+        assert not fields["half_width"][~moves].any()
     code, _ = predict_at_corner(run, out, *fast, "--tolerance", "1e-6")
     assert code == 3
     assert "not certified: bound of the error" in capsys.readouterr().err
