@@ -182,13 +182,12 @@ def size_claims(where: str, samples: PredictedSamples, outside: NDArray[np.bool_
     """Claim on the intervals that have the size of the fast estimate, if the run has them."""
     if samples.certificate is None:
         return []
-    low, high = HELD
     share = float(samples.covered_with_size[outside].mean())
     return [
         Claim(
-            what=f"{where}: the 95 % intervals{OF_SIZE} hold as they say.",
-            holds=low <= share <= high,
-            evidence=f"Inside: {100 * share:.3g} % ({100 * low:g} to {100 * high:g} %).",
+            what=f"{where}: the 95 % intervals{OF_SIZE} contain as many errors as they say.",
+            holds=share >= HELD[0],
+            evidence=f"Inside: {100 * share:.3g} % (≥ {100 * HELD[0]:g} %).",
             of_paper=False,
         )
     ]

@@ -19,7 +19,7 @@ from surrogate.studies.framework.study_record import Claim
 from surrogate.studies.reproduction import find_report, find_studies, reproduce
 
 
-@pytest.mark.parametrize("name", ["smoke", "laptop", "day"])
+@pytest.mark.parametrize("name", ["smoke", "plane", "space", "laptop", "day"])
 def test_runs_of_the_shipped_scales(name: str) -> None:
     """Every run has a configuration and a kind, and is needed by a study."""
     scale = read_scale(name, BEYOND.scales)
