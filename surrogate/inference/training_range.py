@@ -67,10 +67,7 @@ class TrainingRange:
                 warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
-        if len(forces) == 1:  # faster than the general way
-            some = np.unique(np.flatnonzero(forces) // forces.shape[2])
-        else:
-            some = np.flatnonzero(forces.any(axis=(0, 2)))
+        some = np.flatnonzero(forces.any(axis=(0, 2)))
         at_some = forces[:, some]  # most loads act on a few nodes
         values = at_some if self._grid is None else _on_grid(forces, self._grid)
         if (np.abs(values) > self._largest).any():
