@@ -35,6 +35,8 @@ def measure(resources: Resources) -> StudyResult:
         if (dataset := f"{stem_of(case)}_sweep") in scale.datasets
         for run in runs
     }
+    if not sweeps:
+        return result
     result.tables.append(reach_table(resources, sweeps))
     panels: dict[str, list[Curve]] = {}
     trained = {}

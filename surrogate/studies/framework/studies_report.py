@@ -137,6 +137,8 @@ def section(study: Study, record: Record, discussion: str) -> str:
         head = ("", "here", "paper", "verdict")
         blocks.append(markdown_table(head, map(comparison_row, found.comparisons)))
     blocks += [f"- {bold(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
+    if not (found.tables or found.comparisons or found.claims or found.captions):
+        blocks.append("This scale has no dataset for it.")
     blocks.append(discussion)
     blocks += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
     return "\n\n".join(block.strip() for block in blocks if block.strip())

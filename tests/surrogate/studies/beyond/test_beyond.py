@@ -10,6 +10,7 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.runs.configuration import SHIPPED
+from surrogate.studies.beyond import force_sizes
 from surrogate.studies.beyond.catalogue import BEYOND
 from surrogate.studies.beyond.networks import KINDS, kind_of, runs_by_body
 from surrogate.studies.framework.resources import Resources
@@ -118,3 +119,16 @@ def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> Non
     with pytest.raises(InputError, match="none/beam2d_many-60/nodal"):
         reproduce(BEYOND.studies, empty, tmp_path / "out", of=BEYOND)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_scale_without_the_datasets_of_a_study(resources: Resources, tmp_path: Path) -> None:
+    """Its section says so, without an empty table or figure."""
+    kept = {k: v for k, v in resources.scale.datasets.items() if not k.endswith("_sweep")}
+    scale = resources.scale.model_copy(update={"datasets": kept})
+    without = Resources(scale, resources.data, resources.runs, torch.device("cpu"))
+    reproduce([force_sizes.STUDY], without, tmp_path, of=BEYOND)
+    page = (tmp_path / PAGE).read_text()
+    section = page.partition(f"## {force_sizes.STUDY.title}")[2].partition("\n## ")[0]
+    assert "This scale has no dataset for it." in section
+    assert "|" not in section
+    assert not list(tmp_path.glob("force-sizes*.png"))
