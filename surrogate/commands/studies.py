@@ -46,7 +46,7 @@ def _add_options(parser: Parser) -> None:
         "--scale",
         default="laptop",
         metavar="NAME",
-        help="smoke, laptop, paper (reproduction), plane or day (beyond), or a YAML file",
+        help="smoke, laptop, paper (reproduction), plane, space or day (beyond), or a YAML file",
     )
     add_set(parser, "the scale", "passes=100")
     parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
