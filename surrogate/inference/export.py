@@ -25,6 +25,7 @@ from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
+from surrogate.data.random_loads import random_loads
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Surrogate, require_passes
 from surrogate.mechanics.block_solve import BlockSolve
@@ -40,7 +41,7 @@ ONNX_PACKAGES = ("onnx", "onnxscript", "onnxruntime")
 ONNX_OPSET = 18
 ONNX_LIMIT = 2e9  # bytes in one file
 TOLERANCE = 1e-4
-CHECKED_BATCHES = (1, 3)
+CHECKED_BATCHES, CHECKED_LOADS = (1, 8), 4  # random loads, on so many nodes at most
 PRECISION = 2.0**-23  # relative, of numbers in single precision
 
 
@@ -146,8 +147,12 @@ def export_network(
     surrogate.network.requires_grad_(False)
     function = NodalFunction(surrogate.nodal_network, passes)
 
+    data, geometry = surrogate.description.data, surrogate.geometry
+    most = min(CHECKED_LOADS, data.load_numbers[1])
+    family = random_loads("trained", geometry, data.info.force.max_abs, (1, most))
+
     def random_inputs(samples: int) -> tuple[Tensor, ...]:
-        force = random_loads(surrogate, samples)
+        force = torch.from_numpy(family.draw(samples, np.random.default_rng(samples))).float()
         return (force, responses(surrogate, force)) if response_given else (force,)
 
     checked = [random_inputs(samples) for samples in CHECKED_BATCHES]
@@ -203,17 +208,6 @@ def load_exported(path: Path) -> Callable[..., Fields]:
         return {name: torch.from_numpy(o) for name, o in zip(names, outputs, strict=True)}
 
     return run
-
-
-def random_loads(surrogate: Surrogate, samples: int) -> Tensor:
-    """Return random forces in the training range, (samples, n_nodes, d), one node per sample."""
-    rng = np.random.default_rng(samples)
-    geometry = surrogate.geometry
-    limit = np.asarray(surrogate.description.data.info.force.max_abs)
-    force = np.zeros((samples, *geometry.coordinates.shape), dtype=np.float32)
-    nodes = rng.choice(np.flatnonzero(geometry.loadable), samples)
-    force[np.arange(samples), nodes] = rng.uniform(-limit, limit, (samples, len(limit)))
-    return torch.from_numpy(force)
 
 
 def responses(surrogate: Surrogate, force: Tensor) -> Tensor:

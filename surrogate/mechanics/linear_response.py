@@ -97,6 +97,8 @@ class LinearResponse(nn.Module):
         gradient : Tensor, (N, d², nx, ny[, nz])
             ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j; no channels without `gradient`.
         """
+        if torch.compiler.is_exporting():  # loops in a file know nothing of the precision around
+            return self.on_grid(self.at_nodes(force))
         with torch.autocast(force.device.type, enabled=False):
             return self.on_grid(self.at_nodes(force))
 

@@ -24,15 +24,17 @@ from surrogate.mechanics.series.compiled import (
     integral,
 )
 from surrogate.mechanics.series.least_energy import (
+    EVALUATIONS,
+    GROWTH,
     ROUNDING,
+    SECOND_SHIFT,
     SMALL_STEP,
     SMALLEST_J,
+    SMALLEST_SHIFT,
     SMALLEST_STEP,
     TINY,
-    USUAL,
 )
 
-HALVINGS, ITERATIONS, SHIFTS = USUAL.halvings, USUAL.iterations, USUAL.shifts
 AT_ONCE = 1024  # quadrature points whose fields are in the cache together
 Doubles = NDArray[np.float64]
 
@@ -243,30 +245,27 @@ def least_energy(potential: Potential, rounding: float) -> Doubles:
             c[k + 1] = c[k] / (1 + ratio * ratio)
     gradient, hessian, step = np.empty(n), np.empty((n, n)), np.empty(n)
     new_gradient, new_hessian = np.empty(n), np.empty((n, n))
-    energy = energy_at(c, potential, gradient, hessian)
-    for _ in range(HALVINGS):
-        if energy < np.inf:
-            break
-        for k in range(1, n + 1):
-            c[k] *= 0.5**k
-        energy = energy_at(c, potential, gradient, hessian)
-    for _ in range(ITERATIONS if energy < np.inf else 0):
-        bound = energy + ROUNDING * rounding * abs(energy)
-        for turn in range(len(SHIFTS)):
-            newton_step(gradient, hessian, scale, SHIFTS[turn], step)
-            size = 0.0
-            for k in range(n):
-                size += step[k] ** 2
-                trial[k + 1] = c[k + 1] - scale[k] * step[k]
-            small = SMALL_STEP * abs(c[n] / scale[n - 1])
-            small += max(SMALLEST_STEP, rounding) / scale[0]
-            if turn == 0 and size <= small * small:  # the next one is of the order of the square
-                return trial
-            new_energy = energy_at(trial, potential, new_gradient, new_hessian)
-            if new_energy <= bound:
-                energy = new_energy
-                c, trial = trial, c
-                gradient, new_gradient = new_gradient, gradient
-                hessian, new_hessian = new_hessian, hessian
-                break
+    energy, shift = energy_at(c, potential, gradient, hessian), SMALLEST_SHIFT
+    for _ in range(EVALUATIONS):
+        if energy == np.inf:
+            for k in range(1, n + 1):
+                c[k] *= 0.5**k
+            energy = energy_at(c, potential, gradient, hessian)
+            continue
+        newton_step(gradient, hessian, scale, shift, step)
+        size = 0.0
+        for k in range(n):
+            size += step[k] ** 2
+            trial[k + 1] = c[k + 1] - scale[k] * step[k]
+        small = SMALL_STEP * abs(c[n] / scale[n - 1]) + max(SMALLEST_STEP, rounding) / scale[0]
+        if shift == SMALLEST_SHIFT and size <= small * small:
+            return trial  # the next step is of the order of the square
+        new_energy = energy_at(trial, potential, new_gradient, new_hessian)
+        if new_energy <= energy + ROUNDING * rounding * abs(energy):
+            energy, shift = new_energy, SMALLEST_SHIFT
+            c, trial = trial, c
+            gradient, new_gradient = new_gradient, gradient
+            hessian, new_hessian = new_hessian, hessian
+        else:
+            shift = max(GROWTH * shift, SECOND_SHIFT)
     return c

@@ -25,51 +25,31 @@ aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁:
     a_k = \sum_q w_q (μ H_1 : H_k - μ \, (I × H_1) : H_k
         + (λ + μ) \, \mathrm{tr} H_1 \, \mathrm{tr} H_k).
 
-Newton's method minimises Π, from terms that fade where they do not decrease, so that Π is finite
-there. Of a few steps with growing shifts (Levenberg, Marquardt), the first that does not raise
-Π is taken. What there is at every quadrature point has the precision of the gradients; c and the
-sums are double. This is for batches of loads; `surrogate.mechanics.series.compiled_energy` does the
-same for one.
+Newton's method minimises Π, from terms that fade where they do not decrease, under half of the load
+as long as Π is infinite there. A step that raises Π is not taken; the next one is tried with a
+larger shift of the Hessian (Levenberg, Marquardt). What there is at every quadrature point has the
+precision of the gradients; c and the sums are double. This is for batches of loads, on any device
+and in exported files; `surrogate.mechanics.series.compiled_energy` does the same for one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch._higher_order_ops.while_loop import while_loop  # not public yet
 
 from shared_schema.material import NeoHookean
 from surrogate.mechanics.series.jacobian import JacobianPolynomial
 
-
-@dataclass(frozen=True)
-class Effort:
-    """Most steps of a minimisation.
-
-    Attributes
-    ----------
-    halvings : int
-        Of the load, where the first terms turn a point inside out.
-    iterations : int
-        Of Newton's method.
-    shifts : tuple of float
-        Of the Hessian, relative to the stiffness of every term.
-    """
-
-    halvings: int
-    iterations: int
-    shifts: tuple[float, ...]
-
-
-USUAL = Effort(halvings=6, iterations=6, shifts=(1e-9, 1e-3, 1e-2, 1e-1, 1.0))
-EXPORTED = Effort(halvings=0, iterations=3, shifts=(1e-9,))  # a file does all of them
+EVALUATIONS = 30  # of Π, at most
+SMALLEST_SHIFT, SECOND_SHIFT, GROWTH = 1e-9, 1e-3, 10.0  # relative to the stiffness of every term
 SMALLEST_J = 1e-6
 ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
-SMALL_STEP, SMALLEST_STEP = 3e-2, 1e-10  # relative to the last term, and to the first one
+SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero
 
 
@@ -88,6 +68,33 @@ class State(NamedTuple):
     energy: Tensor
     gradient: Tensor
     hessian: Tensor
+
+
+class Search(NamedTuple):
+    """Where the search of the least Π is: a state, and the step to the next one.
+
+    Attributes
+    ----------
+    c, energy, gradient, hessian : Tensor
+        As in `State`.
+    shift : Tensor, (…)
+        Of the Hessian.
+    after : Tensor, (…, n)
+        Coefficients after the step.
+    is_last : Tensor, (…)
+        Whether no step is needed after it.
+    evaluations : Tensor, ()
+        Of Π, their number.
+    """
+
+    c: Tensor
+    energy: Tensor
+    gradient: Tensor
+    hessian: Tensor
+    shift: Tensor
+    after: Tensor
+    is_last: Tensor
+    evaluations: Tensor
 
 
 class EnergyOfTerms:
@@ -170,43 +177,43 @@ def least_energy(material: NeoHookean, volumes: Tensor, gradients: Sequence[Tens
         Hₖ at the points.
     """
     potential = EnergyOfTerms(material, volumes, gradients)
-    effort = EXPORTED if torch.compiler.is_compiling() else USUAL
     stiffness = potential.squares.diagonal(dim1=-2, dim2=-1)
     invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
     scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
     scales = scale[..., :, None] * scale[..., None, :]
     unit = torch.eye(len(gradients), dtype=scale.dtype, device=scale.device)
+    halves = 0.5 ** torch.cumsum(torch.ones_like(scale), -1)  # c_k of half the load
     smallest, rounding = max(SMALLEST_STEP, potential.rounding), ROUNDING * potential.rounding
 
-    def is_last(c: Tensor, step: Tensor) -> Tensor:
-        """Whether the next step of Newton's method, of the order of the square, is too small."""
+    def with_step(state: State, shift: Tensor, evaluations: Tensor) -> Search:
+        c, energy, gradient, hessian = state
+        relative = solved(hessian * scales + shift[..., None, None] * unit, gradient * scale)
         small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
-        return _dot(step, step) <= small * small
+        is_last = (_dot(relative, relative) <= small * small) & (shift <= SMALLEST_SHIFT)
+        is_last = is_last & (energy < inf)  # the next step is of the order of the square
+        return Search(*state, shift, c - scale * relative, is_last, evaluations + 1)
+
+    def goes_on(*search: Tensor) -> Tensor:
+        *_, is_last, evaluations = search
+        return ~is_last.all() & (evaluations <= EVALUATIONS)
+
+    def advance(*search: Tensor) -> Search:
+        c, energy, gradient, hessian, shift, after, _, evaluations = search
+        trial = potential.at(torch.where((energy == inf)[..., None], c * halves, after))
+        falls = trial.energy <= energy + rounding * abs(energy)  # ∞ ≤ ∞
+        state = _where(falls, trial, State(c, energy, gradient, hessian))
+        larger = torch.clamp(GROWTH * shift, min=SECOND_SHIFT)
+        return with_step(state, torch.where(falls, SMALLEST_SHIFT, larger), evaluations)
 
     state = potential.at(_fading(stiffness))
-    for _ in range(effort.halvings):
-        outside = state.energy == inf
-        if not _may_be(outside.any()):
-            break
-        powers = torch.cumsum(torch.ones_like(scale), -1)
-        halves = 0.5**powers  # c_k of half the load
-        state = _where(outside, potential.at(state.c * halves), state)
-    for _ in range(effort.iterations):
-        c, energy, gradient, hessian = state
-        bound = energy + rounding * abs(energy)
-        waits = energy < inf
-        for shift in effort.shifts:
-            relative = solved(hessian * scales + shift * unit, gradient * scale)
-            step = scale * relative
-            if shift == effort.shifts[0] and _is_known(is_last(c, relative).all()):
-                return c - step
-            trial = potential.at(c - step)
-            falls = waits & (trial.energy <= bound)
-            state = _where(falls, trial, state)
-            waits = waits & ~falls
-            if not _may_be(waits.any()):
-                break
-    return state.c
+    shift = torch.full_like(state.energy, SMALLEST_SHIFT)
+    search = with_step(state, shift, torch.zeros((), dtype=torch.int64, device=shift.device))
+    if torch.compiler.is_compiling():  # an exported file
+        in_file: Callable[..., tuple[Tensor, ...]] = while_loop
+        search = Search(*in_file(goes_on, advance, tuple(search)))
+    while not torch.compiler.is_compiling() and goes_on(*search):
+        search = advance(*search)
+    return torch.where(search.is_last.all(), search.after, search.c)
 
 
 def solved(matrix: Tensor, right: Tensor) -> Tensor:
@@ -266,8 +273,3 @@ def _where(condition: Tensor, some: State, others: State) -> State:
 def _is_known(condition: Tensor) -> bool:
     """Whether a condition holds; exported files know no conditions and do all iterations."""
     return not torch.compiler.is_compiling() and bool(condition)
-
-
-def _may_be(condition: Tensor) -> bool:
-    """Whether a condition holds, or is not known."""
-    return torch.compiler.is_compiling() or bool(condition)

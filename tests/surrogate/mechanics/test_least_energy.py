@@ -10,6 +10,7 @@ from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.equilibrium import Equilibrium
 from surrogate.mechanics.newton import correct
+from surrogate.mechanics.series import least_energy as least_energy_module
 from surrogate.mechanics.series.cofactors import cofactors, cross_product, linear_cofactors
 from surrogate.mechanics.series.compiled_energy import energy_at, potential_of_terms
 from surrogate.mechanics.series.compiled_energy import least_energy as compiled_least_energy
@@ -154,6 +155,39 @@ def test_loads_do_not_depend_on_others() -> None:
         found, _ = response.beyond_first(one)
         size = float((one + expected).abs().max())
         torch.testing.assert_close(found, expected, rtol=0, atol=3e-6 * size)
+
+
+class Beyond(torch.nn.Module):
+    """The response beyond u₁ of u₁, as a module."""
+
+    def __init__(self, response: SeriesResponse) -> None:
+        super().__init__()
+        self.response = response
+
+    def forward(self, nodal: torch.Tensor) -> torch.Tensor:
+        return self.response.beyond_first(nodal)[0]
+
+
+def test_exported_files_search_as_long_as_it_takes() -> None:
+    """Loads of one step, of many steps, and one that turns points inside out first."""
+    geometry = box("quad")
+    response = SeriesResponse(geometry, MATERIAL, order=4)
+    loads = np.array([0.1, 2.0, 4.0, 30.0])[:, None, None] * end_load(geometry, 1.0, -4.0)
+    first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(loads))
+    nodal = first.transpose(1, 2).contiguous()
+    terms, gradients = response.terms(nodal)
+    potential = EnergyOfTerms(MATERIAL, response.higher.volumes, gradients)
+    fading = least_energy_module._fading(potential.squares.diagonal(dim1=-2, dim2=-1))
+    assert bool(potential.at(fading).energy.isinf().any())
+    expected, _ = response.beyond_first(nodal)
+    shapes = ({0: torch.export.Dim("samples")},)
+    program = torch.export.export(Beyond(response), (nodal[:2],), dynamic_shapes=shapes)
+    for part in ([0], [1], [3], [0, 1, 2, 3]):
+        found = program.module()(nodal[part])
+        size = nodal[part] + expected[part]
+        torch.testing.assert_close(
+            found, expected[part], rtol=0, atol=1e-6 * float(size.abs().max())
+        )
 
 
 def test_small_systems() -> None:
