@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
+from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.block_solve import SparseProduct
 
 
 class CellOperators(nn.Module):
@@ -43,6 +46,10 @@ class CellOperators(nn.Module):
             "weighted", weighted.reshape(count, points * d, corners), persistent=False
         )
         self.register_buffer("volumes", volumes.flatten(), persistent=False)
+        nodes, places = geometry.cells.ravel(), np.arange(geometry.cells.size)
+        shape = len(geometry.coordinates), geometry.cells.size
+        incidence = csr_array((np.ones(geometry.cells.size), (nodes, places)), shape)
+        self.sums = SparseProduct(incidence, gradients.dtype)
 
     def gradient(self, u: Tensor) -> Tensor:
         """∂u_i/∂x_j at the quadrature points: (N, d, n_nodes) → (N, d, d, n_points)."""
@@ -54,12 +61,16 @@ class CellOperators(nn.Module):
         h = h.reshape(count, samples, d, columns // d, d)
         return h.permute(1, 2, 4, 0, 3).flatten(3)
 
-    def forces(self, p: Tensor, nodes: int) -> Tensor:
-        """Forces of stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
+    def forces(self, p: Tensor) -> Tensor:
+        """Forces of stresses: (N, d, d, n_points) → (N, d, n_nodes).
+
+        Every node sums what its cells have. ONNX Runtime would scatter what the cells have to the
+        nodes on several threads, and lose some of it (its issue 18048).
+        """
         samples, d, _, _ = p.shape
         count, columns, corners = self.weighted.shape
         flat = p.reshape(samples, d, d, count, columns // d).permute(3, 0, 1, 4, 2)
         at_corners = torch.bmm(flat.reshape(count, samples * d, columns), self.weighted)
         rows = at_corners.transpose(1, 2).reshape(count * corners, samples * d)
-        sums = rows.new_zeros(nodes, samples * d).index_add(0, self.cells.flatten(), rows)
-        return sums.T.reshape(samples, d, nodes)
+        sums: Tensor = self.sums(rows)
+        return sums.T.reshape(samples, d, -1)

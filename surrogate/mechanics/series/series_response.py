@@ -149,4 +149,4 @@ class SeriesResponse(LinearResponse):
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
-        return -self.respond(self.higher.forces(stress, self.nodes))
+        return -self.respond(self.higher.forces(stress))

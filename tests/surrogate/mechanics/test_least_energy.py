@@ -175,7 +175,7 @@ def test_exported_files_search_as_long_as_it_takes() -> None:
     loads = np.array([0.1, 2.0, 4.0, 30.0])[:, None, None] * end_load(geometry, 1.0, -4.0)
     first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(loads))
     nodal = first.transpose(1, 2).contiguous()
-    terms, gradients = response.terms(nodal)
+    _, gradients = response.terms(nodal)
     potential = EnergyOfTerms(MATERIAL, response.higher.volumes, gradients)
     fading = least_energy_module._fading(potential.squares.diagonal(dim1=-2, dim2=-1))
     assert bool(potential.at(fading).energy.isinf().any())
