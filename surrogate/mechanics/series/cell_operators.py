@@ -73,4 +73,4 @@ class CellOperators(nn.Module):
         at_corners = torch.bmm(flat.reshape(count, samples * d, columns), self.weighted)
         rows = at_corners.transpose(1, 2).reshape(count * corners, samples * d)
         sums: Tensor = self.sums(rows)
-        return sums.T.reshape(samples, d, -1)
+        return sums.T.reshape(samples, d, sums.shape[0])

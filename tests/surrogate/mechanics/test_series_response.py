@@ -80,6 +80,16 @@ def test_gradients_are_those_of_the_first_and_the_last_term() -> None:
     torch.testing.assert_close(gradient[:, 4:], linear.on_grid(last.float())[1])
 
 
+@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
+def test_no_loads_have_no_responses(cell_type: str) -> None:
+    """A validation split may be empty."""
+    geometry = box(cell_type)
+    force = torch.from_numpy(geometry.grid.forces_to_grid(0 * geometry.coordinates)).float()
+    displacement, gradient = SeriesResponse(geometry, MATERIAL)(force[None][:0])
+    assert displacement.shape == (0, *force.shape)
+    assert gradient.shape == (0, 2 * len(force) ** 2, *force.shape[1:])
+
+
 @pytest.mark.parametrize("order", [2, 3, 4, 6])
 def test_remainder_is_of_the_next_order(order: int) -> None:
     """Equilibria at t and t / 2, by Newton's method: the remainders differ by about 2^(n+1)."""
