@@ -165,10 +165,12 @@ class Grid:
         """Take forces to the grid, F = Bᵀ f: (..., n_nodes, d) → (..., d, nx, ny[, nz])."""
         if self.points_are_nodes:
             return self.to_grid(nodal)
-        values = np.swapaxes(nodal, -1, -2)
+        loaded = np.flatnonzero(nodal.any(axis=-1).reshape(-1, self.nodes).any(axis=0))
+        values = np.swapaxes(nodal[..., loaded, :], -1, -2)
         grid = np.zeros((*values.shape[:-1], int(np.prod(self.shape))))
         every: Any = ...
-        for points, weights in zip(self.points.T, self.point_weights.T, strict=True):
+        columns = zip(self.points[loaded].T, self.point_weights[loaded].T, strict=True)
+        for points, weights in columns:
             np.add.at(grid, (every, points), values * weights)
         return grid.astype(nodal.dtype).reshape(*values.shape[:-1], *self.shape)
 

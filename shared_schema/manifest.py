@@ -34,7 +34,7 @@ class ShardEntry(Frozen):
     samples : int
         Solved samples in it.
     failed : int
-        Load cases in it that could not be solved.
+        Load cases that could not be solved; a structured shard has no rows of them.
     sha256 : str
     """
 

@@ -131,7 +131,7 @@ def _make(
         digest = write_shard(
             folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
         )
-        entries.append(ShardEntry(file=entry.file, samples=entry.samples, failed=0, sha256=digest))
+        entries.append(entry.model_copy(update={"sha256": digest}))
         progress.update(stop)
     progress.close()
     if manifest.stiffness is not None:
@@ -165,7 +165,6 @@ def _make(
     )
     update: dict[str, Any] = {
         "kind": "structured",
-        "failed": 0,
         "shards": tuple(entries),
         "structured": info,
         "stiffness": None,  # it is in `structured`

@@ -2,8 +2,9 @@
 
 Everything before a network's first layer is linear in the forces: forces on the grid, linear
 response, gradient, scales; the higher terms of a load series follow from it (`compiled_series`). On
-small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; on a
-grid of nodes, for a reduced network and with a load series (`large_series`), by columns of K⁻¹.
+small bodies it is one matrix, found by unit forces. On large bodies it is computed by PyTorch; for
+a reduced network, and on a grid of nodes with a load series (`large_series`), by columns that are
+kept.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 from torch import Tensor, nn
 
 from surrogate.inference.dense_in_numpy import ReducedInNumPy
+from surrogate.inference.embedded_response import EmbeddedResponse
 from surrogate.inference.unet_in_numpy import UNetInNumPy
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
@@ -26,6 +29,7 @@ from surrogate.networks.field_network import TINY
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.networks.unet import UNet
+from surrogate.networks.weighted_sums import WeightedSums
 from surrogate.probabilistic.ensemble import Ensemble
 
 if TYPE_CHECKING:
@@ -59,10 +63,8 @@ class OneLoad:
         scale = (field.displacement_scale * field.movable).reshape(d, -1).numpy().T
         self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
         self.scales = weights[:, :, None] * scale[self.sources] / np.float32(len(members))
-        to_grid = network.to_grid
-        grid_weights = to_grid.weights[0] / field.force_scale
-        self.grid_sources = to_grid.sources.numpy()[: len(grid_weights)]
-        self.grid_weights = grid_weights[:, None].numpy()
+        self.to_grid = matrix_of(network.to_grid, self.nodes)
+        self.to_grid.data /= field.force_scale.numpy()
         self.response = response_at_nodes(network)
         self.series, self.large = series_at_nodes(network)
         self.matrix: Single | None = None
@@ -109,7 +111,8 @@ class OneLoad:
         """Return `linear_part` of one load; a sparse load needs only some rows of the matrix."""
         if self.matrix is None:
             if self.response is not None:
-                return self._by_columns(force, self.response)
+                u = self.response(force)
+                return np.concatenate((self._on_grid(force).ravel(), u.ravel()))
             with torch.inference_mode():
                 part: Single = self.linear_part(torch.from_numpy(force[None]))[0].numpy()
             return part
@@ -120,11 +123,6 @@ class OneLoad:
         found: Single = flat @ matrix
         return found
 
-    def _by_columns(self, force: Single, response: Compliance) -> Single:
-        """Return `linear_part` of forces and linear response at the nodes, without gradients."""
-        u = response.respond_at_nodes(force)
-        return np.concatenate((self._on_grid(force).ravel(), u.ravel()))
-
     def _joined(self, force: Single, gradients: Single) -> Single:
         """Inputs at the grid points, by their names: (n_points, d), (n_points, 2 d²) → …."""
         channels = gradients.shape[1] // 2
@@ -133,8 +131,8 @@ class OneLoad:
         return np.concatenate([fields[name] for name in self.network.network.inputs], axis=1)
 
     def _on_grid(self, force: Single) -> Single:
-        """Scaled forces on a grid of nodes: (n_nodes, d) → (n_points, d)."""
-        scaled: Single = force.take(self.grid_sources, axis=0) * self.grid_weights
+        """Scaled forces on the grid: (n_nodes, d) → (n_points, d)."""
+        scaled: Single = self.to_grid @ force
         return scaled
 
     def linear_part(self, force: Tensor) -> Tensor:
@@ -167,8 +165,8 @@ class OneLoad:
         return torch.cat([p.flatten(2).transpose(1, 2).flatten(1) for p in parts], dim=1)
 
 
-def response_at_nodes(network: NodalNetwork) -> Compliance | None:
-    """Compliance of a large body whose nodes are the grid points, for a network without gradients.
+def response_at_nodes(network: NodalNetwork) -> Callable[[Single], Single] | None:
+    """The linear response of a large body at its nodes, for a network without gradients.
 
     None for all other networks.
     """
@@ -179,10 +177,20 @@ def response_at_nodes(network: NodalNetwork) -> Compliance | None:
         return None
     if not field.skip or field.inputs != ("force",):
         return None
-    if any(len(sums.weights) > 1 for sums in (*maps, linear.to_grid, linear.to_nodes)):
-        return None
     found = linear.compliance
-    return found if isinstance(found, Compliance) and not len(found.matrix) else None
+    if not isinstance(found, Compliance) or len(found.matrix):
+        return None
+    if all(len(sums.weights) == 1 for sums in (*maps, linear.to_grid, linear.to_nodes)):
+        return found.respond_at_nodes
+    embedded = EmbeddedResponse(network, linear)
+    return embedded if embedded.columns.fit else None
+
+
+def matrix_of(sums: WeightedSums, columns: int) -> csr_array:
+    """Return weighted sums of some inputs as a sparse matrix."""
+    count, rows = sums.weights.shape
+    places = np.tile(np.arange(rows), count), sums.sources.numpy()
+    return coo_array((sums.weights.numpy().ravel(), places), shape=(rows, columns)).tocsr()
 
 
 def series_at_nodes(

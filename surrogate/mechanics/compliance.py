@@ -21,11 +21,11 @@ from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.kept_columns import LOADED, KeptColumns
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
-KEPT = 2**31  # bytes of all columns that may be kept
 CLOSE = 1e-5  # relative error that a factor in single precision may have
-FEW, LOADED = 16, 30  # samples, and loaded degrees of freedom of each, that columns are kept for
+FEW = 16  # samples whose loads are answered by columns
 
 
 class Compliance(nn.Module):
@@ -94,8 +94,7 @@ class Compliance(nn.Module):
             tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
             self.stiffness = assembled(tangents, geometry, dofs)
         self.register_buffer("matrix", matrix, persistent=False)
-        self._columns: NDArray[np.float32] | None = None
-        self._is_kept = np.zeros(self.size, dtype=bool)
+        self._columns = KeptColumns(self.solve, self.size)
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
@@ -117,7 +116,7 @@ class Compliance(nn.Module):
         loaded = np.flatnonzero(force.any(axis=0))
         if force.dtype == np.float64:
             return self.solve(force)
-        if len(force) > FEW or len(loaded) > LOADED * len(force) or 4 * self.size**2 > KEPT:
+        if len(force) > FEW or len(loaded) > LOADED * len(force) or not self._columns.fit:
             return self.solve(force)
         return force[:, loaded] @ self.columns(loaded)
 
@@ -135,14 +134,6 @@ class Compliance(nn.Module):
         """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""
         if len(self.matrix):
             return self.matrix[torch.from_numpy(dofs)].float().cpu().numpy()
-        if self._columns is None:
-            self._columns = np.empty((self.size, self.size), dtype=np.float32)
-        missing = dofs[~self._is_kept[dofs]]
-        if len(missing):
-            unit = np.zeros((len(missing), self.size))
-            unit[np.arange(len(missing)), missing] = 1
-            self._columns[missing] = self.solve(unit)
-            self._is_kept[missing] = True
         return self._columns[dofs]
 
 

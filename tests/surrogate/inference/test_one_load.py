@@ -14,6 +14,7 @@ from torch import nn
 from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference import one_load
+from surrogate.inference.embedded_response import EmbeddedResponse
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.series import series_response
@@ -137,6 +138,21 @@ def test_embedded_grid(dataset: Dataset) -> None:
     grid = averaging(dataset.geometry.grid)
     assert not grid.points_are_nodes
     assert_same_alone(untrained(dataset, grid, network=MECHANICS), dataset)
+
+
+def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loads on a few nodes are answered by columns, found once; others by a solve."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    monkeypatch.setattr(one_load, "LARGEST", 1000)
+    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
+    assert model._one_load is not None
+    response = model._one_load.response
+    assert isinstance(response, EmbeddedResponse)
+    assert_same_alone(model, dataset)
+    monkeypatch.setattr(response.columns, "respond", None)
+    model.predict(2 * loads(dataset)[1])
+    with pytest.raises(TypeError):
+        model.predict(np.roll(loads(dataset)[1], -1, axis=0))
 
 
 def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:
