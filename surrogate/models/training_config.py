@@ -132,7 +132,8 @@ class RecalibratedTraining(TrainingConfig):
     ----------
     recalibrate : bool or float
         Fit factors on the predicted standard deviations to the validation samples; with a level,
-        such as 0.95, so that intervals of this level hold that share of their values.
+        such as 0.95, so that intervals of this level hold that share of their values. The factors
+        depend on the number of loaded nodes.
     """
 
     recalibrate: StrictBool | Annotated[float, Field(gt=0, lt=1)] = False

@@ -13,6 +13,7 @@ from torch.nn import functional
 from shared_schema.manifest import StructuredInfo
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
+from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 
@@ -65,6 +66,8 @@ class FieldNetwork(nn.Module):
     aleatoric_factor, epistemic_factor : Tensor, ()
         Factors a and b on the standard deviations at the nodes
         (`surrogate.uncertainty.recalibration`).
+    count_factor : LoadCountFactor
+        Factor on both, by the number of loaded nodes.
     """
 
     force_scale: Tensor
@@ -103,10 +106,12 @@ class FieldNetwork(nn.Module):
         self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
         self.register_buffer("aleatoric_factor", torch.ones(()))
         self.register_buffer("epistemic_factor", torch.ones(()))
+        self.count_factor = LoadCountFactor()
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
         if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
+        self.count_factor.defaults(f"{prefix}count_factor.", state)
         super()._load_from_state_dict(state, prefix, *others)
 
     def scale_output(self, prepared: Samples, by_node: bool) -> None:

@@ -67,12 +67,13 @@ class NodalNetwork(nn.Module):
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:
         r"""Return the factors on aleatoric and epistemic standard deviations, (N, 1, 1) each.
 
-        They depend on the forces: :math:`a^w, b^w` with :math:`w = \min(1, r^{-4})`, where r is the
-        ratio of the largest force component to the largest one in training. So they are the fitted
-        factors a and b inside the training range, and tend to 1 outside it.
+        They depend on the forces: :math:`(a c)^w, (b c)^w`, where c depends on the number of loaded
+        nodes, :math:`w = \min(1, r^{-4})`, and r is the ratio of the largest force component to the
+        largest one in training. So they are the fitted factors inside the training range, and tend
+        to 1 outside it.
         """
         limit = self.network.force_scale * 3**0.5  # largest force component in training
         reach = force.abs().amax(dim=(1, 2), keepdim=True) / limit
         weight = reach.clamp(min=1).pow(-4)
-        network = self.network
-        return network.aleatoric_factor**weight, network.epistemic_factor**weight
+        network, c = self.network, self.network.count_factor(force)[:, None, None]
+        return (network.aleatoric_factor * c) ** weight, (network.epistemic_factor * c) ** weight

@@ -43,6 +43,7 @@ class WarmStart:
         network.load_state_dict(self.network.state_dict())
         for name in FACTORS:
             getattr(network, name).fill_(1.0)
+        network.count_factor.set([1.0], [1.0])
 
 
 def warm_start(run: Path, config: Model, dataset: Dataset) -> WarmStart:

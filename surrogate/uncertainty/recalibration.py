@@ -10,6 +10,10 @@ errors on training samples differ from errors on other samples.
 Errors with heavier tails than a Gaussian's leave too many values outside wide intervals. For a
 level p, both factors are multiplied by one more, with which intervals of p hold the share p.
 
+Both factors are multiplied by c(n), by the number n of loaded nodes: the same measure, the mean of
+z² = 1 or the share p, then holds in every group of samples with like numbers of loaded nodes
+(calibration by groups, Vovk et al. 2005, Section 4.5).
+
 Held-out samples tell nothing about forces beyond the training range; there the factors tend to 1
 (`NodalNetwork.factors`).
 """
@@ -22,9 +26,11 @@ from scipy.optimize import minimize
 
 from surrogate.data.samples import Samples
 from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.networks.load_count_factor import KNOTS
 from surrogate.uncertainty.calibration import half_width, negative_log_likelihood
 
 BOUNDS = (-6.0, 6.0)  # bounds of ln a and ln b
+LEAST = 30  # samples of a group
 PASSES = 100
 Array = NDArray[np.float64]
 
@@ -64,6 +70,60 @@ def fit_factors(
     return float(found[0]), float(found[-1]) if has_epistemic else 1.0
 
 
+def groups_by_count(counts: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
+    """Group samples by their numbers of loaded nodes, from few to many; those without are left out.
+
+    Parameters
+    ----------
+    counts : array of int, (n,)
+
+    Returns
+    -------
+    list of array of bool, (n,)
+        As many groups as there are numbers, but `KNOTS` at most, of `LEAST` samples at least; a
+        single group if there are too few samples.
+    """
+    loaded = np.unique(counts[counts > 0])
+    for number in range(min(KNOTS, len(loaded)), 1, -1):
+        groups = [np.isin(counts, part) for part in np.array_split(loaded, number)]
+        if min(group.sum() for group in groups) >= LEAST:
+            return groups
+    return [counts > 0]
+
+
+def fit_count_factors(
+    ratios: Array, counts: NDArray[np.int64], level: float | None = None
+) -> tuple[list[float], list[float]]:
+    """Fit factors by the number of loaded nodes.
+
+    Parameters
+    ----------
+    ratios : array, (n, …)
+        |z| of all free components.
+    counts : array of int, (n,)
+        Number of loaded nodes of every sample.
+    level : float, optional
+        As `fit_factors` takes it.
+
+    Returns
+    -------
+    counts, factors : list of float
+        Mean number of loaded nodes of every group, and its factor; 1 if there is a single group.
+    """
+    groups = groups_by_count(counts)
+    if len(groups) == 1:
+        return [1.0], [1.0]
+    numbers, factors = [], []
+    for group in groups:
+        z = ratios[group]
+        numbers.append(float(counts[group].mean()))
+        likeliest = float(np.sqrt((z**2).mean()))
+        factors.append(
+            likeliest if level is None else float(np.quantile(z, level) / half_width(level))
+        )
+    return numbers, factors
+
+
 def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = None) -> None:
     """Fit the factors of a surrogate's network to held-out samples and set them.
 
@@ -82,6 +142,12 @@ def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = N
         for field in (held_out.force, held_out.displacement)
     )
     predicted = surrogate.predict_distribution(force, PASSES)
-    a, b = fit_factors(predicted, reference, ~geometry.clamped, level)
+    free = ~geometry.clamped
+    a, b = fit_factors(predicted, reference, free, level)
     network.aleatoric_factor.fill_(a)
     network.epistemic_factor.fill_(b)
+    std = np.hypot(a * predicted.std_aleatoric, b * predicted.std_epistemic)[:, free]
+    moves = (std > 0).all(axis=0)
+    ratios = np.abs((reference - predicted.mean)[:, free][:, moves]) / std[:, moves]
+    counts = np.count_nonzero(force.any(axis=2), axis=1)
+    network.count_factor.set(*fit_count_factors(ratios, counts, level))

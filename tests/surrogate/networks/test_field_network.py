@@ -142,4 +142,6 @@ def test_scales_are_saved_with_the_weights() -> None:
         "free",
         "aleatoric_factor",
         "epistemic_factor",
+        "count_factor.counts",
+        "count_factor.values",
     }

@@ -9,14 +9,22 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
+from surrogate.data.samples import Samples
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Distribution
 from surrogate.models.unet_model import UNetModel
+from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.training.train import train
 from surrogate.uncertainty.calibration import half_width, measure_calibration
-from surrogate.uncertainty.recalibration import fit_factors
+from surrogate.uncertainty.recalibration import (
+    LEAST,
+    fit_count_factors,
+    fit_factors,
+    groups_by_count,
+    recalibrate,
+)
 
 FREE = np.array([False, True, True])
 
@@ -80,13 +88,13 @@ def test_recalibration_of_a_run(
 ) -> None:
     """The same weights; the held-out samples become likelier, by the factors of `fit_factors`."""
     surrogates = {}
-    for recalibrate in (False, True):
+    for key in (False, True):
         config = make_config(
-            likelihood=likelihood, epochs=10, validation_fraction=0.3, recalibrate=recalibrate
+            likelihood=likelihood, epochs=10, validation_fraction=0.3, recalibrate=key
         )
-        folder = tmp_path / str(recalibrate)
+        folder = tmp_path / str(key)
         train(config, dataset, RunFolder(folder), torch.device("cpu"))
-        surrogates[recalibrate] = load(folder)
+        surrogates[key] = load(folder)
     held_out = split_training(dataset.train, config).validation
     grid = dataset.geometry.grid
     force, reference = (
@@ -120,3 +128,82 @@ def test_factors_fade_beyond_the_training_range(evaluated: Path) -> None:
     assert aleatoric.shape == (3, 1, 1)
     torch.testing.assert_close(aleatoric.flatten(), torch.tensor([0.4, 0.4, 0.4 ** (1 / 16)]))
     torch.testing.assert_close(epistemic.flatten(), torch.tensor([0.9, 0.9, 0.9 ** (1 / 16)]))
+
+
+def force_on(nodes: int) -> np.ndarray:
+    """Forces of 1 N on the first of 20 nodes."""
+    force = np.zeros((20, 2))
+    force[:nodes, 1] = 1.0
+    return force
+
+
+def test_factors_by_the_number_of_loads_are_found() -> None:
+    """Errors of three times the predicted size under one load, of half of it under four."""
+    rng = np.random.default_rng(4)
+    counts = np.repeat([1, 4], 400)
+    truth = np.where(counts == 1, 3.0, 0.5)
+    ratios = np.abs(rng.normal(size=(800, 10))) * truth[:, None]
+    for level in (None, 0.9):
+        numbers, factors = fit_count_factors(ratios, counts, level)
+        assert numbers == [1, 4]
+        assert factors == pytest.approx([3, 0.5], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("counts", "expected"),
+    [
+        (np.repeat([1, 2, 3, 4], 30), [30, 30, 30, 30]),
+        (np.repeat([0, 1, 2, 3, 4], [9, 29, 40, 31, 31]), [69, 31, 31]),
+        (np.repeat([1, 2], [100, 29]), [129]),
+        (np.repeat([5], 100), [100]),
+        (np.repeat(np.arange(1, 13), 20), [60, 60, 60, 60]),
+    ],
+)
+def test_groups_of_enough_samples(counts: np.ndarray, expected: list[int]) -> None:
+    groups = groups_by_count(counts)
+    assert [int(group.sum()) for group in groups] == expected
+    assert not np.any(sum(group.astype(int) for group in groups) > 1)
+    if len(groups) == 1:
+        assert fit_count_factors(np.full((len(counts), 3), 7.0), counts) == ([1.0], [1.0])
+
+
+def test_factor_is_linear_between_the_knots() -> None:
+    factor = LoadCountFactor()
+    force = torch.from_numpy(np.stack([force_on(n) for n in (0, 1, 2, 3, 4, 9)])).float()
+    torch.testing.assert_close(factor(force), torch.ones(6))
+    factor.set([1.0, 3.0, 4.0], [2.0, 1.0, 5.0])
+    torch.testing.assert_close(factor(force), torch.tensor([2.0, 2.0, 1.5, 1.0, 5.0, 5.0]))
+
+
+@pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
+def test_every_number_of_loads_has_its_share(
+    tmp_path: Path,
+    dataset: Dataset,
+    make_config: Callable[..., UNetModel],
+    likelihood: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Errors of other sizes under one load and under four."""
+    config = make_config(likelihood=likelihood, epochs=2, validation_fraction=0.3)
+    train(config, dataset, RunFolder(tmp_path / "run"), torch.device("cpu"))
+    model = load(tmp_path / "run")
+    rng = np.random.default_rng(5)
+    free = np.flatnonzero(~dataset.geometry.clamped)
+    force = np.zeros((2 * LEAST, *dataset.geometry.coordinates.shape))
+    for number, of_sample in enumerate(force):
+        nodes = rng.choice(free, 1 + 3 * (number % 2), replace=False)
+        of_sample[nodes] = rng.uniform(-1, 1, (len(nodes), force.shape[2]))
+    predicted = model.predict_distribution(force, 10)
+    sizes = np.where(np.arange(len(force)) % 2, 4.0, 0.5)[:, None, None]
+    error = sizes * predicted.std * rng.normal(size=force.shape)
+    grid = dataset.geometry.grid
+    held_out = Samples(
+        torch.from_numpy(grid.to_grid(force)),
+        torch.from_numpy(grid.to_grid(predicted.mean + error)),
+    )
+    monkeypatch.setattr("surrogate.uncertainty.recalibration.PASSES", 10)
+    recalibrate(model, held_out, 0.9)
+    after = model.predict_distribution(force, 10)
+    inside = np.abs(error[:, free]) <= half_width(0.9) * after.std[:, free]
+    assert inside[0::2].mean() == pytest.approx(0.9, abs=0.01)
+    assert inside[1::2].mean() == pytest.approx(0.9, abs=0.01)
