@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from shared_schema.grid import Grid
 from shared_schema.layout import NO_NODE
+from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.weighted_sums import WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
@@ -37,6 +38,10 @@ class Field(nn.Module):
 
     members = 1
     force_scale = aleatoric_factor = epistemic_factor = torch.ones(())
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.count_factor = LoadCountFactor()
 
     def forward(self, force: Tensor, passes: int, by_component: Tensor | None) -> Prediction:
         repeated = force.repeat(passes, *[1] * (force.ndim - 1))
