@@ -16,6 +16,7 @@ from surrogate.optim.early_stopping import EarlyStoppingConfig
 from surrogate.optim.optimisers import OptimiserConfig
 from surrogate.optim.schedule import ScheduleConfig
 from surrogate.probabilistic.likelihoods import (
+    Errors,
     Loss,
     Prediction,
     deterministic_loss,
@@ -176,11 +177,17 @@ class LikelihoodTraining(RecalibratedTraining):
     ----------
     beta : float
         Exponent of the likelihood's weights (`negative_log_likelihood`); the paper's value is 0.
+    errors : {"gaussian", "laplace"}
+        Distribution of the errors in the likelihood; the paper's is the Gaussian. Laplace's is for
+        errors with heavy tails.
     """
 
     beta: float = Field(0.0, ge=0, le=1)
+    errors: Errors = "gaussian"
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
         """Return the negative log-likelihood in nats, with displacements in units of their RMS."""
         unit = network.displacement_rms
-        return negative_log_likelihood(prediction, reference, network.free_points, unit, self.beta)
+        return negative_log_likelihood(
+            prediction, reference, network.free_points, unit, self.beta, self.errors
+        )

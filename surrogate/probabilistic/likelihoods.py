@@ -8,6 +8,10 @@ maximum_likelihood  :math:`u ∼ N(d_μ(f), σ^2(f)),\ σ = \ln(1 + e^{d_ρ(f)})
 variational_bayes   the same with probabilistic weights: negative evidence lower bound (Eq. ELBO)
 ==================  ===============================================================================
 
+Beyond the paper, the errors of the last two may have Laplace's distribution of standard deviation σ
+in place of the Gaussian: its logarithm grows with |u − μ|, as the mean absolute error does, so that
+a few large errors do not outweigh all others.
+
 Every loss is divided by the number of data (samples times components), and displacements are
 divided by their root mean square, so that losses of different cases are comparable; the minimiser
 is the same.
@@ -22,6 +26,9 @@ from torch import Tensor
 
 Likelihood = Literal["deterministic", "maximum_likelihood", "variational_bayes"]
 Loss = Literal["mse", "mae"]
+Errors = Literal["gaussian", "laplace"]
+INFORMATION: dict[Errors, tuple[float, float]] = {"gaussian": (1.0, 2.0), "laplace": (2.0, 1.0)}
+"""Fisher information on μ/σ and on ln σ."""
 
 
 class Prediction(NamedTuple):
@@ -60,11 +67,17 @@ def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: T
 
 
 def negative_log_likelihood(
-    prediction: Prediction, reference: Tensor, free: Tensor, unit: Tensor, beta: float = 0.0
+    prediction: Prediction,
+    reference: Tensor,
+    free: Tensor,
+    unit: Tensor,
+    beta: float = 0.0,
+    errors: Errors = "gaussian",
 ) -> Tensor:
-    r"""Mean over samples and free components of −ln N(u; μ, σ²), in nats, with lengths in `unit`.
+    r"""Mean over samples and free components of −ln p(u; μ, σ), in nats, with lengths in `unit`.
 
-    .. math:: \frac{1}{2} \ln(2πσ^2) + \frac{(u - μ)^2}{2σ^2}
+    .. math:: -\ln p = \frac{1}{2} \ln(2πσ^2) + \frac{(u - μ)^2}{2σ^2} \text{ (Gaussian)},
+       \quad \ln(\sqrt{2} σ) + \sqrt{2} \frac{|u - μ|}{σ} \text{ (Laplace)}
 
     Parameters
     ----------
@@ -79,13 +92,19 @@ def negative_log_likelihood(
     beta : float
         Every term is weighted by σ^{2β}, held constant and divided by its mean: 0 is the
         likelihood; towards 1 the means are fitted as by least squares (Seitzer et al. 2022).
+    errors : {"gaussian", "laplace"}
+        Distribution of u − μ.
     """
     assert prediction.std is not None
     mean, std, u = (
         field.flatten(2).index_select(2, free) / unit
         for field in (prediction.mean, prediction.std, reference)
     )
-    nll = std.log() + 0.5 * ((u - mean) / std).square() + 0.5 * math.log(2 * math.pi)
+    z = (u - mean) / std
+    if errors == "gaussian":
+        nll = std.log() + 0.5 * z.square() + 0.5 * math.log(2 * math.pi)
+    else:
+        nll = std.log() + math.sqrt(2) * z.abs() + 0.5 * math.log(2)
     if beta:
         weight = std.detach() ** (2 * beta)
         nll = nll * (weight / weight.mean())

@@ -8,9 +8,10 @@ If the network is linearised in its weights, the evidence lower bound has its ma
 
 Here h is the diagonal of the Fisher information of the N·F data, averaged over weights drawn from
 the posterior (generalised Gauss–Newton; Khan et al. 2018), and κ is the factor on the KL
-divergence. In theory, stochastic gradients of ρ lead to the same σ; in practice, their noise is
-much larger than their mean. The sum over a batch is estimated, with a relative standard deviation
-of √2, by the square of the gradient of the following function with random signs v and v':
+divergence. For errors of Laplace's distribution the factors 1 and 2 change places. In theory,
+stochastic gradients of ρ lead to the same σ; in practice, their noise is much larger than their
+mean. The sum over a batch is estimated, with a relative standard deviation of √2, by the square of
+the gradient of the following function with random signs v and v':
 
 .. math:: \sum_{ij} v_{ij} \frac{μ_{ij}}{\bar σ_{ij}}
    + \sqrt{2} v'_{ij} \frac{σ_{ij}}{\bar σ_{ij}}, \qquad \bar σ = σ \text{ held constant.}
@@ -27,6 +28,7 @@ from torch import Tensor
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import random_signs
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.probabilistic.likelihoods import INFORMATION, Errors
 from surrogate.training.data_parallel import Ranks
 
 EVERY = 4  # number of steps between two estimates
@@ -42,10 +44,12 @@ class GaussNewtonStd:
         Network with random weights; gradients no longer train its ρ.
     samples : int
         Number of training samples N.
+    errors : {"gaussian", "laplace"}
+        Their distribution in the likelihood.
     """
 
-    def __init__(self, network: FieldNetwork, samples: int) -> None:
-        self.network, self.samples = network, samples
+    def __init__(self, network: FieldNetwork, samples: int, errors: Errors = "gaussian") -> None:
+        self.network, self.samples, self.errors = network, samples, errors
         self.parameters = [m for m in network.modules() if isinstance(m, GaussianParameter)]
         for parameter in self.parameters:
             parameter.rho.requires_grad_(False)
@@ -99,7 +103,8 @@ class GaussNewtonStd:
             for field in (prediction.mean, prediction.std)
         )
         signs, other = (random_signs(mean, mean.shape) for _ in range(2))
-        total = ((signs * mean + math.sqrt(2) * other * std) / std.detach()).sum()
+        on_mean, on_std = (math.sqrt(factor) for factor in INFORMATION[self.errors])
+        total = ((on_mean * signs * mean + on_std * other * std) / std.detach()).sum()
         means = [parameter.mean for parameter in self.parameters]
         gradients = torch.autograd.grad(total, means)
         return torch.cat([gradient.flatten() for gradient in gradients]).square()

@@ -22,6 +22,7 @@ from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast, convolutions
 from surrogate.models.model import TrainedModel
+from surrogate.models.training_config import LikelihoodTraining
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.optim.early_stopping import EarlyStopping
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
@@ -74,7 +75,8 @@ class Trainer:
             data = len(self.train) * components * self.network.members
             self.elbo = EvidenceLowerBound(self.network, posterior, data, self.device)
             if posterior.posterior_std == "gauss_newton":
-                self.posterior_std = GaussNewtonStd(self.network, len(self.train))
+                assert isinstance(training, LikelihoodTraining)
+                self.posterior_std = GaussNewtonStd(self.network, len(self.train), training.errors)
         self.train_store, self.validation_store = (
             prepared_store(samples, self.network, training.samples_on, self.device)
             for samples in (self.train, self.validation)

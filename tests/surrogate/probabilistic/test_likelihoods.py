@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
-from torch.distributions import Normal
+from torch.distributions import Laplace, Normal
 
 from surrogate.probabilistic.likelihoods import (
+    Errors,
     Loss,
     Prediction,
     deterministic_loss,
@@ -71,16 +72,17 @@ def at_free(field: Tensor) -> Tensor:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("unit", [1.0, 0.25])
-def test_gaussian_likelihood_against_torch(dimension: int, unit: float) -> None:
+@pytest.mark.parametrize("errors", ["gaussian", "laplace"])
+def test_likelihood_against_torch(dimension: int, unit: float, errors: Errors) -> None:
     """Free components only. A density in 1/m is one over the unit times that in units."""
     prediction, reference = fields(dimension)
     assert prediction.std is not None
-    normal: Any = Normal(at_free(prediction.mean), at_free(prediction.std))
-    expected = -normal.log_prob(at_free(reference)).mean() - math.log(unit)
+    mean, std = at_free(prediction.mean), at_free(prediction.std)
+    of_errors: Any = Normal(mean, std) if errors == "gaussian" else Laplace(mean, std / 2**0.5)
+    expected = -of_errors.log_prob(at_free(reference)).mean() - math.log(unit)
     scale = torch.tensor(unit, dtype=torch.float64)
-    found = negative_log_likelihood(prediction, reference, FREE, scale)
+    found = negative_log_likelihood(prediction, reference, FREE, scale, errors=errors)
     torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
-    assert torch.equal(negative_log_likelihood(prediction, reference, FREE, scale, beta=0.0), found)
 
 
 def two_points() -> tuple[Prediction, Tensor, Tensor]:

@@ -13,6 +13,7 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.probabilistic.likelihoods import Errors
 from surrogate.training.data_parallel import ALONE
 from surrogate.training.gauss_newton import GaussNewtonStd
 from tests.surrogate.resuming import assert_resumes
@@ -46,14 +47,16 @@ def field_network(dataset: Dataset, rho: float) -> FieldNetwork:
     return FieldNetwork(Linear(rho), dataset.geometry, dataset.info).eval()
 
 
-def fisher_information(network: FieldNetwork, force: Tensor) -> Tensor:
+def fisher_information(
+    network: FieldNetwork, force: Tensor, factors: tuple[float, float] = (1.0, 2.0)
+) -> Tensor:
     """Compute h with one gradient per datum of mean/σ and one of ln σ."""
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
     prediction = network(force)
     assert prediction.std is not None
     total = torch.zeros_like(layer.kernel.mean)
-    for field, factor in ((prediction.mean, 1.0), (prediction.std, 2.0)):
+    for field, factor in zip((prediction.mean, prediction.std), factors, strict=True):
         for value, std in zip(
             field.flatten(2)[:, :, network.free_points].flatten(),
             prediction.std.flatten(2)[:, :, network.free_points].flatten(),
@@ -64,15 +67,18 @@ def fisher_information(network: FieldNetwork, force: Tensor) -> Tensor:
     return total.detach()
 
 
-def test_fisher_information_against_one_gradient_a_datum(dataset: Dataset) -> None:
+@pytest.mark.parametrize(("errors", "factors"), [("gaussian", (1.0, 2.0)), ("laplace", (2.0, 1.0))])
+def test_fisher_information_against_one_gradient_a_datum(
+    dataset: Dataset, errors: Errors, factors: tuple[float, float]
+) -> None:
     """The mean of many estimates is h; each has a relative standard deviation below √2."""
     network = field_network(dataset, rho=-2.0)
     force = dataset.train.force[:3]
-    spreads = GaussNewtonStd(network, samples=3)
+    spreads = GaussNewtonStd(network, samples=3, errors=errors)
     torch.manual_seed(1)
     count = 2000
     mean = sum(spreads._squared_gradients(force) for _ in range(count)) / count
-    expected = fisher_information(network, force).flatten()
+    expected = fisher_information(network, force, factors).flatten()
     assert expected.max() > 10 * PRIOR**-2
     torch.testing.assert_close(mean, expected, rtol=6 * math.sqrt(2 / count), atol=0.0)
 
