@@ -49,15 +49,15 @@ def test_cases_of_any_load_differ_by_their_name_alone(model: str) -> None:
             assert other | {"name": beam.name, "case": beam.case} == expected
 
 
-@pytest.mark.parametrize("kind", ["mle", "vb"])
-def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str) -> None:
-    """Inputs, series, errors, and how factors are fitted are all that differs from beam2d's."""
+@pytest.mark.parametrize(("kind", "epochs"), [("mle", 60), ("vb", 20)])
+def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str, epochs: int) -> None:
+    """Inputs, series, errors, epochs, and how factors are fitted differ from beam2d's."""
     plain, mechanics = (shipped_unet(f"{case}-{kind}-fast") for case in ("beam2d", "beam2d_any"))
     inputs = ("force", "linear_gradient", "last_gradient")
     added = {"inputs": inputs, "skip": "series", "series_order": 4}
     assert mechanics.network == plain.network.model_copy(update=added)
-    errors = {"errors": "laplace", "validation_fraction": 0.1, "recalibrate": 0.95}
-    assert mechanics.training == plain.training.model_copy(update=errors)
+    changed = {"errors": "laplace", "validation_fraction": 0.1, "recalibrate": 0.95}
+    assert mechanics.training == plain.training.model_copy(update=changed | {"epochs": epochs})
 
 
 @pytest.mark.parametrize("model", ["dropout", "ensemble"])
