@@ -220,7 +220,7 @@ def test_stiffness_of_an_older_dataset_is_assembled(nodal: Path, tmp_path: Path)
 def test_failed_load_cases_are_counted(tmp_path: Path) -> None:
     """They have no row, but the load cases of both datasets are the same number."""
     case = read_case("beam2d", samples=20)
-    load = case.load.model_copy(update={"range": (-300.0, 300.0)})
+    load = case.loads[0].model_copy(update={"range": (-300.0, 300.0)})
     made = run(case.model_copy(update={"load": load}), tmp_path / "nodal", MPI.COMM_SELF)
     assert made.failed
     found = structure(tmp_path / "nodal", tmp_path / "structured")
