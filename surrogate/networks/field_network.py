@@ -111,7 +111,6 @@ class FieldNetwork(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
         if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
-        self.count_factor.defaults(f"{prefix}count_factor.", state)
         super()._load_from_state_dict(state, prefix, *others)
 
     def scale_output(self, prepared: Samples, by_node: bool) -> None:

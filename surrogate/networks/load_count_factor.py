@@ -33,10 +33,10 @@ class LoadCountFactor(nn.Module):
         for name in ("counts", "values"):
             self.register_buffer(name, torch.ones(KNOTS))
 
-    def defaults(self, prefix: str, state: dict[str, Any]) -> None:
-        """Add factors of 1 to the tensors of a run without such factors."""
-        for name in ("counts", "values"):
-            state.setdefault(f"{prefix}{name}", torch.ones(KNOTS))
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
+        for name in ("counts", "values"):  # runs without such factors
+            state.setdefault(prefix + name, torch.ones(KNOTS))
+        super()._load_from_state_dict(state, prefix, *others)
 
     def set(self, counts: Sequence[float], values: Sequence[float]) -> None:
         """Set the knots, `KNOTS` at most; their numbers of nodes differ by 1 at least."""

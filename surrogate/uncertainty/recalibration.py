@@ -65,9 +65,23 @@ def fit_factors(
     start = np.zeros(2 if has_epistemic else 1)
     found = np.exp(minimize(loss, start, bounds=[BOUNDS] * len(start)).x)
     if level is not None:
-        std = np.hypot(found[0] * aleatoric, found[-1] * epistemic)
-        found *= np.quantile(np.abs(error / std), level) / half_width(level)
+        found *= common_factor(error / np.hypot(found[0] * aleatoric, found[-1] * epistemic), level)
     return float(found[0]), float(found[-1]) if has_epistemic else 1.0
+
+
+def common_factor(z: Array, level: float | None = None) -> float:
+    """Factor on σ with which z = (u − μ) / σ has a mean square of 1, or intervals their share.
+
+    Parameters
+    ----------
+    z : array
+        Of all values.
+    level : float, optional
+        As `fit_factors` takes it.
+    """
+    if level is None:
+        return float(np.sqrt((z**2).mean()))
+    return float(np.quantile(np.abs(z), level) / half_width(level))
 
 
 def groups_by_count(counts: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
@@ -92,14 +106,14 @@ def groups_by_count(counts: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
 
 
 def fit_count_factors(
-    ratios: Array, counts: NDArray[np.int64], level: float | None = None
+    z: Array, counts: NDArray[np.int64], level: float | None = None
 ) -> tuple[list[float], list[float]]:
     """Fit factors by the number of loaded nodes.
 
     Parameters
     ----------
-    ratios : array, (n, …)
-        |z| of all free components.
+    z : array, (n, …)
+        (u − μ) / σ of all free components.
     counts : array of int, (n,)
         Number of loaded nodes of every sample.
     level : float, optional
@@ -113,15 +127,8 @@ def fit_count_factors(
     groups = groups_by_count(counts)
     if len(groups) == 1:
         return [1.0], [1.0]
-    numbers, factors = [], []
-    for group in groups:
-        z = ratios[group]
-        numbers.append(float(counts[group].mean()))
-        likeliest = float(np.sqrt((z**2).mean()))
-        factors.append(
-            likeliest if level is None else float(np.quantile(z, level) / half_width(level))
-        )
-    return numbers, factors
+    numbers = [float(counts[group].mean()) for group in groups]
+    return numbers, [common_factor(z[group], level) for group in groups]
 
 
 def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = None) -> None:
@@ -146,8 +153,7 @@ def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = N
     a, b = fit_factors(predicted, reference, free, level)
     network.aleatoric_factor.fill_(a)
     network.epistemic_factor.fill_(b)
-    std = np.hypot(a * predicted.std_aleatoric, b * predicted.std_epistemic)[:, free]
-    moves = (std > 0).all(axis=0)
-    ratios = np.abs((reference - predicted.mean)[:, free][:, moves]) / std[:, moves]
+    std = np.hypot(a * predicted.std_aleatoric, b * predicted.std_epistemic)
+    z = (reference - predicted.mean)[:, free] / std[:, free]
     counts = np.count_nonzero(force.any(axis=2), axis=1)
-    network.count_factor.set(*fit_count_factors(ratios, counts, level))
+    network.count_factor.set(*fit_count_factors(z, counts, level))

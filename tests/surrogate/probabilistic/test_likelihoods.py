@@ -83,6 +83,8 @@ def test_likelihood_against_torch(dimension: int, unit: float, errors: Errors) -
     scale = torch.tensor(unit, dtype=torch.float64)
     found = negative_log_likelihood(prediction, reference, FREE, scale, errors=errors)
     torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
+    unweighted = negative_log_likelihood(prediction, reference, FREE, scale, 0.0, errors)
+    assert torch.equal(unweighted, found)
 
 
 def two_points() -> tuple[Prediction, Tensor, Tensor]:
