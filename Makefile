@@ -31,7 +31,7 @@ COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
 # Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
 PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
-STUDIES = $(SURROGATE) $@ --scale $(SCALE) $(WHERE)
+STUDIES = .venv-surrogate/bin/python -m experiments $@ --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared_schema.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.layout import NO_NODE, Arrays
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.body_problems import body_problems
-from shared_schema.cells import CELL_TYPES
+from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.grid_arrays import grid_problems

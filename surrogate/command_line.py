@@ -1,4 +1,4 @@
-"""The command ``surrogate``: trains, evaluates, predicts, exports, and does the studies."""
+"""The command ``surrogate``: trains, evaluates, predicts and exports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from surrogate.commands import (
     refine,
     report,
     shelf,
-    studies,
     train,
 )
 
@@ -37,7 +36,6 @@ COMMANDS = (
     report,
     page,
     shelf,
-    studies,
 )
 
 
@@ -71,7 +69,7 @@ def _parser() -> Parser:
 
 def _config_names() -> list[str]:
     from shared_schema.common.shipped_files import names_in
-    from surrogate.runs.configuration import SHIPPED
+    from surrogate.runs.run_config import SHIPPED
 
     return names_in(SHIPPED)
 

@@ -18,9 +18,9 @@ from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
-from shared_schema.bodies.command_loads import CommandLoads
-from shared_schema.bodies.groups import group_arrays
-from shared_schema.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.bodies.groups import group_arrays
 from shared_schema.common.errors import InputError
 from shared_schema.material import ShippedMaterial, ratio_at_rest
 

@@ -9,8 +9,8 @@ from datagen.cases.case import Case
 from datagen.loads.family import SHIPPED, LoadFamily
 from datagen.materials import OwnMaterial
 from shared_schema import material
-from shared_schema.keys.json_schema import DIALECT, Schema, json_schemas
-from shared_schema.keys.key_list import Key, keys_of
+from shared_schema.common.keys.json_schema import DIALECT, Schema, json_schemas
+from shared_schema.common.keys.key_list import Key, keys_of
 
 TITLE = "Case of datagen"
 OWN_CLASS = "FILE.py:ClassName"

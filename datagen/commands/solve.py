@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.commands.options import add_case
-from shared_schema.bodies.command_loads import CommandLoads, LoadedBody, command_loads
-from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.common.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.memory import largest_resident, megabytes

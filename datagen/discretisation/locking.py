@@ -3,7 +3,7 @@ r"""How much too stiff linear elements are where the volume hardly changes.
 The figures are those of a beam of 100 × 20 × 16 mm (in the plane 100 × 16 mm) that is held at one
 end and bent by a traction at the other, with 4 cells across its thickness: the fraction by which
 the deflection of its end falls short of that with `incompressible` elements on a mesh twice as fine
-(`docs/benchmark-elements.md`). Between the measured ratios of Poisson they are interpolated in
+(`docs/benchmarks/elements.md`). Between the measured ratios of Poisson they are interpolated in
 :math:`\log(1 - 2ν)`.
 """
 

@@ -27,9 +27,9 @@ from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_s
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup, on_rank_zero
 from datagen.solver.stiffness import stiffness_of
-from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.memory import largest_resident, require_memory
+from shared_schema.common.progress import Progress
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
 from shared_schema.shard_reader import read_attributes, read_shard

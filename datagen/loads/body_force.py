@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
-from shared_schema.bodies.facet_quadrature import CORNERS, GAUSS
+from shared_schema.common.bodies.facet_quadrature import CORNERS, GAUSS
 
 
 class BodyForce(LoadFamily):

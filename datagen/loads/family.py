@@ -26,7 +26,7 @@ from pydantic import (
 from datagen.mesh.regions import Region
 from datagen.own_class import import_named
 from datagen.quantities import Magnitude
-from shared_schema.cells import outward_facets
+from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.configuration import Frozen, first_problem
 
 SHIPPED = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from datagen.loads.drawn_load import DrawnLoads
 from datagen.loads.family import LoadableNodes, LoadFamily
 from datagen.quantities import LARGEST_SEED
-from shared_schema.bodies.facet_quadrature import pressure_forces
+from shared_schema.common.bodies.facet_quadrature import pressure_forces
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
 

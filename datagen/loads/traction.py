@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
-from shared_schema.bodies.facet_quadrature import facet_shares
+from shared_schema.common.bodies.facet_quadrature import facet_shares
 
 
 class Traction(LoadFamily):

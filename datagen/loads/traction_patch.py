@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 from datagen.quantities import Size
-from shared_schema.bodies.facet_quadrature import facet_points
-from shared_schema.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.facet_quadrature import facet_points
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.cells import CELL_TYPES, NEIGHBOURS
+from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there

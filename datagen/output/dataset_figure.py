@@ -12,7 +12,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from datagen.output.nodal_samples import NodalSamples, Sample
-from shared_schema.drawing.figure_style import (
+from shared_schema.common.drawing.figure_style import (
     NETWORK,
     REFERENCE,
     UNDEFORMED,
@@ -20,7 +20,7 @@ from shared_schema.drawing.figure_style import (
     save,
     styled,
 )
-from shared_schema.drawing.mesh_drawing import Drawing, make_drawing
+from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
 
 SUFFIXES = (".png", ".svg", ".pdf")
 SHOWN = 4  # number of samples, if none are named

@@ -3,7 +3,8 @@
 An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a ``.pvd`` file refers
 to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
 with ``displacement`` in m and ``force`` in N, three components each, float64. With stresses they
-also have ``reaction`` in N, and the cells the fields of `shared_schema.bodies.stress_fields`.
+also have ``reaction`` in N, and the cells the fields of
+`shared_schema.common.bodies.stress_fields`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from meshio.xdmf import TimeSeriesWriter
 
 from datagen.output.nodal_samples import NodalSamples, Sample
 from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
-from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
+from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import flat, in_space, require_suffix, write_solution
 from shared_schema.material import as_tuple, materials_of
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.mesh.node_numbering import NodeNumbering
-from shared_schema.bodies.facet_quadrature import facet_tangents, normals_of, pressure_forces
+from shared_schema.common.bodies.facet_quadrature import facet_tangents, normals_of, pressure_forces
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from datagen.quantities import LARGEST_SEED
 from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
-from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError
+from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, write_manifest

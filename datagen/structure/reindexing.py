@@ -18,11 +18,11 @@ from datagen.solver.stiffness import stiffness_of
 from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.structure.embedding import embed
 from shared_schema.checker import require_intact
-from shared_schema.common.command_line import Progress
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.grid_arrays import grid_arrays

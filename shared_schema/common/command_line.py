@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
-
-from tqdm import tqdm
 
 from shared_schema.common.errors import (
     DONE,
@@ -24,13 +23,13 @@ from shared_schema.common.errors import (
     WorkError,
     first_line,
 )
+from shared_schema.common.progress import shown_progress
 
 SHELLS = ("bash", "zsh")
 COMPLETE = {  # function that completes names and paths: its name, the names
     "bash": '{0}() {{ compgen -W "{1}" -- "$1"; compgen -f -- "$1"; }}',
     "zsh": "{0}() {{ compadd -- {1}; _files }}",
 }
-LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
 Parser: TypeAlias = argparse.ArgumentParser
 Commands: TypeAlias = (
     "argparse._SubParsersAction[argparse.ArgumentParser]"  # argparse gives this type no public name
@@ -134,6 +133,38 @@ def add_set(parser: Parser, file: str, example: str) -> None:
     )
 
 
+class _OnStderr(logging.Handler):
+    """Prints messages of the library as ``program: warning: …`` (``program: …`` if only news)."""
+
+    def __init__(self, program: str) -> None:
+        super().__init__(logging.INFO)
+        self.program = program
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        kind = "warning: " if record.levelno >= logging.WARNING else ""
+        print(f"{self.program}: {kind}{record.getMessage()}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def logged(program: str) -> Iterator[None]:
+    """Print what a program and the code it shares log, while a command runs."""
+    handler = _OnStderr(program)
+    loggers = [logging.getLogger(name) for name in (program, "shared_schema")]
+    before = [(logger.level, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+    try:
+        yield
+    finally:
+        for logger, (level, propagate) in zip(loggers, before, strict=True):
+            logger.removeHandler(handler)
+            logger.setLevel(level)
+            logger.propagate = propagate
+
+
 def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:
     """Run a command and turn what it raises into an exit code and one line on stderr.
 
@@ -146,7 +177,8 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         Print errors that every rank raises (wrong input, a stop); true on one rank only.
     """
     try:
-        command()
+        with logged(program), shown_progress():
+            command()
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads the output, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -169,63 +201,3 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
             print(f"{program}: stopped; resume with the same command", file=sys.stderr)
         return FAILED
     return DONE
-
-
-class Progress:
-    """Progress with rate and remaining time: a bar on a terminal, plain lines elsewhere.
-
-    Parameters
-    ----------
-    total : int
-        Total number of units of work.
-    done : int
-        Number of units done before this start.
-    unit : str
-        Name of a unit, for the rate.
-    title : str
-    silent : bool
-        Show nothing.
-    """
-
-    def __init__(
-        self, total: int, done: int = 0, unit: str = "", title: str = "", silent: bool = False
-    ) -> None:
-        self._total, self._start, self._done = total, done, done
-        self._unit, self._title, self._silent = unit, title, silent
-        self._began = time.perf_counter()
-        self._last_line = self._began
-        on_terminal = sys.stderr.isatty() and not silent
-        self._bar = (
-            tqdm(total=total, initial=done, unit=f" {unit}", desc=title, dynamic_ncols=True)
-            if on_terminal
-            else None
-        )
-
-    def update(self, done: int, note: str = "") -> None:
-        """Show the total number of units done, with a note such as the current loss."""
-        advanced = done - self._done
-        self._done = done
-        if self._bar is not None:
-            if note:
-                self._bar.set_postfix_str(note, refresh=False)
-            self._bar.update(advanced)
-        elif not self._silent and time.perf_counter() - self._last_line >= LINE_EVERY:
-            self._print(note)
-
-    def close(self, note: str = "") -> None:
-        """Finish the bar, or print the last line."""
-        if self._bar is not None:
-            self._bar.close()
-        elif not self._silent:
-            self._print(note)
-
-    def _print(self, note: str) -> None:
-        now = time.perf_counter()
-        self._last_line = now
-        elapsed = now - self._began
-        rate = (self._done - self._start) / elapsed if elapsed > 0 else 0.0
-        left = (
-            f"{(self._total - self._done) / rate:.0f} s left" if rate > 0 else "time left unknown"
-        )
-        text = f"{self._title}: {self._done}/{self._total} {self._unit}, {rate:.1f}/s, {left}"
-        print(text + (f", {note}" if note else ""), file=sys.stderr, flush=True)

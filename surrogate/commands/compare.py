@@ -38,10 +38,10 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the table; draw the figure and write the numbers if asked to."""
-    from shared_schema.drawing.figure_style import save
+    from shared_schema.common.drawing.figure_style import save
     from surrogate.device import choose_device
-    from surrogate.evaluation.comparison import compare
-    from surrogate.presentation.comparison import (
+    from surrogate.evaluation.run_comparison import compare
+    from surrogate.figures.comparison_table import (
         comparison_csv,
         comparison_figure,
         comparison_table,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.command_line import Commands, add_command
-from shared_schema.keys.schema_command import add_arguments, printed
+from shared_schema.common.keys.schema_command import add_arguments, printed
 
 LIKELIHOODS = ("deterministic", "maximum_likelihood", "variational_bayes")
 DATA = Path("data")  # where `make data` puts datasets

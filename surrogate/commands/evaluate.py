@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> None:
     """Evaluate, and print the errors."""
     from surrogate.device import choose_device
     from surrogate.evaluation.evaluate import evaluate
-    from surrogate.presentation.run_figures import write_evaluation
+    from surrogate.figures.run_figures import write_evaluation
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import copy_run, find_run, require_changeable
 

@@ -55,12 +55,12 @@ def counts(text: str) -> tuple[int, ...]:
 
 def run(options: argparse.Namespace) -> None:
     """Train and evaluate; print the curve; write table and figure."""
+    from shared_schema.common.drawing.figure_style import save
     from shared_schema.common.text_table import laid_out
-    from shared_schema.drawing.figure_style import save
     from surrogate.device import choose_device
     from surrogate.evaluation.learning_curve import PowerLaw, curve_as_json, learning_curve
-    from surrogate.presentation.learning_curve_figure import learning_curve_figure
-    from surrogate.runs.configuration import read_config
+    from surrogate.figures.learning_curve_figure import learning_curve_figure
+    from surrogate.runs.run_config import read_config
 
     config, out = read_config(options.config, options.changes), options.out
     require_writable(out)

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared_schema.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import (
     RUN,
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from surrogate.certify.certificate import Certificate
+    from surrogate.certify.fast_certificate import Bounds, FastCertificate
     from surrogate.inference.prediction import Surrogate
-    from surrogate.mechanics.certificate import Certificate
-    from surrogate.uncertainty.fast_certificate import Bounds, FastCertificate
 
     Array = NDArray[np.float64]
 
@@ -84,15 +84,15 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Predict, and write the fields."""
-    from shared_schema.bodies.command_loads import command_loads
+    from shared_schema.common.bodies.command_loads import command_loads
     from shared_schema.common.errors import InputError, NotCertifiedError
     from shared_schema.common.solution_file import require_suffix, write_solution
+    from surrogate.certify.intervals import load_intervals
     from surrogate.device import choose_device
     from surrogate.inference.loading import load
     from surrogate.inference.prediction import require_known_pressure
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
-    from surrogate.uncertainty.intervals import load_intervals
 
     require_suffix(options.out)
     require_writable(options.out)
@@ -163,9 +163,9 @@ def run(options: argparse.Namespace) -> None:
 def _fast_certificate(run: Path, surrogate: Surrogate, level: float) -> FastCertificate:
     """Read the fast certificate of a run, and check that it has the level."""
     from shared_schema.common.errors import InputError
+    from surrogate.certify.fast_certificate import load_fast_certificate
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
-    from surrogate.uncertainty.fast_certificate import load_fast_certificate
 
     folder = RunFolder(find_run(run))
     folder.seal.require_intact(folder.fast_certificate)

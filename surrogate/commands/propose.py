@@ -43,11 +43,11 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.solution_file import require_suffix
     from shared_schema.load_cases import LoadCases, write_load_cases
     from shared_schema.manifest import digest_of
+    from surrogate.certify.proposal import propose
     from surrogate.data.random_loads import random_loads
     from surrogate.device import choose_device
     from surrogate.inference.loading import load
     from surrogate.inference.prediction import require_passes
-    from surrogate.uncertainty.proposal import propose
 
     require_suffix(options.out, (".h5",))
     require_writable(options.out)

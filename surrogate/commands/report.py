@@ -30,7 +30,7 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the page, and print its path."""
-    from surrogate.presentation.report import write_report
+    from surrogate.figures.report import write_report
 
     require_writable(options.out)
     warn_unsealed(options.run)

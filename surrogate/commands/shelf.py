@@ -31,8 +31,8 @@ def add_to(commands: Commands) -> None:
 
 def run_list(options: argparse.Namespace) -> None:
     """Print a line for each network, and one for each configuration."""
-    from surrogate.presentation.config_list import config_list
-    from surrogate.presentation.trained_list import trained_list
+    from surrogate.figures.config_list import config_list
+    from surrogate.figures.trained_list import trained_list
 
     print(f"{trained_list()}\n\n{config_list()}")
 

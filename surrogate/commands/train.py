@@ -70,8 +70,8 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.data.joined_dataset import read_datasets
     from surrogate.device import choose_device
     from surrogate.models.model import TrainedModel
-    from surrogate.runs.configuration import read_config
     from surrogate.runs.folder import RunFolder
+    from surrogate.runs.run_config import read_config
     from surrogate.training.data_parallel import joined
     from surrogate.training.dry_run import dry_run
     from surrogate.training.train import stays_on_disk, train

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 

@@ -12,22 +12,22 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from experiments.paper.published_numbers import PAPER
 from shared_schema.common.errors import InputError
+from surrogate.certify.fast_certificate import FastCertificate, fit_fast_certificate
+from surrogate.certify.intervals import Intervals, fit_intervals
 from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_errors
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
-from surrogate.evaluation.paper import PAPER
 from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.evaluation.stress_errors import StressMeasures, measure_stresses
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import PASSES, Distribution, Surrogate
 from surrogate.networks.unet import parameter_count
+from surrogate.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
-from surrogate.uncertainty.calibration import CalibrationMeasures, measure_calibration
-from surrogate.uncertainty.fast_certificate import FastCertificate, fit_fast_certificate
-from surrogate.uncertainty.intervals import Intervals, fit_intervals
 
 
 @dataclass(frozen=True)

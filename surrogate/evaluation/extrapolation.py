@@ -14,7 +14,7 @@ from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.prediction import Distribution, Surrogate
-from surrogate.uncertainty.calibration import half_width
+from surrogate.probabilistic.calibration import half_width
 
 Array = NDArray[np.float64]
 BAND = 0.95

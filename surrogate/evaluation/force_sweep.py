@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.evaluation.extrapolation import BAND, Extrapolation
-from surrogate.uncertainty.calibration import half_width, rank_correlation
+from surrogate.probabilistic.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]
 

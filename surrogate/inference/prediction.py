@@ -10,22 +10,22 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.bodies.command_loads import CommandLoads
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, first_line
+from surrogate.certify.certificate import Certificate, certify
+from surrogate.certify.correction import Correction, correct
 from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.device import convolutions
-from surrogate.inference.one_load import OneLoad, in_numpy
 from surrogate.inference.training_range import TrainingRange
-from surrogate.mechanics.certificate import Certificate, certify
 from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.newton import Correction, correct
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
+from surrogate.one_load.backend import OneLoad, in_numpy
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
@@ -130,7 +130,7 @@ class Surrogate:
 
         Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
         a CPU, a load series by code that Numba compiles, in some seconds, at the first prediction
-        after an installation (`surrogate.inference.one_load`). Rounding of single precision is all
+        after an installation (`surrogate.one_load.backend`). Rounding of single precision is all
         that differs from `predict_distribution`.
 
         Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
@@ -251,7 +251,7 @@ class Surrogate:
         Returns
         -------
         dict of array, (n_cells, …) or (N, n_cells, …)
-            By the names of `shared_schema.bodies.stress_fields`.
+            By the names of `shared_schema.common.bodies.stress_fields`.
 
         Raises
         ------

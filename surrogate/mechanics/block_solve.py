@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from surrogate.mechanics.compliance import Compliance
-from surrogate.networks.weighted_sums import padded_rows
+from surrogate.mechanics.weighted_sums import padded_rows
 
 MOST_REFINEMENTS = 5
 EPSILON = 2.0**-23

@@ -1,9 +1,10 @@
 r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes that can move.
 
-K and its factor are those of `surrogate.mechanics.equilibrium`. A small body keeps K⁻¹ as a dense
-matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved for: a
-load on a few nodes, met again, then costs a sum of a few columns. Forces in single precision are
-solved for by a factor in single precision, unless the body is so slender that this has an effect.
+K and its factor are those of `surrogate.mechanics.out_of_balance`. A small body keeps K⁻¹ as a
+dense matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved
+for: a load on a few nodes, met again, then costs a sum of a few columns. Forces in single precision
+are solved for by a factor in single precision, unless the body is so slender that this has an
+effect.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from torch.nn import functional
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
-from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.kept_columns import LOADED, KeptColumns
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.one_load.kept_columns import LOADED, KeptColumns
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 CLOSE = 1e-5  # relative error that a factor in single precision may have

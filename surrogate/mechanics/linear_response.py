@@ -20,7 +20,7 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.nodal_gradient import nodal_gradient
-from surrogate.networks.weighted_sums import WeightedSums, padded_rows, transposed
+from surrogate.mechanics.weighted_sums import WeightedSums, padded_rows, transposed
 
 AT_ONCE = 256  # samples
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.bodies.stress_fields import stress_fields
+from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.solids.elements import CORNERS, gradients_at
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
@@ -28,7 +28,7 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     Returns
     -------
     dict of array, (N, n_cells, …)
-        By the names of `shared_schema.bodies.stress_fields`.
+        By the names of `shared_schema.common.bodies.stress_fields`.
     """
     middle = np.mean(CORNERS[geometry.cell_type], axis=0)[None]
     mesh = geometry.coordinates, geometry.cells, geometry.cell_type

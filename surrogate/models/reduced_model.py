@@ -16,7 +16,6 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.models.load_series import series_on_grid
 from surrogate.models.network_model import (
     Bayesian,
     Deterministic,
@@ -33,6 +32,7 @@ from surrogate.networks.reduced_network import (
 )
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream
+from surrogate.series.series_of_dataset import series_on_grid
 
 LARGEST_FIT = 6000  # samples that a series is fitted to
 

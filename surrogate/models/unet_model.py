@@ -17,7 +17,6 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.models.network_model import (
     Bayesian,
     Deterministic,
@@ -28,6 +27,7 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.probabilistic.likelihoods import output_channels
+from surrogate.series.series_response import SeriesResponse
 
 GROWTH = {1: "constant", 2: "doubling"}
 SCALED_BY = 500  # samples at most, evenly spaced, that tell the scales of a network on a series

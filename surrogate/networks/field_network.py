@@ -65,7 +65,7 @@ class FieldNetwork(nn.Module):
         Numbers of these points in the flattened grid.
     aleatoric_factor, epistemic_factor : Tensor, ()
         Factors a and b on the standard deviations at the nodes
-        (`surrogate.uncertainty.recalibration`).
+        (`surrogate.training.recalibration`).
     count_factor : LoadCountFactor
         Factor on both, by the number of loaded nodes.
     """

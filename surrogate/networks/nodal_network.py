@@ -6,8 +6,8 @@ import numpy as np
 from torch import Tensor, nn
 
 from shared_schema.grid import Grid
+from surrogate.mechanics.weighted_sums import WeightedSums, transposed
 from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.weighted_sums import WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
 
 

@@ -12,8 +12,8 @@ from shared_schema.common.errors import InputError
 from surrogate.inference.export import export_network
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.compliance import DENSE
-from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.series.series_response import SeriesResponse
 
 PASSES = 30  # of all members together: 20 frames a second in the plane
 FEWEST = 2  # passes of a member; one has no standard deviation

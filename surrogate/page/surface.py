@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from shared_schema.cells import FACETS, boundary_facets
+from shared_schema.common.bodies.cells import FACETS, boundary_facets
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 

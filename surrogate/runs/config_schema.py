@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter
 
-from shared_schema.keys.json_schema import Schema, json_schema
-from shared_schema.keys.key_list import Key, joined, keys_of
-from surrogate.runs.configuration import ADAPTER, KINDS
+from shared_schema.common.keys.json_schema import Schema, json_schema
+from shared_schema.common.keys.key_list import Key, joined, keys_of
+from surrogate.runs.run_config import ADAPTER, KINDS
 
 TITLE = "Configuration of surrogate train"
 

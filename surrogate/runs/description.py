@@ -14,8 +14,8 @@ from shared_schema.material import Materials, materials_of
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.model import Model, TrainedModel
-from surrogate.runs.configuration import KINDS, RunConfig, tag_of
 from surrogate.runs.legacy import upgraded
+from surrogate.runs.run_config import KINDS, RunConfig, tag_of
 
 
 class DataFingerprint(Frozen):

@@ -31,8 +31,8 @@ from shared_schema.common.configuration import read_yaml, validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.runs.description import RunDescription
-from surrogate.runs.manifest import Seal
 from surrogate.runs.metric_lines import append_line, read_lines, write_lines
+from surrogate.runs.seal import Seal
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
 

@@ -18,7 +18,7 @@ import torch
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import InputError
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.manifest import Seal
+from surrogate.runs.seal import Seal
 
 SHELF = Path(__file__).parents[1] / "trained"
 KEPT = ("config.yaml", "model.safetensors", "evaluation.json", "hardware.txt")

@@ -19,7 +19,7 @@ from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.models.model import Model, TrainedModel
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.configuration import run_config
+from surrogate.runs.run_config import run_config
 from surrogate.training.memory_estimate import training_memory
 
 Architecture = Literal["unet", "reduced"]

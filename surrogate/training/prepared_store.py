@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import torch
 from torch import Tensor
 
-from shared_schema.common.command_line import Progress
+from shared_schema.common.progress import Progress
 from surrogate.data.sample_paths import SamplePaths
 from surrogate.data.sample_store import Location, SampleStore, store_samples
 from surrogate.data.samples import Samples

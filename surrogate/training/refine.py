@@ -1,7 +1,7 @@
 r"""Training without solutions: by the potential energy of random load cases.
 
 In equilibrium the potential energy :math:`Π(u) = E(u) - f · u` is lowest
-(`surrogate.mechanics.equilibrium`). A network u(f; θ) is trained by its mean over random load
+(`surrogate.mechanics.out_of_balance`). A network u(f; θ) is trained by its mean over random load
 cases, each over the work of its linear response:
 
 .. math::
@@ -22,12 +22,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.progress import Progress
 from surrogate.data.random_loads import RandomLoads, random_loads
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Surrogate
-from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.models.model import TrainedModel
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
 from surrogate.runs.description import Origin, Refinement, RunDescription

@@ -18,8 +18,8 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.command_line import Progress
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.data.mirror import with_mirror_images
 from surrogate.data.sample_paths import SamplePaths
@@ -35,18 +35,18 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.runs.split import TrainingSplit, split_training
 from surrogate.seeds import ORDER, stream
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.cuda_graph import can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
+from surrogate.training.kept_load_paths import compute_missing, read_paths, require_path_memory
 from surrogate.training.memory_estimate import training_memory
+from surrogate.training.recalibration import recalibrate
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import TrainingLog, require_tensorboard
 from surrogate.training.validation import validate
 from surrogate.training.warm_start import warm_start
-from surrogate.uncertainty.recalibration import recalibrate
 
 OVERFITTED = 2.0  # ratio of validation and training errors from which on more samples help
 

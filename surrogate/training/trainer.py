@@ -16,7 +16,7 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from shared_schema.common.command_line import Progress
+from shared_schema.common.progress import Progress
 from surrogate.data.sample_paths import AlongPaths, SamplePaths
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk

@@ -6,7 +6,7 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 
-from tests.open_mpi import OF_A_RUN, SETTINGS
+from tools.open_mpi import OF_A_RUN, SETTINGS
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 for name in list(os.environ):  # of an MPI that the process above has begun, as pytest-xdist's does

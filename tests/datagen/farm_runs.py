@@ -19,7 +19,7 @@ from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
 from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
-from tests.open_mpi import SETTINGS
+from tools.open_mpi import SETTINGS
 
 LAUNCHERS = (b"mpirun", b"prterun")  # Open MPI 5's mpirun turns into the second
 TIMES = {"samples/wall_time"}  # the only array that may differ

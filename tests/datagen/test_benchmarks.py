@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.benchmarks.publication import page_path, result_path
+from experiments.benchmarks.publication import page_path, result_path
 
 BENCHMARKS = {
     "equilibrium": "equilibrium",
@@ -28,7 +28,7 @@ def results_of(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_page_is_made_from_the_results(name: str) -> None:
-    module = importlib.import_module(f"tests.benchmarks.{BENCHMARKS[name]}")
+    module = importlib.import_module(f"experiments.benchmarks.{BENCHMARKS[name]}")
     results = results_of(name)
     assert page_path(name).read_text() == module.table(results)
     assert f"python -m {module.__name__}" in results["command"]

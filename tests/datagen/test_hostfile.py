@@ -1,4 +1,4 @@
-"""Ranks on two nodes of a hostfile, which exchange messages by TCP (see `tests.two_nodes`)."""
+"""Ranks on two nodes of a hostfile, which exchange messages by TCP (see `tools.two_nodes`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from shared_schema.checker import check_dataset
 from tests.datagen.farm_runs import assert_same, command, recorded, write_case
-from tests.two_nodes import NoNamespacesError, TwoNodes, two_nodes
+from tools.two_nodes import NoNamespacesError, TwoNodes, two_nodes
 
 pytestmark = pytest.mark.mpi
 SECOND = "10.77.0.2"

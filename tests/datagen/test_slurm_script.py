@@ -11,7 +11,7 @@ import pytest
 from datagen.command_line import _parser
 from shared_schema.checker import check_dataset
 from shared_schema.manifest import read_manifest
-from tests.slurm import JOB, SlurmJob, expanded, finish, sbatch_options, terminate_when
+from tools.slurm import JOB, SlurmJob, expanded, finish, sbatch_options, terminate_when
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "slurm" / "datagen.sbatch"
 

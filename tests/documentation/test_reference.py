@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shlex
 
-from shared_schema.keys.key_list import Key
+from shared_schema.common.keys.key_list import Key
 from surrogate.command_line import _parser
 from surrogate.models.training_config import TrainingConfig
-from surrogate.runs.configuration import KINDS
+from surrogate.runs.run_config import KINDS
 from website.key_tables import keys_page
 from website.reference import commands_of, commands_page, pages_of
 

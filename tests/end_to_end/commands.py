@@ -6,7 +6,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from tests.open_mpi import SETTINGS
+from tools.open_mpi import SETTINGS
 
 ROOT = Path(__file__).parents[2]
 DATAGEN = ROOT / ".venv-datagen" / "bin" / "datagen"

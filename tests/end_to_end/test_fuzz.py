@@ -10,9 +10,9 @@ from typing import Any
 import h5py
 import pytest
 
-from tests.fuzz.attacks import judged
-from tests.fuzz.material import digests
-from tests.fuzz.mutations import change_file, change_text, change_words
+from tools.fuzz.attacks import judged
+from tools.fuzz.material import digests
+from tools.fuzz.mutations import change_file, change_text, change_words
 
 RIGHT = {"code": 2, "ended": "itself", "stdout": "", "stderr": "datagen: error: --out\n"}
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import surrogate
-from shared_schema.bodies.command_loads import command_loads
+from shared_schema.common.bodies.command_loads import command_loads
 from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 
 BELLOWS = """

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.bodies.groups import group_arrays, groups_of
 from shared_schema.body_problems import body_problems
+from shared_schema.common.bodies.groups import group_arrays, groups_of
 from shared_schema.layout import Arrays
 from shared_schema.shard_reader import read_shard
 from shared_schema.shard_writer import write_shard

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared_schema.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
 from shared_schema.common.errors import InputError
 
 X = np.array([[0.0, 0.0], [2.0, 0.0], [5.0, 0.0], [0.0, 1.0], [2.0, 1.0], [5.0, 1.0]])

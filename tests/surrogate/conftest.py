@@ -28,8 +28,8 @@ from shared_schema.manifest import (
 from shared_schema.shard_writer import write_shard
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
+from surrogate.figures.run_figures import write_evaluation
 from surrogate.models.unet_model import UNetModel
-from surrogate.presentation.run_figures import write_evaluation
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train

@@ -14,8 +14,8 @@ from surrogate.command_line import _parser
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from tests.slurm import JOB, NODE_LIST, SlurmJob, expanded, finish, sbatch_options, terminate_when
 from tests.surrogate.resuming import untimed
+from tools.slurm import JOB, NODE_LIST, SlurmJob, expanded, finish, sbatch_options, terminate_when
 
 MakeConfig = Callable[..., UNetModel]
 

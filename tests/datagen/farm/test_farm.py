@@ -40,7 +40,7 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
-from tests.open_mpi import without_launcher
+from tools.open_mpi import without_launcher
 
 STOPPED = """
 import os, signal, sys

@@ -34,7 +34,7 @@ from tests.datagen.farm_runs import (
 )
 from tests.datagen.refusal import refusal
 from tests.datagen.small_disk import SmallDisk
-from tests.open_mpi import without_launcher
+from tools.open_mpi import without_launcher
 
 DiskMaker = Callable[[str], SmallDisk]
 

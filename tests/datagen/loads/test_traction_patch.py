@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.bodies.facet_quadrature import facet_points
+from shared_schema.common.bodies.facet_quadrature import facet_points
 from tests.datagen.loads.places import family, place
 
 TRIANGLE = np.array([[[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [0.0, 1.0, 1.0]]])

@@ -20,7 +20,7 @@ from datagen.farm.farm import run
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.cells import NEIGHBOURS
+from shared_schema.common.bodies.cells import NEIGHBOURS
 from shared_schema.common.errors import InputError
 from tests.datagen.farm_runs import assert_near, execute
 

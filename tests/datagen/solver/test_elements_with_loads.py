@@ -16,8 +16,8 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.material import longitudinal_modulus
 from datagen.solver.settings import SolverSettings
-from shared_schema.bodies.facet_quadrature import pressure_forces
-from shared_schema.cells import outward_facets
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.facet_quadrature import pressure_forces
 from shared_schema.material import (
     Material,
     MooneyRivlin,

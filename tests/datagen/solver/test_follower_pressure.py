@@ -14,8 +14,8 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.follower_pressure import facet_derivatives
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.bodies.facet_quadrature import area_vectors, pressure_forces
-from shared_schema.cells import outward_facets
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.facet_quadrature import area_vectors, pressure_forces
 from shared_schema.material import MooneyRivlin
 
 MATERIAL = MooneyRivlin(c10=60, c01=25, bulk_modulus=300)

@@ -18,8 +18,8 @@ from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.structure.embedding import element_size, embed, locate, multilinear, shape_functions
 from datagen.structure.reindexing import nodal_forces_of, structure
-from shared_schema.cells import CELL_TYPES
 from shared_schema.checker import check_dataset
+from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
 from shared_schema.grid_arrays import grid_of

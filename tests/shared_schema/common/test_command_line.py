@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-import itertools
+import logging
 from collections.abc import Callable
 
 import pytest
 
-from shared_schema.common.command_line import Progress, run_command
+from shared_schema.common.command_line import run_command
 from shared_schema.common.errors import InputError, WorkError
 
 
@@ -47,33 +47,16 @@ def test_mistakes_of_the_program_are_not_hidden() -> None:
         run_command("prog", raising(ZeroDivisionError()))
 
 
-def test_progress_prints_plain_lines(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A clock that goes 6 s a call: a line every 10 s is a line at every second update.
+def test_what_the_library_logs_is_printed_by_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    logger = logging.getLogger("prog.part")
 
-    Began at 0 s, with 10 of 100 units done. Updates ask for the time at 6 s (no line) and 12 s;
-    the line is made at 18 s with 30 units: (30 - 10) / 18 = 1.1 a second, 70 / 1.11 = 63 s left.
-    """
-    clock = itertools.count(0.0, 6.0)
-    monkeypatch.setattr("shared_schema.common.command_line.time.perf_counter", lambda: next(clock))
-    progress = Progress(100, 10, "steps", "train")
-    progress.update(20, "loss 2")
-    progress.update(30, "loss 1")
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == "train: 30/100 steps, 1.1/s, 63 s left, loss 1\n"
-    progress.close("done")
-    assert capsys.readouterr().err.endswith(", done\n")
+    def command() -> None:
+        logger.info("from epoch %d on", 3)
+        logger.warning("a load out of range")
 
-
-def test_silent_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    progress = Progress(10, silent=True)
-    progress.update(10)
-    progress.close()
-    assert capsys.readouterr().err == ""
-
-
-def test_progress_without_any_advance(capsys: pytest.CaptureFixture[str]) -> None:
-    Progress(10, 4, "steps", "train").close()
-    assert capsys.readouterr().err == "train: 4/10 steps, 0.0/s, time left unknown\n"
+    assert run_command("prog", command) == 0
+    assert capsys.readouterr().err == (
+        "prog: from epoch 3 on\nprog: warning: a load out of range\n"
+    )
+    command()
+    assert "prog:" not in capsys.readouterr().err

@@ -17,14 +17,14 @@ from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConf
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.evaluation.evaluate import evaluate
+from surrogate.figures.run_figures import write_evaluation
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Surrogate
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
-from surrogate.presentation.run_figures import write_evaluation
-from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.run_config import run_config
 from surrogate.runs.tensor_file import load_tensors
 from surrogate.training.train import train
 

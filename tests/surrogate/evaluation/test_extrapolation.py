@@ -13,7 +13,7 @@ from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.data.dataset import read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset
 from surrogate.evaluation.evaluate import Evaluation, evaluate
-from surrogate.presentation.run_figures import write_evaluation
+from surrogate.figures.run_figures import write_evaluation
 from surrogate.runs.folder import RunFolder
 
 

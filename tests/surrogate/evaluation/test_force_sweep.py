@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared_schema.drawing.figure_style import make_figure
+from shared_schema.common.drawing.figure_style import make_figure
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import force_sweep
+from surrogate.figures.sweep_curves import scale_from_zero, sweep_curves
 from surrogate.inference.loading import load
 from surrogate.inference.prediction import Distribution
-from surrogate.presentation.sweep_curves import scale_from_zero, sweep_curves
 from tests.surrogate.force_sweeps import hand_made
 
 

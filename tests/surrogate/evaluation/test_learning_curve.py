@@ -15,10 +15,10 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.learning_curve import Point, PowerLaw, config_of, default_counts
+from surrogate.figures.learning_curve_figure import learning_curve_figure
 from surrogate.models.unet_model import UNetModel
-from surrogate.presentation.learning_curve_figure import learning_curve_figure
 from surrogate.runs.folder import RunFolder
-from tests.surrogate.presentation.pictures import assert_is_picture
+from tests.surrogate.figures.pictures import assert_is_picture
 
 
 def point(samples: int, error: float) -> Point:

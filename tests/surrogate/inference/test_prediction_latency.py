@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.benchmarks import prediction_latency
-from tests.benchmarks.prediction_latency import latencies, read_body, shape_of, table, untrained
+from experiments.benchmarks import prediction_latency
+from experiments.benchmarks.prediction_latency import (
+    latencies,
+    read_body,
+    shape_of,
+    table,
+    untrained,
+)
 
 WAYS = {"PyTorch_ms": 1.234, "drawing_ms": None, "compiled_ms": 0.5, "ONNX_ms": 0.0625}
 
@@ -49,7 +55,7 @@ def test_table() -> None:
     }
     page = table(
         {
-            "command": "python -m tests.benchmarks.prediction_latency",
+            "command": "python -m experiments.benchmarks.prediction_latency",
             "machine": {"processor": "P", "cores": 2, "load_averages": [0.1, 0.2], "torch": "2"},
             "onnxruntime": "1.31",
             "solving_ms": {"beam2d": 1.02, "block3d": 7.0},

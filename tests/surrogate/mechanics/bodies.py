@@ -11,7 +11,7 @@ from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
-from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.series.series_response import SeriesResponse
 from tests.surrogate.conftest import box_cells
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)

@@ -19,9 +19,9 @@ from shared_schema.material import (
     Yeoh,
     materials_of,
 )
+from surrogate.certify.correction import correct
 from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.newton import correct
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids import neo_hookean
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, moduli, stress
 from surrogate.mechanics.solids.solid import Solid

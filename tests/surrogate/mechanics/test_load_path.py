@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from surrogate.mechanics.equilibrium import Equilibrium
+from surrogate.certify.correction import correct
 from surrogate.mechanics.load_path import REMAINDER, follow, neighbours, random_changes
-from surrogate.mechanics.newton import correct
+from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 FORCES = {"quad": (3.0, -9.0), "tetra": (3.0, -9.0, 5.0)}

@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from shared_schema.material import NeoHookean
+from surrogate.certify.certificate import certify
+from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.certificate import certify
-from surrogate.mechanics.equilibrium import Equilibrium
-from surrogate.mechanics.newton import correct
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.hyperelastic import energy_density
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid

@@ -7,7 +7,7 @@ import pytest
 
 from surrogate.mechanics.nodal_gradient import nodal_gradient
 from surrogate.mechanics.solids.elements import CORNERS, shape_gradients
-from surrogate.networks.weighted_sums import padded_rows
+from surrogate.mechanics.weighted_sums import padded_rows
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
 SQUARE = CUBE[:4, :2]

@@ -8,7 +8,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from surrogate.models.unet_model import DeterministicUNet
-from surrogate.runs.configuration import KINDS, SHIPPED, read_config, run_config
+from surrogate.runs.run_config import KINDS, SHIPPED, read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
 BASELINES = ("linear", "pod", "gp", "dropout", "ensemble")

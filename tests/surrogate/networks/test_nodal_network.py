@@ -9,9 +9,9 @@ from torch import Tensor, nn
 
 from shared_schema.grid import Grid
 from shared_schema.layout import NO_NODE
+from surrogate.mechanics.weighted_sums import WeightedSums, transposed
 from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.networks.nodal_network import NodalNetwork
-from surrogate.networks.weighted_sums import WeightedSums, transposed
 from surrogate.probabilistic.likelihoods import Prediction
 
 RNG = np.random.default_rng(0)

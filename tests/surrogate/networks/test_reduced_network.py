@@ -17,14 +17,14 @@ from surrogate.data.samples import Samples
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.models.load_series import series_on_grid
 from surrogate.models.reduced_model import ReducedModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.modal_series import ModalSeries
 from surrogate.networks.reduced_network import ReducedNetwork, leading_modes
 from surrogate.optim.optimisers import is_hidden_kernel
 from surrogate.probabilistic.flipout import flipouts
-from surrogate.runs.configuration import read_config, run_config
+from surrogate.runs.run_config import read_config, run_config
+from surrogate.series.series_of_dataset import series_on_grid
 from tests.surrogate.resuming import assert_resumes, trained
 
 SMALL = {"input_modes": 6, "output_modes": 8, "width": 16, "depth": 2}

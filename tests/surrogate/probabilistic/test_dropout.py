@@ -11,8 +11,8 @@ from surrogate.inference.loading import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.stochastic_passes import Drawable
-from surrogate.runs.configuration import run_config
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.run_config import run_config
 from surrogate.training.train import train
 
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from shared_schema.common.configuration import read_yaml
 from surrogate.command_line import main
 from surrogate.runs.config_schema import config_keys, config_schema
-from surrogate.runs.configuration import SHIPPED
+from surrogate.runs.run_config import SHIPPED
 
 SCHEMA = config_schema()
 KEYS = config_keys()

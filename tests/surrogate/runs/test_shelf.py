@@ -17,10 +17,10 @@ import surrogate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import MANIFEST
 from surrogate.command_line import main
-from surrogate.presentation.trained_list import Row
+from surrogate.figures.trained_list import Row
 from surrogate.runs import shelf
-from surrogate.runs.configuration import SHIPPED
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.run_config import SHIPPED
 from surrogate.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
 
 PACKAGE = Path(surrogate.__file__).parent

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from shared_schema.common.command_line import Progress
+from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.models.model import Model

@@ -14,7 +14,7 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
-from surrogate.runs.configuration import run_config
+from surrogate.runs.run_config import run_config
 from surrogate.runs.split import split_training
 from surrogate.training.dry_run import dry_run
 

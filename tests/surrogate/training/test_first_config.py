@@ -14,7 +14,7 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.models.reduced_model import BayesianReduced, ReducedModel
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.configuration import read_config
+from surrogate.runs.run_config import read_config
 from surrogate.training import first_config as module
 from surrogate.training.dry_run import dry_run
 from surrogate.training.first_config import FirstConfig, first_config

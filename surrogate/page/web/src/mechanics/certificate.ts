@@ -1,5 +1,5 @@
 /**
- * How wrong a prediction is, without the true displacement, as `surrogate/mechanics/certificate.py`:
+ * How wrong a prediction is, without the true displacement, as `surrogate/certify/certificate.py`:
  *
  *   u − u_true ≈ −(δ + δ̄),  δ = −K(u)⁻¹ r(u),  δ̄ = −K(u)⁻¹ r(u + δ)
  *
@@ -75,7 +75,7 @@ function contracts(
   return small || last <= NEGLIGIBLE * norm(u);
 }
 
-/** Search along a step by Armijo's rule, as `surrogate/mechanics/newton.py`; null if Π does not decrease. */
+/** Search along a step by Armijo's rule, as `surrogate/certify/correction.py`; null if Π does not decrease. */
 function searched(
   equilibrium: Equilibrium,
   f: Float64Array,

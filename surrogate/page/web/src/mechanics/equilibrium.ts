@@ -1,5 +1,5 @@
 /**
- * Equilibrium of the body under nodal forces, as `surrogate/mechanics/equilibrium.py`:
+ * Equilibrium of the body under nodal forces, as `surrogate/mechanics/out_of_balance.py`:
  *
  *   r(u) = f_int(u) − f,  Π(u) = E(u) − f·u,  δ(u) = −K(u)⁻¹ r(u)
  *

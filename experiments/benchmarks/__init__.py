@@ -1,0 +1,1 @@
+"""Benchmarks, one file each: JSON results, and the page made from them."""

@@ -1,0 +1,286 @@
+"""Certificates against true errors: effectivity, alarms, corrections, times.
+
+The samples are those of a run's test split. An alarm tells loads unlike those of the training from
+the test split, or wrong predictions from others, by a measure of the certificate; it is rated by
+the area under its receiver operating characteristic (AUROC). All times are CPU times of one thread.
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m experiments.benchmarks.certificates RUN DATASET
+
+writes `docs/results/benchmark-certificates-CASE.json`, its page, and with `--figure FILE` a figure:
+prediction, true error and estimated error side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+import surrogate
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from experiments.beyond.alarms import alarms, alarms_of_errors, judge, judge_unusual
+from experiments.beyond.certified_samples import SETTLED, settled
+from shared_schema.common.drawing.figure_style import make_figure, save, styled
+from shared_schema.common.drawing.mesh_drawing import make_drawing
+from surrogate.certify.certificate import Certificate
+from surrogate.certify.fast_certificate import fit_fast_certificate, load_fast_certificate
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.random_loads import random_loads
+from surrogate.evaluation.error_metrics import node_errors, sample_errors
+from surrogate.figures.field_figures import add_field
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
+
+Array = NDArray[np.float64]
+LOADS = 300  # of every kind
+NEW_LOADS = 1000
+PASSES = 20
+
+
+def main() -> None:
+    """Measure, and write the results."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("run", help="run folder, or a network of the package")
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--samples", type=int, default=LOADS, help="of every kind")
+    parser.add_argument("--unusual", type=int, help="of every kind of unusual load, if fewer")
+    parser.add_argument("--figure", type=Path)
+    options = parser.parse_args()
+    case = surrogate.load(options.run).description.data.case["name"]
+    run_benchmark(
+        f"certificates-{case}", "certificates", parser, measure, table, program="surrogate"
+    )
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Measure everything on one run and its dataset."""
+    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+    model, dataset = surrogate.load(options.run), read_dataset(options.dataset)
+    force = dataset.nodal_test.force[: options.samples]
+    truth = dataset.nodal_test.displacement[: options.samples]
+    predicted = model.predict(force)
+    model.certify(force[:1], predicted[:1])  # sets the body up
+    seconds, found = timed(lambda: model.certify(force, predicted))
+    few = force[: options.unusual or len(force)]
+    inside, unusual = judge(model, few, PASSES), judge_unusual(model, few, PASSES)
+    if options.figure is not None:
+        draw(options.figure, model, force, truth, predicted, found)
+    return {
+        "case": model.description.data.case["name"],
+        "degrees_of_freedom": int(model.equilibrium.free.sum()),
+        "samples": len(force),
+        "milliseconds": 1e3 * seconds / len(force),
+        "estimate": compared(model, found, force, predicted, settled(model, force, truth)),
+        "correction": corrected(model, force, predicted, truth),
+        "fast": fast(options.run, model, dataset, force, truth),
+        "auroc": alarms(inside, unusual),
+        "auroc_of_errors": {k: asdict(w) for k, w in alarms_of_errors(inside, unusual).items()},
+    }
+
+
+def timed(work: Callable[[], Certificate]) -> tuple[float, Certificate]:
+    """CPU time of some work, and its result."""
+    began = time.process_time()
+    result = work()
+    return time.process_time() - began, result
+
+
+def compared(
+    model: surrogate.Surrogate, found: Certificate, force: Array, predicted: Array, truth: Array
+) -> Results:
+    """Compare estimated and true errors, and those after one and two corrections by them."""
+    true = sample_errors(predicted, truth)
+    effectivity = found.mean_error / true
+    once = predicted - found.error
+    left = sample_errors(once, truth)
+    twice = sample_errors(once - model.certify(force, once).error, truth)
+    return {
+        "mean_error": float(true.mean()),
+        "settled": float(found.settled.mean()),
+        "effectivity_percentiles": {
+            str(level): float(np.percentile(effectivity, level)) for level in (0, 5, 50, 95, 100)
+        },
+        "within_0.8_and_1.5": float(((effectivity > 0.8) & (effectivity < 1.5)).mean()),
+        "spearman": float(spearmanr(true, found.mean_error)[0]),
+        "median_error_before": float(np.median(true)),
+        "median_error_without_estimate": float(np.median(left)),
+        "median_error_after_two": float(np.median(twice)),
+        "raised": int((left > true).sum()),
+    }
+
+
+def corrected(model: surrogate.Surrogate, force: Array, predicted: Array, truth: Array) -> Results:
+    """Correct predictions, and the worst possible ones; compare with the dataset."""
+    wrong: dict[str, Callable[[int], Array]] = {
+        "prediction": lambda k: predicted[k],
+        "nothing": lambda k: np.full_like(predicted[k], np.nan),
+    }
+    count = min(len(force), 200 if predicted.shape[2] == 2 else 25)
+    results: Results = {"samples": count}
+    for name, start in wrong.items():
+        began = time.process_time()
+        found = [model.correct(force[k], start(k)) for k in range(count)]
+        results[name] = {
+            "milliseconds": 1e3 * (time.process_time() - began) / count,
+            "mean_iterations": float(np.mean([one.iterations for one in found])),
+            "most_iterations": max(one.iterations for one in found),
+            "largest_difference": float(
+                max(np.abs(one.displacement - truth[k]).max() for k, one in enumerate(found))
+            ),
+        }
+    return results
+
+
+def fast(
+    run: str, model: surrogate.Surrogate, dataset: Dataset, force: Array, truth: Array
+) -> Results:
+    """Coverage, width and time of the fast certificate; on new loads, against the full estimate.
+
+    The certificate is that of the run's folder, or fitted where there is none.
+    """
+    kept = RunFolder(find_run(run)).fast_certificate
+    if kept.is_file():
+        found = load_fast_certificate(model, kept)
+    else:
+        found = fit_fast_certificate(model, dataset, 1, 0)
+    predicted = model.predict(force)
+    seconds = []
+    for number in range(min(len(force), 200)):
+        one = slice(number, number + 1)
+        began = time.perf_counter()
+        found.estimate(force[one], predicted[one])
+        seconds.append(time.perf_counter() - began)
+    results: Results = {
+        "test_split": found.measures(force, predicted, truth),
+        "median_milliseconds": 1e3 * float(np.median(seconds)),
+        "least_milliseconds": 1e3 * min(seconds),
+    }
+    if truth.shape[2] == 2:
+        data = model.description.data
+        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.load_numbers)
+        new = family.draw(NEW_LOADS, np.random.default_rng(0))
+        u = model.predict(new)
+        results["new_loads"] = found.measures(new, u, u - model.certify(new, u).error)
+        results["new_loads"]["loads"] = NEW_LOADS
+    return results
+
+
+@styled
+def draw(
+    path: Path,
+    model: surrogate.Surrogate,
+    force: Array,
+    truth: Array,
+    predicted: Array,
+    found: Certificate,
+) -> None:
+    """Draw prediction, true error and estimated error of the test load with the largest tip."""
+    shown = int(np.argsort(np.abs(truth).max(axis=(1, 2)))[-3])
+    figure = make_figure(12.0, 2.9)
+    x = model.geometry.coordinates
+    fields = {
+        "displacement in m": np.linalg.norm(predicted[shown], axis=1),
+        "true error in mm": 1e3 * node_errors(predicted[shown], truth[shown]),
+        "estimated error in mm": 1e3 * np.linalg.norm(found.error[shown], axis=1),
+    }
+    for position, (label, values) in zip((131, 132, 133), fields.items(), strict=True):
+        drawing = make_drawing(figure, model.geometry, position)
+        add_field(drawing, x + predicted[shown], values, label)
+        drawing.finish()
+    save(figure, path)
+
+
+def alarm_names(results: Results) -> list[str]:
+    """Names of all alarms."""
+    return list(dict.fromkeys(name for of_kind in results["auroc"].values() for name in of_kind))
+
+
+def alarm_rows(results: Results) -> list[list[str]]:
+    """Lines of the table of alarms, one for each kind of loads."""
+    rows = []
+    for kind, areas in results["auroc"].items():
+        errors = results["auroc_of_errors"][kind]
+        cells = [
+            f"{errors['auroc'].get(name, math.nan):.3f} ({areas[name]:.3f})".replace("nan", "–")
+            if name in areas
+            else "–"
+            for name in alarm_names(results)
+        ]
+        rows.append([kind, f"{errors['wrong']} of {errors['loads']}", *cells])
+    return rows
+
+
+def table(results: Results) -> str:
+    """Make the page."""
+    estimate, correction = results["estimate"], results["correction"]
+    percentiles = estimate["effectivity_percentiles"]
+    rows: list[list[str]] = [
+        ["mean error of the predictions, 10⁻³ m", f"{1e3 * estimate['mean_error']:.3g}"],
+        ["median of estimated over true error", f"{percentiles['50']:.4f}"],
+        ["5 and 95 % percentiles", f"{percentiles['5']:.3f}, {percentiles['95']:.3f}"],
+        ["rank correlation (Spearman)", f"{estimate['spearman']:.4f}"],
+        ["estimates that settle", f"{estimate['settled']:.1%}"],
+        ["median error before, 10⁻³ m", f"{1e3 * estimate['median_error_before']:.3g}"],
+        [
+            "median error less its estimate, 10⁻³ m",
+            f"{1e3 * estimate['median_error_without_estimate']:.3g}",
+        ],
+        ["the same once more, 10⁻³ m", f"{1e3 * estimate['median_error_after_two']:.3g}"],
+        ["samples whose error that raises", str(estimate["raised"])],
+        ["certificate, ms of CPU time", f"{results['milliseconds']:.3g}"],
+    ]
+    for name in ("prediction", "nothing"):
+        one = correction[name]
+        rows += [
+            [f"correction from {name}: Newton iterations", f"{one['mean_iterations']:.2f}"],
+            [f"correction from {name}: ms of CPU time", f"{one['milliseconds']:.3g}"],
+        ]
+    fast = results["fast"]
+    rows.append(["fast certificate, ms of wall time", f"{fast['median_milliseconds']:.3g}"])
+    for where in ("test_split", "new_loads"):
+        for bound in fast.get(where, {}).get("mean", []):
+            rows.append(
+                [
+                    f"fast bound of {bound['level']:.0%}, {where.replace('_', ' ')}: coverage, "
+                    "median ratio to the error",
+                    f"{bound['coverage']:.1%}, {bound['median_width']:.3g}",
+                ]
+            )
+    return "\n".join(
+        [
+            f"# Certificates of `{results['case']}`",
+            "",
+            f"{results['samples']} loads of the test split, "
+            f"{results['degrees_of_freedom']} degrees of freedom. Estimates are compared "
+            f"with true errors, to solutions\nwith a residual of {SETTLED:g} N; fast bounds "
+            "with errors to those of the dataset, 1e-08 N.",
+            "",
+            markdown_table(["quantity", "value"], rows),
+            "Loads outside the training, as many of each kind: predictions with a larger error "
+            "than any of the\ntest split, and the probability (AUROC) that the score of such a one "
+            "is above that of another one, of\nthis kind or of the test split. In parentheses: the "
+            "same for all loads of the kind against the test\nsplit, though the network may be "
+            "right under them.",
+            "",
+            markdown_table(["loads", "wrong", *alarm_names(results)], alarm_rows(results)),
+            footer(results),
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()

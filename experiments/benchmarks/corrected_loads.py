@@ -1,0 +1,66 @@
+"""Random loads, a network's predictions, and the equilibria that `correct` finds from them.
+
+    .venv-surrogate/bin/python -m experiments.benchmarks.corrected_loads RUN COUNT FOLDER
+
+writes FOLDER/load-00000.npz, …: force, predicted and corrected displacement, Newton iterations and
+processor time. Files that are there are kept, so that a killed run resumes.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import surrogate
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import WorkError
+from surrogate.data.random_loads import random_loads
+
+SEED = 15
+
+
+def file_of(folder: Path, number: int) -> Path:
+    """File of a load case."""
+    return folder / f"load-{number:05d}.npz"
+
+
+def main(run: str, count: int, folder: Path) -> None:
+    """Correct the missing load cases."""
+    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+    torch.set_num_threads(1)
+    model = surrogate.load(run)
+    data, geometry = model.description.data, model.geometry
+    family = random_loads("trained", geometry, data.info.force.max_abs, data.load_numbers)
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(count):
+        path = file_of(folder, number)
+        if path.is_file():
+            continue
+        force = family.draw(1, np.random.default_rng([SEED, number]))[0]
+        predicted = model.predict(force)
+        began = time.process_time()
+        try:
+            found = model.correct(force, predicted)
+            corrected, iterations = found.displacement, found.iterations
+        except WorkError:
+            corrected, iterations = np.full_like(force, np.nan), -1
+        seconds = time.process_time() - began
+        with complete_or_absent(path) as partial, partial.open("wb") as file:
+            np.savez_compressed(
+                file,
+                coordinates=geometry.coordinates,
+                force=force,
+                displacement=predicted,
+                corrected=corrected,
+                iterations=iterations,
+                seconds=seconds,
+            )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]))

@@ -1,0 +1,264 @@
+"""What a network gains by more samples, chosen or random, and by training without solutions.
+
+A network is trained on a few samples of a dataset. Further ones are added in two rounds that each
+double their number: random ones, or those that the network's fast certificate calls worst
+(`surrogate propose`), out of all others of the dataset. All networks are trained anew, for as many
+steps each. From the same first network, `surrogate refine` trains on without solutions, for the
+processor time that the training on twice as many random samples takes, and on four times as many.
+Errors are those of the test split.
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
+        -m experiments.benchmarks.further_training DATASET CONFIG
+
+writes `docs/results/benchmark-further-training-CASE-KIND.json` and its page. Networks are kept in
+the folder `--work`, from which a later start resumes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from experiments.framework.scale import merged
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.configuration import read_named
+from shared_schema.dataset_reader import DatasetReader
+from surrogate.certify.fast_certificate import fast_estimate
+from surrogate.certify.proposal import farthest
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.evaluation.error_metrics import sample_errors
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
+from surrogate.models.model import TrainedModel
+from surrogate.runs.description import Refinement
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.run_config import SHIPPED, run_config
+from surrogate.training.refine import refine
+from surrogate.training.train import train
+
+Rows = NDArray[np.int64]
+CPU = torch.device("cpu")
+ROUNDS = 2
+TIMED_STEPS = 30
+
+
+def main() -> None:
+    """Measure, and write the results."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("dataset", type=Path, help="structured dataset, beside its nodal one")
+    parser.add_argument("config")
+    parser.add_argument("--samples", type=int, default=250, help="of the first network")
+    parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
+    parser.add_argument("--learning-rate", type=float, default=3e-5, help="without solutions")
+    parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
+    parser.add_argument("--seeds", type=int, default=1, help="repeats")
+    parser.add_argument("--work", type=Path, default=Path("runs/further"))
+    case = DatasetReader(parser.parse_args().dataset, "structured").manifest.name
+    kind = "-".join(parser.parse_args().config.split("-")[1:-1])
+    name = f"further-training-{case}-{kind}"
+    run_benchmark(name, "further_training", parser, measure, table, program="surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Train all networks, and measure their errors: means over the seeds."""
+    dataset = read_dataset(options.dataset)
+    solving = solving_seconds(options.dataset)
+    found = [curves_of(options, dataset, seed, solving) for seed in range(options.seeds)]
+    return {
+        "case": dataset.manifest.name,
+        "config": options.config,
+        "seeds": options.seeds,
+        "sample_epochs": options.sample_epochs,
+        "seconds_per_solution": solving,
+        "curves": {
+            method: [
+                mean_of(points) for points in zip(*(one[method] for one in found), strict=True)
+            ]
+            for method in found[0]
+        },
+    }
+
+
+def mean_of(points: Sequence[Results]) -> Results:
+    """Mean of every number over the seeds."""
+    names = [name for name in points[0] if name != "folder"]
+    return {name: float(np.mean([point[name] for point in points])) for name in names}
+
+
+def curves_of(
+    options: argparse.Namespace, dataset: Dataset, seed: int, solving: float
+) -> dict[str, list[Results]]:
+    """Train all networks of one seed."""
+    rows = np.random.default_rng(seed).permutation(len(dataset.train))
+    first, pool = rows[: options.samples], rows[options.samples :][: options.among]
+    curves: dict[str, list[Results]] = {}
+    start = trained(options, dataset, seed, "start", first)
+    for method in ("random", "chosen"):
+        curve, known, left, run = [start], first, pool, start
+        for _ in range(ROUNDS):
+            count, random = len(known), np.random.default_rng([seed, len(known)])
+            if method == "random":
+                added = random.choice(left, count, replace=False)
+            else:
+                added = left[worst(load(run["folder"]), dataset, left, count)]
+            known, left = np.concatenate([known, added]), np.setdiff1d(left, added)
+            run = trained(options, dataset, seed, f"{method}-{len(known)}", known)
+            curve.append(run)
+        curves[method] = curve
+    if isinstance(load(start["folder"]).description.run, TrainedModel):
+        curves["without solutions"] = unsolved(options, dataset, seed, curves["random"], solving)
+    return curves
+
+
+def unsolved(
+    options: argparse.Namespace,
+    dataset: Dataset,
+    seed: int,
+    random: list[Results],
+    solving: float,
+) -> list[Results]:
+    """Train the first network on without solutions, as long as each larger training took."""
+    start, points = random[0], [random[0]]
+    step = timed_step(seed, start)
+    for run in random[1:]:
+        seconds = run["seconds"] + run["samples"] * solving
+        steps = max(1, round(seconds / step))
+        points.append(refined(options, dataset, seed, start, steps, run["samples"]))
+    return points
+
+
+def trained(
+    options: argparse.Namespace, dataset: Dataset, seed: int, name: str, rows: Rows
+) -> Results:
+    """Train a network on some samples, unless that has been done."""
+    content, _ = read_named(options.config, SHIPPED, "config")
+    training: dict[str, float] = {"validation_fraction": 0.0, "calibration_fraction": 0.0}
+    if "epochs" in content["training"]:  # else it is fitted directly
+        training["epochs"] = max(1, round(options.sample_epochs / len(rows)))
+    change = {"name": name, "recipe": "custom", "seed": seed, "training": training}
+    config = run_config(merged(content, change), options.config)
+    some = dataset.train.subset(torch.from_numpy(np.sort(rows)))
+    folder = options.work / options.config / f"{name}-seed{seed}"
+    began = time.process_time()
+    train(config, dataclasses.replace(dataset, train_in_memory=some), RunFolder(folder), CPU)
+    return kept(folder, time.process_time() - began) | {
+        "samples": len(rows),
+        **errors(load(folder), dataset),
+        "folder": folder,
+    }
+
+
+def kept(folder: Path, seconds: float) -> Results:
+    """Processor time of a training, which is kept beside its run when it ends."""
+    path = folder.with_suffix(".json")
+    if not path.is_file():
+        write_text(path, json.dumps({"seconds": seconds}))
+    result: Results = json.loads(path.read_text())
+    return result
+
+
+def worst(surrogate: Surrogate, dataset: Dataset, rows: Rows, count: int) -> Rows:
+    """Choose places among some rows of the training split, as `surrogate propose` does."""
+    force = dataset.nodal_train(torch.from_numpy(rows)).force
+    predicted = surrogate.predict_distribution(force).mean
+    error = fast_estimate(surrogate)(force, predicted)
+    error = np.where(np.isfinite(error), error, predicted)
+    return farthest(error.reshape(len(rows), -1).astype(np.float32), count)
+
+
+def refined(
+    options: argparse.Namespace,
+    dataset: Dataset,
+    seed: int,
+    start: Results,
+    steps: int,
+    samples: int,
+) -> Results:
+    """Train on without solutions, as long as a training on some samples takes."""
+    folder = start["folder"].with_name(f"refined-{samples}-seed{seed}")
+    began = time.process_time()
+    if not RunFolder(folder).is_finished:
+        rate = options.learning_rate
+        refinement = Refinement(family="trained", steps=steps, learning_rate=rate)
+        refine(start["folder"], RunFolder(folder), refinement, CPU)
+    return kept(folder, time.process_time() - began) | {
+        "steps": steps,
+        **errors(load(folder), dataset),
+    }
+
+
+def timed_step(seed: int, start: Results) -> float:
+    """Processor time of a step without solutions in s."""
+    folder = start["folder"].with_name(f"timed-seed{seed}")
+    if not RunFolder(folder).is_finished:
+        refinement = Refinement(family="trained", steps=TIMED_STEPS, learning_rate=1e-6)
+        began = time.process_time()
+        refine(start["folder"], RunFolder(folder), refinement, CPU)
+        return float(kept(folder, time.process_time() - began)["seconds"]) / TIMED_STEPS
+    return float(kept(folder, 0.0)["seconds"]) / TIMED_STEPS
+
+
+def errors(surrogate: Surrogate, dataset: Dataset) -> Results:
+    """Mean error, median and 95 % percentile over the test split in m."""
+    test = dataset.nodal_test
+    error = sample_errors(surrogate.predict_distribution(test.force).mean, test.displacement)
+    return {
+        "mean_error": float(error.mean()),
+        "median_error": float(np.median(error)),
+        "high_error": float(np.quantile(error, 0.95)),
+    }
+
+
+def solving_seconds(dataset: Path) -> float:
+    """Median time in s that `datagen` took for a solution."""
+    arrays = DatasetReader(dataset.parent / "nodal", "nodal").joined(("samples/wall_time",))
+    return float(np.median(arrays["samples/wall_time"]))
+
+
+def table(results: Results) -> str:
+    """Make the page."""
+    rows = [
+        [
+            method,
+            f"{point['samples']:g}" if "samples" in point else "–",
+            *(f"{1e3 * point[f'{name}_error']:.3g}" for name in ("mean", "median", "high")),
+            f"{point['seconds']:.0f}",
+        ]
+        for method, points in results["curves"].items()
+        for point in points
+    ]
+    return "\n".join(
+        [
+            f"# Further training on `{results['case']}`",
+            "",
+            f"Models of `{results['config']}`, number of seeds {results['seeds']}; a network sees "
+            f"{results['sample_epochs']} samples in its training. Training without solutions "
+            "starts from the first network, and takes as long as that on as many random samples "
+            "and their solution. A solution by `datagen` takes "
+            f"{1e3 * results['seconds_per_solution']:.2g} ms.",
+            "",
+            markdown_table(
+                ["samples", "number", "ē, 10⁻³ m", "median", "95 %", "processor time in s"], rows
+            ),
+            footer(results),
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Error of the load series alone, without a network, by its order.
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
+        -m experiments.benchmarks.load_series data/*/structured
+
+writes `docs/results/benchmark-load-series.json` and `docs/benchmarks/load-series.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.series.series_response import SeriesResponse
+
+LARGE = 1000  # nodes, above which fewer loads and orders are measured
+LOADS, ORDERS = {False: 300, True: 60}, {False: range(2, 7), True: range(2, 6)}
+BATCH = 20
+
+
+def main() -> None:
+    """Measure, write results and page."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("data", nargs="+", type=Path, help="structured datasets")
+    run_benchmark("load-series", "load_series", parser, measure, table, "surrogate")
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Measure all cases."""
+    datasets = (read_dataset(path) for path in options.data)
+    return {"cases": {dataset.manifest.name: errors_of(dataset) for dataset in datasets}}
+
+
+@torch.inference_mode()
+def errors_of(dataset: Dataset) -> Results:
+    """Errors of the linear response, the sum of the terms, and their least energy; times."""
+    assert dataset.material is not None
+    large = len(dataset.geometry.coordinates) > LARGE
+    test = dataset.test[: LOADS[large]]
+    result: Results = {"samples": len(test), "orders": {}}
+    for order in ORDERS[large]:
+        response = SeriesResponse(dataset.geometry, dataset.material, False, order)
+        nodal = torch.cat([response.at_nodes(part) for part in torch.split(test.force, BATCH)])
+        truth = response.to_nodes(test.displacement.flatten(2))
+        if not result["orders"]:
+            result["orders"]["1"] = {"least": summary(nodal - truth)}
+        seconds, least, sums = [], [], []
+        for one in torch.split(nodal, 1):
+            start = time.perf_counter()
+            least.append(one + response.beyond_first(one)[0])
+            seconds.append(time.perf_counter() - start)
+            sums.append(torch.stack(response.terms(one.double())[0]).sum(dim=0).float())
+        result["orders"][str(order)] = {
+            "least": summary(torch.cat(least) - truth),
+            "sum": summary(torch.cat(sums) - truth),
+            "median_ms": 1e3 * float(np.median(seconds)),
+        }
+    return result
+
+
+def summary(difference: torch.Tensor) -> dict[str, float]:
+    """Mean, median and largest of the samples' mean errors in m: (N, d, n_nodes)."""
+    errors = difference.abs().mean(dim=(1, 2)).double().numpy()
+    return {
+        "mean": float(errors.mean()),
+        "median": float(np.median(errors)),
+        "largest": float(errors.max()),
+    }
+
+
+def _cell(one: dict[str, Any], key: str) -> str:
+    """Mean and median in 10⁻³ m."""
+    found = one.get(key)
+    if found is None:
+        return "–"
+    return f"{1e3 * found['mean']:.3g} ({1e3 * found['median']:.2g})"
+
+
+def table(results: Results) -> str:
+    """Make the page."""
+    parts = [
+        "# The load series without a network",
+        "",
+        "Mean errors of the [load series](background/networks.md#load-series) in 10⁻³ m under "
+        "loads of the test split, in parentheses\nthe median, by the order of the last term: of "
+        "the sum of the terms, and of their combination with the least potential\nenergy. The "
+        "time is that of "
+        "PyTorch for one load, after the linear response, on 1 thread.",
+        "",
+    ]
+    for name, case in results["cases"].items():
+        rows = [
+            [
+                order,
+                _cell(one, "sum"),
+                _cell(one, "least"),
+                f"{one['median_ms']:.1f} ms" if "median_ms" in one else "–",
+            ]
+            for order, one in case["orders"].items()
+        ]
+        head = ["order", "sum", "least energy", "time"]
+        parts += [f"## `{name}`, {case['samples']} loads", "", markdown_table(head, rows)]
+    return "\n".join([*parts, footer(results)])
+
+
+if __name__ == "__main__":
+    main()

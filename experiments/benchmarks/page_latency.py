@@ -1,0 +1,197 @@
+"""Times of pages in Chromium without a graphics processor: first frame, press, drag, estimate.
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
+        -m experiments.benchmarks.page_latency [--runs RUN …]
+
+writes `docs/results/benchmark-page.json` and `docs/benchmarks/page.md`. Without --runs, it measures
+the pages of the trained networks of the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import Browser
+
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from surrogate.inference.loading import load
+from surrogate.page.page import write_page
+from surrogate.runs.shelf import shelved
+from tests.surrogate.page.browser import OpenPage, chromium
+
+MODULE = "page_latency"
+WIDTH, HEIGHT = 1280, 800
+FRAME = 16  # ms between two pointer events, as of a screen with 60 Hz
+RADIUS = 90  # pixels, of the pointer's way around the pressed node
+DESCRIPTION = """# Times of pages on which one drags a load
+
+Pages of `surrogate page` in headless Chromium {chromium}, {width} × {height} pixels, without a
+graphics processor: SwiftShader draws on the same cores. Times in ms.
+
+- *first frame*: from the start of navigation to the body at rest; *ready*: to the network
+- *press*: from the first press on a node to its first frame; it waits for the factorisation of the
+  stiffness where the network contains the linear response
+- *frame*: from the delivery of a pointer event to the page to its drawn frame, read back from the
+  canvas: median (10 to 90 % quantile) over {moves} events {apart} ms apart; *since*: from the event
+  itself, which the browser delivers with its next frame; *drawing*: a frame without a prediction,
+  on a page at rest
+- *estimate*: from the end of a drag to the estimated error
+"""
+TIMES = (  # of one call, in ms: predictions alone, and frames alone
+    "async (count) => { const times = []; for (let i = 0; i < count; i++) {"
+    " const began = performance.now(); %s; times.push(performance.now() - began); }"
+    " return times; }"
+)
+
+
+def quantiles(times: Sequence[float]) -> list[float]:
+    """10 %, 50 % and 90 % quantile."""
+    return [round(float(q), 2) for q in np.quantile(times, [0.1, 0.5, 0.9])]
+
+
+def drags(page: OpenPage, node: int, moves: int) -> dict[str, float | list[float]]:
+    """Press on a node and drag it around; return times in ms."""
+    x, y = page.pixel(node)
+    mouse = page.page.mouse
+    page.page.evaluate("surrogatePage.measure = true")
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + 10, y)
+    began = time.perf_counter()
+    page.settle()
+    pressed = 1e3 * (time.perf_counter() - began)
+    page.page.evaluate("surrogatePage.times.length = 0")
+    for angle in np.linspace(0, 4 * np.pi, moves):
+        mouse.move(x + RADIUS * np.cos(angle), y + RADIUS * np.sin(angle))
+        page.page.wait_for_timeout(FRAME)
+    mouse.up()
+    page.settle()
+    delivered, since = zip(*page.page.evaluate("surrogatePage.times"), strict=True)
+    began = time.perf_counter()
+    estimated: float | None = None
+    if "error" in page.page.evaluate("surrogatePage.state.choices"):
+        page.certificate()
+        estimated = 1e3 * (time.perf_counter() - began)
+    drawing = page.page.evaluate(
+        TIMES % "surrogatePage.scene.show(); surrogatePage.scene.finish()", 30
+    )
+    return {
+        "press_ms": round(pressed, 1),
+        "frame_ms": quantiles(delivered),
+        "since_event_ms": quantiles(since),
+        "drawing_ms": quantiles(drawing),
+        "frames": len(delivered),
+        **({} if estimated is None else {"estimate_ms": round(estimated, 1)}),
+    }
+
+
+def measure_run(browser: Browser, run: Path, moves: int, openings: int) -> Results:
+    """Measure the page of one run."""
+    model = load(run)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.html"
+        written = write_page(run, path)
+        marks: dict[str, list[float]] = {}
+        for opening in range(openings):
+            page = OpenPage(browser, path, WIDTH, HEIGHT)
+            for name, begins in page.page.evaluate(
+                "performance.getEntriesByType('mark').map((m) => [m.name, m.startTime])"
+            ):
+                marks.setdefault(name, []).append(begins)
+            if opening == openings - 1:
+                found = drags(page, model.geometry.tip, moves)
+            page.close()
+    return {
+        "run": run.name,
+        "network": model.description.run.architecture,
+        "nodes": len(model.geometry.coordinates),
+        "dimension": model.geometry.dimension,
+        "passes": None if written.passes is None else written.passes * model.network.members,
+        "megabytes": round(written.size / 1e6, 1),
+        "first_frame_ms": round(float(np.median(marks["first frame"])), 0),
+        "ready_ms": round(float(np.median(marks["ready"])), 0),
+        **found,
+    }
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for all runs."""
+    found: list[Results] = []
+    with chromium() as browser:
+        version = browser.version
+        for run in options.runs or [Path(name) for name in shelved()]:
+            found.append(measure_run(browser, run, options.moves, options.openings))
+            print(found[-1], file=sys.stderr)
+    return {"chromium": version, "moves": options.moves, "pages": found}
+
+
+def table(results: Results) -> str:
+    """Make the page of the results."""
+
+    def milliseconds(quantiles: list[float]) -> str:
+        low, middle, high = quantiles
+        return f"{middle:.3g} ({low:.3g} to {high:.3g})"
+
+    rows = markdown_table(
+        (
+            "page",
+            "nodes",
+            "MB",
+            "first frame",
+            "ready",
+            "press",
+            "frame",
+            "since",
+            "drawing",
+            "estimate",
+        ),
+        (
+            (
+                f"`{r['run']}`: {r['network']}"
+                + (f", {r['passes']} passes" if r["passes"] else ""),
+                str(r["nodes"]),
+                f"{r['megabytes']:.1f}",
+                f"{r['first_frame_ms']:.0f}",
+                f"{r['ready_ms']:.0f}",
+                f"{r['press_ms']:.0f}",
+                milliseconds(r["frame_ms"]),
+                milliseconds(r["since_event_ms"]),
+                milliseconds(r["drawing_ms"]),
+                f"{r['estimate_ms']:.0f}" if "estimate_ms" in r else "–",
+            )
+            for r in results["pages"]
+        ),
+    )
+    description = DESCRIPTION.format(
+        chromium=results["chromium"],
+        width=WIDTH,
+        height=HEIGHT,
+        moves=results["moves"],
+        apart=FRAME,
+    )
+    return f"{description}\n{rows}\n{footer(results)}"
+
+
+def main() -> None:
+    """Measure the pages, and write the result."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("--runs", type=Path, nargs="+", metavar="RUN", help="runs to measure")
+    parser.add_argument("--moves", type=int, default=240, help="pointer events of a drag")
+    parser.add_argument("--openings", type=int, default=5, help="times that a page is opened")
+    run_benchmark("page", MODULE, parser, measure, table, program="surrogate")
+
+
+if __name__ == "__main__":
+    main()

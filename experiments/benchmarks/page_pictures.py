@@ -1,0 +1,59 @@
+"""Pictures of pages for the documentation, at twice their size and smoothed down.
+
+    .venv-surrogate/bin/python -m experiments.benchmarks.page_pictures RUN NAME --drag RIGHT UP
+
+writes `docs/figures/page-NAME.jpg` and, of a narrow screen, `docs/figures/page-NAME-narrow.jpg`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Browser
+
+from surrogate.inference.loading import load
+from surrogate.page.page import write_page
+from tests.surrogate.page.browser import OpenPage, chromium
+
+FIGURES = Path(__file__).parents[2] / "docs" / "figures"
+SIZES = {"": (1280, 800), "-narrow": (360, 740)}
+SCALE, QUALITY = 2, 82
+STEPS = 15  # of a drag
+
+
+def take(
+    browser: Browser, path: Path, size: tuple[int, int], node: int, drag: tuple[float, float]
+) -> Image.Image:
+    """Take a picture of a page after a drag, in parts of its width."""
+    page = OpenPage(browser, path, *size, scale=SCALE)
+    right, up = (part * size[0] for part in drag)
+    page.drag(node, right, up, STEPS)
+    page.certificate()
+    page.settle()
+    picture = Image.open(io.BytesIO(page.page.screenshot()))
+    page.close()
+    return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+
+
+def main() -> None:
+    """Write both pictures."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("name", metavar="NAME")
+    parser.add_argument("--drag", type=float, nargs=2, required=True, metavar=("RIGHT", "UP"))
+    options = parser.parse_args()
+    node = load(options.run).geometry.tip
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        path = Path(folder) / "page.html"
+        write_page(options.run, path)
+        for suffix, size in SIZES.items():
+            picture = take(browser, path, size, node, options.drag)
+            picture.save(FIGURES / f"page-{options.name}{suffix}.jpg", quality=QUALITY)
+
+
+if __name__ == "__main__":
+    main()

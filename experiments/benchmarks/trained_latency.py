@@ -1,0 +1,182 @@
+"""Time of one prediction by the trained networks of the package, beside `datagen`'s in one run.
+
+    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m experiments.benchmarks.trained_latency
+
+writes `docs/results/benchmark-trained.json` and `docs/benchmarks/trained.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import cycle, islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import onnxruntime
+import torch
+from numpy.typing import NDArray
+
+from experiments.benchmarks.prediction_latency import by_pytorch
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.dataset_reader import DatasetReader
+from surrogate.inference.export import export
+from surrogate.inference.loading import load
+from surrogate.networks.unet import parameter_count
+from surrogate.runs.shelf import find_run, shelved
+
+MODULE = "trained_latency"
+DATAGEN = Path(".venv-datagen/bin/datagen")
+WAYS = ("predict", "PyTorch", "ONNX Runtime", "datagen")
+BLOCK = 100
+
+Array = NDArray[np.float64]
+Predict = Callable[[Array], object]
+
+
+def solve(case: str, samples: int, folder: Path) -> tuple[Array, Array]:
+    """Solve samples of a case by `datagen`; return forces (N, n_nodes, d) and times in s, (N,)."""
+    command = [DATAGEN, "run", case, "--out", folder, "--samples", str(samples)]
+    subprocess.run([str(part) for part in command], check=True, capture_output=True)
+    reader = DatasetReader(folder, "nodal")
+    names = ("samples/loaded_nodes", "samples/force", "samples/wall_time")
+    arrays = reader.joined(names)
+    nodes, loads, seconds = (arrays[name] for name in names)
+    return scatter_forces(nodes, loads, len(reader.body["mesh/coordinates"])), seconds
+
+
+def by_onnx(run: Path, folder: Path) -> Predict:
+    """Make a function that predicts one load with the exported file."""
+    path = folder / "model.onnx"
+    export(run, "onnx", path)
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = torch.get_num_threads()
+    session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    return lambda force: session.run(["displacement"], {"force": force[None].astype(np.float32)})
+
+
+class Seconds(NamedTuple):
+    """Wall time of every prediction, and processor time of each as a mean over a block."""
+
+    wall: list[float]
+    processor: list[float]
+
+
+def seconds_of(ways: dict[str, Predict], forces: Array, repeats: int) -> dict[str, Seconds]:
+    """Time predictions of one load after the other, in blocks of one way in turn.
+
+    A block is long against the first predictions, whose weights are not yet in the cache. Before
+    them, every way predicts all loads once, which compiles code and solves for the columns of K⁻¹
+    that a large body keeps.
+    """
+    for predict in ways.values():
+        for force in forces:
+            predict(force)
+    taken = {way: Seconds([], []) for way in ways}
+    for _ in range(repeats // BLOCK):
+        for way, predict in ways.items():
+            began_block = time.process_time()
+            for force in islice(cycle(forces), BLOCK):
+                began = time.perf_counter()
+                predict(force)
+                taken[way].wall.append(time.perf_counter() - began)
+            taken[way].processor.append((time.process_time() - began_block) / BLOCK)
+    return taken
+
+
+def compare(name: str, samples: int, repeats: int) -> Results:
+    """Measure one network: half of the solutions before the predictions, half after them."""
+    model = load(name)
+    in_pytorch = by_pytorch(model)
+    case = model.description.run.case
+    with tempfile.TemporaryDirectory() as folder:
+        forces, before = solve(case, samples, Path(folder, "before"))
+        ways = {
+            "predict": model.predict,
+            "PyTorch": lambda force: in_pytorch(force[None]),
+            "ONNX Runtime": by_onnx(find_run(name), Path(folder)),
+        }
+        taken = seconds_of(ways, forces, repeats)
+        _, after = solve(case, samples, Path(folder, "after"))
+    wall = {way: times.wall for way, times in taken.items()} | {"datagen": [*before, *after]}
+    return {
+        "name": name,
+        "network": model.description.run.architecture,
+        "nodes": len(model.geometry.coordinates),
+        "parameters": parameter_count(model.network),
+        "median_ms": {way: round(1e3 * float(np.median(s)), 4) for way, s in wall.items()},
+        "fast_ms": {way: round(1e3 * float(np.quantile(s, 0.1)), 4) for way, s in wall.items()},
+        "processor_ms": {
+            way: round(1e3 * float(np.median(times.processor)), 4) for way, times in taken.items()
+        },
+    }
+
+
+def table(results: Results) -> str:
+    """Make the page of the results."""
+    rows = markdown_table(
+        ("network", "nodes", *(f"`{way}`" for way in WAYS), "ratio", "processor"),
+        (
+            (
+                f"`{r['name']}`: {r['network']}",
+                str(r["nodes"]),
+                *(f"{r['median_ms'][way]:.3g} ({r['fast_ms'][way]:.3g})" for way in WAYS),
+                f"{r['median_ms']['datagen'] / r['median_ms']['predict']:.3g}",
+                f"{r['processor_ms']['predict']:.3g}",
+            )
+            for r in results["networks"]
+        ),
+    )
+    return (
+        "# Time of one prediction by the trained networks of the package\n\n"
+        "One load in, one displacement field out, NumPy arrays both; times in ms, medians over "
+        f"{results['repeats']} loads of the case,\nin parentheses the 10 % quantile. `predict` is "
+        "that of `surrogate.load(name)`; `PyTorch` is the same network, module\nby module; `ONNX "
+        f"Runtime` {results['onnxruntime']} reads the file of `surrogate export`. `datagen` is its "
+        f"time per solution, over {2 * results['samples']}\nsamples, half of them solved just "
+        "before the predictions and half just after. All use "
+        f"{results['threads']} thread. The ratio is that of the\nmedians of `datagen` and "
+        "`predict`; the last column is the processor time of `predict` in ms, without the waiting "
+        f"for other\nprograms.\n\n{rows}\n{footer(results)}"
+    )
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results for all networks of the package."""
+    logging.disable(logging.WARNING)
+    found: list[Results] = []
+    for name in shelved():
+        found.append(compare(name, options.samples, options.repeats))
+        print(found[-1], file=sys.stderr)
+    return {
+        "onnxruntime": onnxruntime.__version__,
+        "threads": torch.get_num_threads(),
+        "samples": options.samples,
+        "repeats": options.repeats,
+        "networks": found,
+    }
+
+
+def main() -> None:
+    """Time all networks of the package, and write the result."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("--samples", type=int, default=20, help="samples to solve, twice")
+    parser.add_argument("--repeats", type=int, default=400)
+    run_benchmark("trained", MODULE, parser, measure, table, program="surrogate")
+
+
+if __name__ == "__main__":
+    main()

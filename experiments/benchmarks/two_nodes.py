@@ -1,0 +1,121 @@
+"""Two nodes with one rank each against two ranks on one node: samples per second of `datagen run`.
+
+The nodes are network namespaces of this machine (`tools.two_nodes`), so both ways have the same
+cores, and differ in their messages: TCP over a virtual cable, or shared memory. As in
+`experiments.benchmarks.scaling`, rates are slopes between two numbers of samples, timed
+alternately.
+
+    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.two_nodes
+
+writes `docs/results/benchmark-two-nodes.json` and `docs/benchmarks/two-nodes.md`, as root.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from datagen.cases.case import SHIPPED
+from experiments.benchmarks.publication import (
+    Results,
+    argument_parser,
+    footer,
+    markdown_table,
+    run_benchmark,
+)
+from experiments.benchmarks.scaling import ENVIRONMENT
+from tools.two_nodes import TwoNodes, two_nodes
+
+
+def seconds(case: Path, samples: int, nodes: TwoNodes | None) -> float:
+    """Wall time in s of one whole run by two ranks into a new folder: on one node, or on two."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
+        program += ["--out", f"{folder}/nodal", "--samples", str(samples)]
+        words = nodes.words(program) if nodes else ["mpirun", "-n", "2", *program]
+        environment = nodes.environment() if nodes else ENVIRONMENT
+        began = time.perf_counter()
+        done = subprocess.run(words, env=environment, capture_output=True, text=True)
+        elapsed = time.perf_counter() - began
+        if done.returncode:
+            raise SystemExit(f"{' '.join(words)}\n{done.stderr}")
+        return elapsed
+
+
+def compare(name: str, counts: tuple[int, int], rounds: int, nodes: TwoNodes) -> Results:
+    """Measure the rates of both ways in turn; the ratio is that of each round."""
+    few, many = counts
+    content: dict[str, Any] = yaml.safe_load((SHIPPED / f"{name}.yaml").read_text())
+    content["dataset"]["shard_size"] = max(1, few // 4)
+    case = nodes.folder / f"{name}.yaml"
+    case.write_text(yaml.safe_dump(content))
+    rates = np.zeros((rounds, 2))
+    for one in rates:
+        for way, at in enumerate((None, nodes)):
+            one[way] = (many - few) / (seconds(case, many, at) - seconds(case, few, at))
+    one_node, two = np.median(rates, axis=0)
+    return {
+        "case": name,
+        "samples": [few, many],
+        "one_node_per_second": round(float(one_node), 3),
+        "two_nodes_per_second": round(float(two), 3),
+        "ratio": round(float(np.median(rates[:, 1] / rates[:, 0])), 3),
+        "ratios": [round(float(r), 3) for r in rates[:, 1] / rates[:, 0]],
+    }
+
+
+def table(results: Results) -> str:
+    """Make the page of the results."""
+    rows = markdown_table(
+        ("case", "samples", "2 ranks on one node", "2 nodes × 1 rank", "ratio", "of the rounds"),
+        (
+            (
+                f"`{r['case']}`",
+                f"{r['samples'][0]} and {r['samples'][1]}",
+                f"{r['one_node_per_second']:.3g} / s",
+                f"{r['two_nodes_per_second']:.3g} / s",
+                f"**{r['ratio']:.2f}**",
+                ", ".join(f"{ratio:.2f}" for ratio in r["ratios"]),
+            )
+            for r in results["comparison"]
+        ),
+    )
+    return (
+        "# Two nodes\n\n"
+        "`mpirun --hostfile` over two nodes, which are network namespaces of one machine joined by "
+        "a virtual cable\n([`tools/two_nodes.py`](../tools/two_nodes.py)), without options, "
+        "compared with two ranks on one node. Rates are slopes\nbetween two numbers of samples, "
+        f"timed alternately; medians of {results['rounds']} rounds, and the ratio of each round.\n"
+        f"\n{rows}\n{footer(results)}"
+    )
+
+
+def main() -> None:
+    """Compare in two and three dimensions, and write the result."""
+    parser = argument_parser(__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    run_benchmark("two-nodes", "two_nodes", parser, measure, table)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Results in two and three dimensions."""
+    with tempfile.TemporaryDirectory() as folder, two_nodes(Path(folder)) as nodes:
+        return {
+            "rounds": options.rounds,
+            "comparison": [
+                compare("beam2d", (400, 4000), options.rounds, nodes),
+                compare("beam3d", (8, 24), options.rounds, nodes),
+            ],
+        }
+
+
+if __name__ == "__main__":
+    main()

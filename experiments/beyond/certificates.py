@@ -1,0 +1,331 @@
+"""Certificates: estimated against true errors, alarms, corrections, and what each costs."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from experiments.beyond.alarms import alarms, auroc_of_errors, judge, judge_unusual
+from experiments.beyond.certified_samples import (
+    SAMPLES,
+    WITHIN,
+    Certified,
+    alarm_claims,
+    certified,
+    claims,
+    fast_claims,
+    within,
+)
+from experiments.beyond.error_curves import HEIGHT, WIDTH
+from experiments.beyond.networks import BODIES, kind_of, patterns, stem_of
+from experiments.components.errors_on_test_split import MM
+from experiments.components.newton_starts import PREDICTION, ZERO, newton_starts
+from experiments.framework.resources import Resources
+from experiments.framework.study import Study, StudyResult
+from experiments.framework.study_record import Cell, Table
+from experiments.framework.timing import median_seconds
+from shared_schema.common.drawing.figure_style import make_figure, styled
+from shared_schema.common.errors import InputError
+from surrogate.certify.certificate import certify
+from surrogate.certify.fast_certificate import fit_fast_certificate
+from surrogate.evaluation.error_metrics import sample_errors
+from surrogate.inference.training_range import OutsideTrainingWarning
+
+Array = NDArray[np.float64]
+PREDICTED = (
+    "mechanics",
+    "reduced",
+    "mechanics-mle",
+    "mechanics-vb",
+    "mechanics-ensemble",
+    "modal-gp",
+)
+SINGLE = ("forces", "forces-mle", "forces-vb", "forces-ensemble", "reduced")  # on single loads
+STEMS = tuple(stem_of(case) for case in BODIES)
+SOLVED = {2: 100, 3: 12}  # loads that are brought to equilibrium from every start
+PASSES = 20  # of stochastic networks, under the unusual loads
+TOLERANCE = 1e-3  # error e_m in m that an alarm should be given for
+MS = 1e3
+
+
+def measure(resources: Resources) -> StudyResult:
+    """Measure everything on every run of the scale that has a mesh to certify on."""
+    runs = resources.scale.matching(STUDY.runs)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OutsideTrainingWarning)
+        found = {run: certified(resources, run) for run in runs}
+        result = StudyResult(
+            [
+                estimate_table(resources, found),
+                correction_table(resources, found),
+                fast_table(resources, found),
+                *alarm_tables(resources, found),
+                error_alarm_table(resources, found),
+                start_table(resources, found),
+            ]
+        )
+    for run, one in found.items():
+        result.claims += claims(label(resources, run), one)
+    result.claims += alarm_claims(result.tables[3]) + fast_claims(result.tables[2])
+    result.figures["estimates"] = (
+        draw(resources, found),
+        "Estimated over true mean error of every load of the test splits.",
+    )
+    return result
+
+
+def label(resources: Resources, run: str) -> str:
+    """Body, network and training loads of a run."""
+    case = resources.case_of(run)
+    stem = stem_of(case)
+    body = next(name for other, name in BODIES.items() if stem_of(other) == stem)
+    single = "" if case in BODIES else ", single loads"
+    return f"{body}, {kind_of(run).label}{single}"
+
+
+def percentile(ratio: Array, level: float) -> Cell:
+    """Percentile of effectivities; the estimate of a prediction that inverts cells is infinite."""
+    value = float(np.percentile(ratio, level, method="inverted_cdf"))
+    return value if np.isfinite(value) else "∞"
+
+
+def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
+    """Table of estimated against true errors."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, one in found.items():
+        ratio = one.effectivity
+        force, u, equilibrium = one.force[:20], one.predicted[:20], one.surrogate.equilibrium
+        seconds = median_seconds(lambda: certify(equilibrium, force, u), resources.scale.timing)  # noqa: B023
+        rows.append(
+            (
+                label(resources, run),
+                MM * float(one.errors[0].mean()),
+                *(percentile(ratio, level) for level in (5, 50, 95)),
+                100 * within(ratio),
+                float(spearmanr(one.errors[0], one.judged.certificate.mean_error)[0]),
+                100 * float(one.judged.certificate.settled.mean()),
+                MS * seconds / len(force),
+            )
+        )
+    return Table(
+        caption="Estimated over true mean error (effectivity) on the test split, their rank "
+        "correlation, the share of estimates that settle, and the wall time of a certificate in "
+        "batches of 20.",
+        head=(
+            "network",
+            "ē [mm]",
+            "5 %",
+            "median",
+            "95 %",
+            f"within {WITHIN[0]:g} to {WITHIN[1]:g} [%]",
+            "Spearman",
+            "settled [%]",
+            "time [ms]",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def correction_table(resources: Resources, found: dict[str, Certified]) -> Table:
+    """Table of the errors before and after corrections."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, one in found.items():
+        before, once, twice = (float(np.median(error)) for error in one.errors)
+        raised = int((one.errors[1] > one.errors[0]).sum())
+        rows.append(
+            (label(resources, run), MM * before, MM * once, MM * twice, before / once, raised)
+        )
+    return Table(
+        caption="Median error in mm of the predictions, and after their estimated error is "
+        "subtracted once and twice; how many times smaller it is after one correction, and how "
+        "many loads have a larger error then.",
+        head=("network", "before", "once", "twice", "ratio", "raised"),
+        rows=tuple(rows),
+    )
+
+
+def fast_table(resources: Resources, found: dict[str, Certified]) -> Table:
+    """Table of fast certificates: coverage, width and time."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, one in found.items():
+        if one.surrogate.is_stochastic:
+            continue
+        try:
+            fast = fit_fast_certificate(one.surrogate, resources.dataset_of(run), 1, 0)
+        except InputError:  # no held-out samples
+            continue
+        measures = fast.measures(one.force, one.predicted, one.truth)
+        bounds = {entry["level"]: entry for entry in measures["mean"]}
+        if len(bounds) < 2:
+            continue
+        f, u = one.force[:1], one.predicted[:1]
+        seconds = median_seconds(lambda: fast.estimate(f, u), resources.scale.timing)  # noqa: B023
+        estimated = np.abs(fast.estimate(one.force, one.predicted)).mean(axis=(1, 2))
+        rows.append(
+            (
+                label(resources, run),
+                measures["samples"],
+                100 * bounds[0.9]["coverage"],
+                100 * bounds[0.95]["coverage"],
+                bounds[0.9]["median_width"],
+                bounds[0.95]["median_width"],
+                float(spearmanr(one.errors[0], estimated)[0]),
+                MS * seconds,
+            )
+        )
+    return Table(
+        caption="Fast certificates: held-out samples of the calibration, coverage of the bounds of "
+        "90 and 95 % on the test split, their median ratio to the true error, rank correlation of "
+        "estimated and true errors, and the wall time for a single load.",
+        head=(
+            "network",
+            "held out",
+            "90 % covers [%]",
+            "95 % covers [%]",
+            "90 % width",
+            "95 % width",
+            "Spearman",
+            "time [ms]",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def alarm_tables(resources: Resources, found: dict[str, Certified]) -> list[Table]:
+    """Tables of the AUROC of unusual loads: networks of single loads, and of any loads."""
+    groups = {
+        "trained on single loads on a few nodes": [r for r in found if is_single(resources, r)],
+        "trained on several loads on any node": [r for r in found if not is_single(resources, r)],
+    }
+    tables = []
+    for what, runs in groups.items():
+        rows: list[tuple[Cell, ...]] = []
+        kinds: dict[str, None] = {}
+        for run in runs:
+            one = found[run]
+            passes = min(PASSES, resources.scale.passes)
+            inside = judge(one.surrogate, one.force, passes)
+            areas = alarms(inside, judge_unusual(one.surrogate, one.force, passes))
+            kinds |= dict.fromkeys(areas)
+            scores = dict.fromkeys(name for of_kind in areas.values() for name in of_kind)
+            rows += [
+                (label(resources, run), name, *(areas[kind].get(name) for kind in areas))
+                for name in scores
+            ]
+        tables.append(
+            Table(
+                caption=f"AUROC of alarms for loads outside the training, networks {what}: the "
+                "probability that the score of such a load is above that of a load of the test "
+                "split.",
+                head=("network", "alarm", *kinds),
+                rows=tuple(rows),
+            )
+        )
+    return tables
+
+
+def is_single(resources: Resources, run: str) -> bool:
+    """True if a run was trained on single loads on a few nodes."""
+    return resources.case_of(run) not in BODIES
+
+
+def error_alarm_table(resources: Resources, found: dict[str, Certified]) -> Table:
+    """Table of the AUROC of errors above a tolerance, wherever the load comes from."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, one in found.items():
+        dataset = f"{stem_of(resources.case_of(run))}_many"
+        if dataset not in resources.scale.datasets or is_single(resources, run):
+            continue
+        loads = resources.predicted_loads(run, dataset)
+        count = SAMPLES[one.dimension]
+        force, truth = loads.samples.force[:count], loads.samples.displacement[:count]
+        error = sample_errors(loads.predicted.mean[:count], truth)
+        judged = judge(one.surrogate, force, min(PASSES, resources.scale.passes))
+        rows += [
+            (
+                label(resources, run),
+                name,
+                100 * float((error > TOLERANCE).mean()),
+                auroc_of_errors(error, score, TOLERANCE),
+            )
+            for name, score in judged.scores.items()
+        ]
+    return Table(
+        caption=f"AUROC of alarms for errors e_m above {MM * TOLERANCE:g} mm, under one to eight "
+        "loads on any node: for networks of any loads, an unusual load need not be predicted "
+        "wrongly.",
+        head=("network", "alarm", "wrong [%]", "AUROC"),
+        rows=tuple(rows),
+    )
+
+
+def start_table(resources: Resources, found: dict[str, Certified]) -> Table:
+    """Table of Newton's method from several starts, one network a body."""
+    rows: list[tuple[Cell, ...]] = []
+    seen = set()
+    for run, one in found.items():
+        case = resources.case_of(run)
+        if case in seen or is_single(resources, run):
+            continue
+        seen.add(case)
+        count = SOLVED[one.dimension]
+        efforts = newton_starts(one.surrogate.equilibrium, one.force[:count], one.predicted[:count])
+        for name, effort in efforts.items():
+            rows.append(
+                (
+                    label(resources, run),
+                    name,
+                    float(effort.iterations.mean()),
+                    float(effort.iterations.max()),
+                    MS * float(np.median(effort.seconds)),
+                    effort.lost,
+                )
+            )
+    return Table(
+        caption="Newton's method with line search to 1e-8 N: iterations, processor time of one "
+        f"thread (median) and load cases that are lost, from the {ZERO}, from the linear response, "
+        f"and from the {PREDICTION} (these two and the prediction).",
+        head=("network", "start", "iterations", "most", "time [ms]", "lost"),
+        rows=tuple(rows),
+    )
+
+
+@styled
+def draw(resources: Resources, found: dict[str, Certified]) -> Figure:
+    """Draw estimated over true errors, a panel a body."""
+    panels: dict[str, list[str]] = {}
+    for run in found:
+        panels.setdefault(label(resources, run).partition(",")[0], []).append(run)
+    figure = make_figure(WIDTH, HEIGHT * len(panels))
+    axes_of = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
+    for axes, (body, runs) in zip(axes_of, panels.items(), strict=True):
+        ends = np.concatenate([MM * found[run].errors[0] for run in runs])
+        axes.plot([ends.min(), ends.max()], [ends.min(), ends.max()], color="0.6", lw=0.8)
+        for run in runs:
+            one, kind = found[run], kind_of(run)
+            style = {"ls": "", "marker": kind.marker, "color": kind.color, "ms": 2.5, "alpha": 0.6}
+            name = label(resources, run).partition(", ")[2]
+            true, estimated = one.errors[0], one.judged.certificate.mean_error
+            axes.loglog(MM * true, MM * estimated, label=name, **style)
+        axes.set_title(body, fontsize=10)
+        axes.set_ylabel("estimated error [mm]")
+        axes.legend(fontsize=7)
+    axes_of[-1].set_xlabel("true error [mm]")
+    return figure
+
+
+STUDY = Study(
+    name="certificates",
+    title="Certificates",
+    labels=(),
+    question="How well does the certificate of a prediction know its error, which loads does it "
+    "give an alarm for, and what do corrections gain?",
+    measure=measure,
+    datasets=("*_many",),
+    runs=patterns(tuple(BODIES), PREDICTED) + patterns(STEMS, SINGLE),
+    times=True,
+)

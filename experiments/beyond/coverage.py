@@ -1,0 +1,170 @@
+"""Coverage of predicted intervals in the range of the training, by the number of loads as well."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.beyond.error_curves import Curve, draw_curves
+from experiments.beyond.networks import (
+    BODIES,
+    KINDS,
+    kind_of,
+    patterns,
+    runs_by_body,
+)
+from experiments.beyond.predicted_samples import PredictedSamples, predicted_samples
+from experiments.components.errors_on_test_split import MM, split_errors
+from experiments.framework.resources import Resources
+from experiments.framework.study import Study, StudyResult
+from experiments.framework.study_record import Cell, Claim, Table
+from surrogate.probabilistic.calibration import (
+    INTERVALS,
+    CalibrationMeasures,
+    measure_calibration,
+)
+
+UNCERTAIN = ("mechanics-mle", "mechanics-vb", "mechanics-ensemble", "reduced-vb", "modal-gp")
+BAYESIAN = {"mechanics-vb": "mechanics", "reduced-vb": "reduced"}  # and their deterministic kinds
+HELD = (0.93, 0.97)  # coverage of the 95 % intervals that counts as right
+OF_SIZE = " of the size of the fast certificate"
+PRICE = 2.0  # largest ratio of the errors of variational Bayes and of the deterministic network
+
+
+def measure(resources: Resources) -> StudyResult:
+    """Measure the calibration of all networks that predict standard deviations."""
+    result = StudyResult()
+    runs = [run for runs in runs_by_body(resources.scale, UNCERTAIN).values() for run in runs]
+    samples = {run: predicted_samples(resources, run, certified=True) for run in runs}
+    calibrations = {run: calibration(found) for run, found in samples.items()}
+    result.tables = [
+        calibration_table(resources, samples, calibrations),
+        number_table(resources, samples),
+    ]
+    certified = {run: found for run, found in samples.items() if found.certificate is not None}
+    if certified:
+        result.tables.append(number_table(resources, certified, with_size=True))
+    panels: dict[str, list[Curve]] = {}
+    for run in runs:
+        body, found = BODIES[resources.case_of(run)], calibrations[run]
+        curve = Curve(found.levels, found.observed, kind_of(run))
+        panels.setdefault(body, [Curve((0, 1), (0, 1), REFERENCE_CURVE, ":")]).append(curve)
+    result.figures["calibration"] = (
+        draw_curves(
+            panels,
+            "expected level of central intervals",
+            "observed coverage",
+            log=(False, False),
+            markers=False,
+        ),
+        "Observed coverage of central intervals on the test split over their level.",
+    )
+    for case, body in BODIES.items():
+        for kind, deterministic in BAYESIAN.items():
+            if (run := f"{case}-{kind}") in samples:
+                result.claims.append(covers(body, run, samples[run]))
+                if run in certified:
+                    result.claims.append(covers(body, run, samples[run], with_size=True))
+                if (plain := f"{case}-{deterministic}") in resources.scale.runs:
+                    result.claims.append(price(resources, body, run, plain))
+    return result
+
+
+REFERENCE_CURVE = KINDS["forces"]._replace(label="right coverage")
+
+
+def calibration(samples: PredictedSamples) -> CalibrationMeasures:
+    """Measure the calibration over the free components."""
+    predicted, free = samples.predicted, ~samples.geometry.clamped
+    return measure_calibration(predicted.mean, predicted.std, samples.reference, free)
+
+
+def calibration_table(
+    resources: Resources,
+    samples: dict[str, PredictedSamples],
+    calibrations: dict[str, CalibrationMeasures],
+) -> Table:
+    """Table of errors, standard deviations and coverage on the test splits."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, found in calibrations.items():
+        covered = [100 * interval.coverage for interval in found.intervals]
+        rows.append(
+            (
+                BODIES[resources.case_of(run)],
+                kind_of(run).label,
+                MM * float(samples[run].error.mean()),
+                MM * found.mean_std,
+                *covered,
+                found.node_rank_correlation,
+                found.sample_rank_correlation,
+            )
+        )
+    heads = [f"in {100 * level:g} % intervals [%]" for level in INTERVALS]
+    return Table(
+        caption="Test split: mean error, mean standard deviation, components inside central "
+        "intervals, and rank correlation of error and σ over the nodes of a sample and over the "
+        "samples.",
+        head=("example", "network", "ē [mm]", "mean σ [mm]", *heads, "over nodes", "over samples"),
+        rows=tuple(rows),
+    )
+
+
+def number_table(
+    resources: Resources, samples: dict[str, PredictedSamples], with_size: bool = False
+) -> Table:
+    """Table of the coverage of the 95 % intervals by the number of loads."""
+    most = max(int(found.number.max()) for found in samples.values())
+    rows: list[tuple[Cell, ...]] = []
+    for run, found in samples.items():
+        shares = by_number(found, with_size)
+        cells = (100 * shares[n] if n in shares else None for n in range(1, most + 1))
+        rows.append((BODIES[resources.case_of(run)], kind_of(run).label, *cells))
+    return Table(
+        caption=f"Components inside the 95 % intervals{OF_SIZE if with_size else ''} in %, by the "
+        "number of loads (test split).",
+        head=("example", "network", *map(str, range(1, most + 1))),
+        rows=tuple(rows),
+    )
+
+
+def by_number(samples: PredictedSamples, with_size: bool = False) -> dict[int, float]:
+    """Share of the components inside the 95 % intervals, by the number of loads."""
+    numbers = np.unique(samples.number)
+    covered = samples.covered_with_size if with_size else samples.covered
+    return {int(n): float(covered[samples.number == n].mean()) for n in numbers}
+
+
+def covers(body: str, run: str, samples: PredictedSamples, with_size: bool = False) -> Claim:
+    """Claim on the coverage of the 95 % intervals, over all and under each number of loads."""
+    shares = by_number(samples, with_size)
+    low, high = HELD
+    listed = ", ".join(f"{n}: {100 * share:.3g} %" for n, share in shares.items())
+    return Claim(
+        what=f"{body}, {kind_of(run).label}: the 95 % intervals{OF_SIZE if with_size else ''} hold "
+        "as they say, under any number of loads of the training.",
+        holds=all(low <= share <= high for share in shares.values()),
+        evidence=f"Inside, by number of loads: {listed} ({100 * low:g} to {100 * high:g} %).",
+        of_paper=False,
+    )
+
+
+def price(resources: Resources, body: str, run: str, plain: str) -> Claim:
+    """Claim on the errors of a Bayesian network and of the deterministic one."""
+    ours, deterministic = (split_errors(resources, r).mean_error for r in (run, plain))
+    return Claim(
+        what=f"{body}, {kind_of(run).label}: the error is at most {PRICE:g} times that of the "
+        "deterministic network.",
+        holds=ours <= PRICE * deterministic,
+        evidence=f"ē = {MM * ours:.3g} and {MM * deterministic:.3g} mm.",
+        of_paper=False,
+    )
+
+
+STUDY = Study(
+    name="coverage",
+    title="Coverage of predicted intervals",
+    labels=(),
+    question="Do the intervals of maximum likelihood, variational Bayes, ensembles and Gaussian "
+    "processes contain as many errors as they say, under one load and under several?",
+    measure=measure,
+    runs=patterns(tuple(BODIES), (*UNCERTAIN, *BAYESIAN.values())),
+)

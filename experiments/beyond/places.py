@@ -1,0 +1,225 @@
+"""Error by the place of a single load: a map on the body, and by distance from the training's."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from numpy.typing import NDArray
+
+from experiments.beyond.error_curves import WIDTH, Curve, draw_curves
+from experiments.beyond.networks import (
+    BODIES,
+    KINDS,
+    kind_of,
+    patterns,
+    runs_by_body,
+    stem_of,
+)
+from experiments.beyond.predicted_samples import (
+    PredictedSamples,
+    distance_from,
+    distance_groups,
+    predicted_samples,
+)
+from experiments.components.errors_on_test_split import MM
+from experiments.framework.resources import Resources
+from experiments.framework.study import Study, StudyResult
+from experiments.framework.study_record import Cell, Claim, Table
+from shared_schema.common.drawing.figure_style import UNDEFORMED, make_figure, styled
+from shared_schema.common.drawing.mesh_drawing import make_drawing
+from surrogate.data.geometry import Geometry
+
+Array = NDArray[np.float64]
+COMPARED = ("forces", "mechanics", "reduced")
+STEMS = tuple(stem_of(case) for case in BODIES)
+SMALL = 0.01  # largest error over displacement under loads on any node
+FACTOR = 10.0  # smallest ratio of errors that counts as an order of magnitude
+
+
+def measure(resources: Resources) -> StudyResult:
+    """Measure errors by place on every body of the scale."""
+    result, scale = StudyResult(), resources.scale
+    panels: dict[str, list[Curve]] = {}
+    for case, runs in runs_by_body(scale, COMPARED).items():
+        stem, body = stem_of(case), BODIES[case]
+        dataset = f"{stem}_places"
+        if dataset not in scale.datasets:
+            continue
+        singles = [run for kind in COMPARED if (run := f"{stem}-{kind}") in scale.runs]
+        samples = {run: predicted_samples(resources, run, dataset) for run in (*runs, *singles)}
+        maps = {label_of(run): by_node(found, found.error) for run, found in samples.items()}
+        result.tables.append(place_table(body, samples))
+        result.claims += [
+            everywhere(f"{body}, {kind_of(run).label}", samples[run])
+            for run in runs
+            if kind_of(run) is not KINDS["forces"]
+        ]
+        geometry = next(iter(samples.values())).geometry
+        result.figures[f"map-{stem}"] = (
+            draw_maps(geometry, maps),
+            f"{body}: mean error under single loads on each node, at the place of the load.",
+        )
+        if singles:
+            trained = resources.structured(stem).geometry.loadable
+            groups = distance_groups(distance_from(samples[singles[0]], trained))
+            result.tables.append(distance_table(body, samples, groups))
+            panels[body] = [curve(run, found, groups) for run, found in samples.items()]
+            result.claims += better_elsewhere(body, stem, samples, groups)
+    if panels:
+        result.figures["distance"] = (
+            draw_curves(
+                panels,
+                "distance of the load from those of single-load training [m]",
+                "mean error [mm]",
+            ),
+            "Mean error under single loads over the distance of the load from the nodes that the "
+            "paper's training loads; dashed, networks trained there only.",
+        )
+    return result
+
+
+def label_of(run: str) -> str:
+    """Label of a network with its training loads."""
+    return kind_of(run).label + ("" if run.partition("-")[0] in BODIES else ", single loads")
+
+
+def by_node(samples: PredictedSamples, values: Array) -> Array:
+    """Mean of values (M,) over the samples that load a node, (n_nodes,); NaN where none does."""
+    loaded = samples.loaded
+    with np.errstate(invalid="ignore"):
+        result: Array = (loaded * values[:, None]).sum(axis=0) / loaded.sum(axis=0)
+    return result
+
+
+def relative_by_node(samples: PredictedSamples) -> Array:
+    """Mean error over mean displacement under loads on a node, (n_nodes,)."""
+    return by_node(samples, samples.error) / by_node(samples, samples.moved)
+
+
+def curve(
+    run: str, samples: PredictedSamples, groups: list[tuple[float, NDArray[np.bool_]]]
+) -> Curve:
+    """Curve of the mean error over the distance."""
+    distances = [distance for distance, _ in groups]
+    errors = [MM * float(samples.error[group].mean()) for _, group in groups]
+    style = "-" if run.partition("-")[0] in BODIES else "--"
+    return Curve(distances, errors, kind_of(run), style, label_of(run))
+
+
+def place_table(body: str, samples: dict[str, PredictedSamples]) -> Table:
+    """Table of the errors over the places."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, found in samples.items():
+        errors = MM * by_node(found, found.error)
+        ends = (np.nanmean, np.nanmedian, np.nanmin, np.nanmax)
+        worst = 100 * float(np.nanmax(relative_by_node(found)))
+        rows.append((label_of(run), *(float(end(errors)) for end in ends), worst))
+    return Table(
+        caption=f"{body}: mean error under single random loads on a node, over all nodes; in the "
+        "last column over the mean displacement under loads on the same node.",
+        head=(
+            "network",
+            "mean [mm]",
+            "median node [mm]",
+            "best node [mm]",
+            "worst node [mm]",
+            "worst node, relative [%]",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def distance_table(
+    body: str,
+    samples: dict[str, PredictedSamples],
+    groups: list[tuple[float, NDArray[np.bool_]]],
+) -> Table:
+    """Table of the errors by distance."""
+    return Table(
+        caption=f"{body}: mean error in mm under single loads, by the distance of the load from "
+        "the nodes that are loaded in single-load training.",
+        head=("network", *(f"{distance:.2f} m" for distance, _ in groups)),
+        rows=tuple(
+            (label_of(run), *(MM * float(found.error[group].mean()) for _, group in groups))
+            for run, found in samples.items()
+        ),
+    )
+
+
+def everywhere(name: str, samples: PredictedSamples) -> Claim:
+    """Claim on the error relative to the displacement at the worst node."""
+    worst = float(np.nanmax(relative_by_node(samples)))
+    return Claim(
+        what=f"{name}: the error is small wherever the load acts.",
+        holds=worst <= SMALL,
+        evidence=f"Mean error under loads on the worst node {100 * worst:.3g} % of the mean "
+        f"displacement under these (≤ {100 * SMALL:g} %).",
+        of_paper=False,
+    )
+
+
+def better_elsewhere(
+    body: str,
+    stem: str,
+    samples: dict[str, PredictedSamples],
+    groups: list[tuple[float, NDArray[np.bool_]]],
+) -> list[Claim]:
+    """Claim on the errors of both U-Nets trained on single loads, under loads elsewhere."""
+    runs = [f"{stem}-{kind}" for kind in ("forces", "mechanics")]
+    elsewhere = np.any([group for distance, group in groups if distance > 0], axis=0)
+    if not set(runs) <= samples.keys() or not np.any(elsewhere):
+        return []
+    forces, mechanics = (float(samples[run].error[elsewhere].mean()) for run in runs)
+    return [
+        Claim(
+            what=f"{body}: trained on single loads on a few nodes, the U-Net with mechanics errs "
+            "less by an order of magnitude under loads elsewhere than the one without.",
+            holds=forces >= FACTOR * mechanics,
+            evidence=f"{MM * mechanics:.3g} and {MM * forces:.3g} mm, {forces / mechanics:.3g} "
+            f"times (≥ {FACTOR:g}).",
+            of_paper=False,
+        )
+    ]
+
+
+@styled
+def draw_maps(geometry: Geometry, maps: dict[str, Array]) -> Figure:
+    """Draw the errors in m at the loaded nodes, a panel a network, on one logarithmic scale."""
+    x, size = geometry.coordinates, np.ptp(geometry.coordinates, axis=0)
+    height = 0.6 + WIDTH * float(size[1] / size[0]) if geometry.dimension == 2 else 1.9
+    figure = make_figure(WIDTH, height * len(maps))
+    values = np.concatenate([MM * errors[np.isfinite(errors)] for errors in maps.values()])
+    norm, colours = LogNorm(values.min(), values.max()), colormaps["viridis"]
+    places = GridSpec(len(maps), 1, figure=figure)
+    for place, (label, errors) in enumerate(maps.items()):
+        drawing = make_drawing(figure, geometry, places[place, 0])
+        drawing.body(x, UNDEFORMED, "white", linewidth=0.4)
+        nodes = drawing.seen_nodes(x)
+        nodes = nodes[np.isfinite(errors[nodes])]
+        marks = 36 if geometry.dimension == 2 else 9
+        drawing.markers(x[nodes], colours(norm(MM * errors[nodes])), s=marks)
+        drawing.finish(labelled=False)
+        drawing.axes.set_title(label, fontsize=10)
+        drawing.axes.set_axis_off()
+    bar = figure.colorbar(
+        ScalarMappable(norm, colours), ax=figure.axes, location="bottom", shrink=0.8, aspect=30
+    )
+    bar.set_label("mean error [mm]")
+    bar.outline.set_visible(False)
+    return figure
+
+
+STUDY = Study(
+    name="places",
+    title="Error by the place of the load",
+    labels=(),
+    question="Where on the body must a load act to be predicted badly, and how far from what the "
+    "training loaded?",
+    measure=measure,
+    datasets=("*_places", *STEMS),
+    runs=patterns((*BODIES, *STEMS), COMPARED),
+)

@@ -1,0 +1,47 @@
+"""Step: the tests that are marked `gpu`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+from experiments.gpu.setting import ROOT, Results, Setting
+
+SMALL = "tests/surrogate/training/test_precision.py"
+
+
+def gpu_tests(setting: Setting) -> Results:
+    """Run them; the log is `gpu-tests.log`."""
+    report = setting.out / "gpu-tests.xml"
+    command = [sys.executable, "-m", "pytest", "-m", "gpu", "-p", "no:cacheprovider", "-q"]
+    command += [f"--junitxml={report.absolute()}", SMALL if setting.small else "tests/surrogate"]
+    with (setting.out / "gpu-tests.log").open("w") as log:
+        try:
+            subprocess.run(
+                command,
+                cwd=ROOT,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                timeout=setting.seconds_left,
+            )
+        except subprocess.TimeoutExpired:
+            return {"command": command[1:], "timed_out": True}
+    cases = list(ElementTree.parse(report).iter("testcase"))
+
+    def named(*outcomes: str) -> list[str]:
+        return [
+            f"{case.get('classname')}.{case.get('name')}: {found.get('message', '')[:300]}"
+            for case in cases
+            for outcome in outcomes
+            if (found := case.find(outcome)) is not None
+        ]
+
+    failed, skipped = named("failure", "error"), named("skipped")
+    return {
+        "command": command[1:],
+        "tests": len(cases),
+        "passed": len(cases) - len(failed) - len(skipped),
+        "failed": failed,
+        "skipped": skipped,
+    }

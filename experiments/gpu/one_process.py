@@ -1,0 +1,51 @@
+"""Step: `torchrun` with one process trains as a plain call does."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import yaml
+
+from experiments.gpu.setting import ROOT, Results, Setting
+from experiments.gpu.trainings import adapted, changed
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.folder import RunFolder
+from surrogate.training.train import train
+from tests.surrogate.unet_configs import shipped_unet
+
+CASE = "beam2d"
+
+
+def one_process(setting: Setting) -> Results:
+    """Train two epochs both ways; return the losses and the time of both."""
+    config = changed(adapted(shipped_unet(f"{CASE}-det-fast"), setting), {}, {"epochs": 2})
+    plain, started = (RunFolder(setting.out / "runs" / f"one-process-{n}") for n in (1, 2))
+    train(config, setting.dataset(CASE), plain, setting.device)
+    failure = by_torchrun(config, setting, started)
+    losses = [[line["train_loss"] for line in run.metric_lines()] for run in (plain, started)]
+    differences = [abs(a - b) / abs(a) for a, b in zip(*losses, strict=False)]
+    return {
+        "config": config.plain(),
+        "losses": losses[0],
+        "losses_by_torchrun": losses[1],
+        "largest_relative_difference": max(differences, default=None),
+        **({"error": failure} if failure else {}),
+    }
+
+
+def by_torchrun(config: UNetModel, setting: Setting, run: RunFolder) -> str | None:
+    """Train by `torchrun`; return what it says if it fails."""
+    path = setting.out / "one-process.yaml"
+    path.write_text(yaml.safe_dump(config.plain()))
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=1"]
+    command += ["-m", "surrogate.command_line", "train", str(path.absolute())]
+    command += ["--data", str(setting.folder_of(CASE).absolute())]
+    command += ["--out", str(run.folder.absolute()), "--device", setting.device.type]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, timeout=setting.seconds_left
+        )
+    except subprocess.TimeoutExpired:
+        return "no end in time"
+    return done.stderr[-3000:] if done.returncode else None

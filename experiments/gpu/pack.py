@@ -1,0 +1,105 @@
+"""Make the folder that is carried to the machine with the GPU: wheels and datasets.
+
+    .venv-surrogate/bin/python -m experiments.gpu.pack build/gpu --data data
+
+The 2D datasets are copied whole; that of the 3D beam is rounded and packed
+(`experiments.gpu.carried_dataset`), with as many samples as there are, or as ``--samples`` says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.gpu.carried_dataset import SUFFIX, pack
+from experiments.gpu.setting import CASES, ROOT
+from shared_schema.common.command_line import run_command
+from shared_schema.common.errors import InputError, WorkError
+
+LIMIT = 64 * 2**20  # bytes of the carried folder and the repository
+WITH_NEEDS = ("pydantic",)  # its core has to be of one exact version
+ALONE = ("h5py", "jinja2", "markupsafe", "pyyaml", "safetensors", "tqdm")  # need NumPy at most
+PLATFORMS = (
+    "manylinux_2_28_x86_64",
+    "manylinux_2_27_x86_64",
+    "manylinux_2_17_x86_64",
+    "manylinux2014_x86_64",
+)
+
+
+def download_wheels(folder: Path) -> None:
+    """Download wheels for Python 3.12 on x86-64 Linux."""
+    platforms = [word for name in PLATFORMS for word in ("--platform", name)]
+    for names in (WITH_NEEDS, ("--no-deps", *ALONE)):
+        done = subprocess.run(
+            [
+                *(sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:"),
+                *("--python-version", "3.12", "--implementation", "cp", *platforms),
+                *("--dest", str(folder), *names),
+            ]
+        )
+        if done.returncode:
+            raise WorkError("pip download failed")
+
+
+def pack_datasets(data: Path, folder: Path, samples: int | None) -> list[str]:
+    """Copy the datasets in the plane, pack those in space; return a line about each."""
+    lines = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for case in CASES:
+        source, packed = data / case / "structured", folder / f"{case}{SUFFIX}"
+        if not (source / "manifest.json").is_file():
+            raise InputError(f"--data '{data}': no complete dataset '{case}/structured' in it")
+        if case.endswith("3d"):
+            lines.append(f"{case}: {pack(source, packed, samples)} samples")
+        else:
+            shutil.rmtree(folder / case, ignore_errors=True)
+            shutil.copytree(source, folder / case / "structured")
+            lines.append(f"{case}: all samples")
+    return lines
+
+
+def bytes_of(folder: Path) -> int:
+    """Size of all files below a folder."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def bytes_of_repository() -> int:
+    """Size of the files under version control."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    paths = (ROOT / name for name in listed.stdout.split("\0") if name)
+    return sum(path.stat().st_size for path in paths if path.is_file())
+
+
+def make(options: argparse.Namespace) -> None:
+    """Fill the folder, and say what is in it and how large it is."""
+    lines = pack_datasets(options.data, options.folder / "data", options.samples)
+    if not options.no_wheels:
+        download_wheels(options.folder / "wheels")
+    carried, repository = bytes_of(options.folder), bytes_of_repository()
+    lines.append(
+        f"{carried / 2**20:.1f} MiB, and {repository / 2**20:.1f} MiB of repository, "
+        f"of {LIMIT / 2**20:.0f} MiB"
+    )
+    print("\n".join(lines))
+    if carried + repository > LIMIT:
+        raise WorkError("too large; expected fewer --samples")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--data", type=Path, default=Path("data"), help="datasets of make data")
+    parser.add_argument("--samples", type=int, help="number of samples of the 3D beam")
+    parser.add_argument("--no-wheels", action="store_true", help="pack the datasets only")
+    options = parser.parse_args(arguments)
+    return run_command("experiments.gpu.pack", lambda: make(options))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

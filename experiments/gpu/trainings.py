@@ -1,0 +1,90 @@
+"""Training of one network within a time, and its errors on the test split."""
+
+from __future__ import annotations
+
+import shutil
+from typing import Any
+
+import torch
+
+from experiments.gpu.setting import Results, Setting
+from surrogate.data.dataset import Dataset
+from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.tensor_file import load_tensors
+from surrogate.training.train import train
+
+RESERVE = {"variational_bayes": 35.0}  # s for the evaluation; 12 of other likelihoods
+CURVE = 200  # lines of the learning curve in the result
+PASSES = 300
+
+
+def changed(config: UNetModel, network: dict[str, Any], training: dict[str, Any]) -> UNetModel:
+    """Return a configuration with some changed keys."""
+    return config.model_copy(
+        update={
+            "network": config.network.model_copy(update=network),
+            "training": config.training.model_copy(update=training),
+        }
+    )
+
+
+def adapted(config: UNetModel, setting: Setting, **training: Any) -> UNetModel:
+    """Return a configuration for the device: with CUDA graphs on a GPU, and small if asked."""
+    training |= {"cuda_graphs": setting.on_gpu}
+    network: dict[str, Any] = {}
+    if setting.small:
+        training["epochs"] = 2
+        network["channels"] = 4
+    return changed(config, network, training)
+
+
+def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
+    """Train for the time of the setting, resuming what an earlier call has begun, and evaluate."""
+    dataset = setting.dataset(config.case)
+    run = RunFolder(setting.out / "runs" / name)
+    if setting.on_gpu:
+        torch.cuda.reset_peak_memory_stats(setting.device)
+    reserve = RESERVE.get(config.likelihood, 12.0)
+    train(config, dataset, run, setting.device, seconds=max(1e-3, setting.seconds_left - reserve))
+    memory = torch.cuda.max_memory_allocated(setting.device) if setting.on_gpu else None
+    finished = run.model.is_file()
+    evaluation = evaluated(run if finished else as_it_is(run, dataset), setting, config.case)
+    lines = run.metric_lines()
+    result: Results = {
+        "config": config.plain(),
+        "seed": config.seed,
+        "train_samples": len(dataset.train),
+        "test_samples": len(dataset.test),
+        "data_digest": dataset.manifest.digest,
+        "finished": finished,
+        "epochs": lines[-1]["epoch"],
+        "training_seconds": lines[-1]["seconds"],
+        "peak_memory_bytes": memory,
+        "test": evaluation.measures.plain(),
+        "curve": lines[:: max(1, len(lines) // CURVE)],
+    }
+    if evaluation.calibration is not None:
+        result["uncertainty"] = evaluation.calibration.plain()
+    return result
+
+
+def evaluated(run: RunFolder, setting: Setting, case: str) -> Evaluation:
+    """Evaluate a run on the test split."""
+    passes = 5 if setting.small else PASSES
+    return evaluate(run.folder, setting.folder_of(case), setting.device.type, passes)
+
+
+def as_it_is(run: RunFolder, dataset: Dataset) -> RunFolder:
+    """Make a finished run beside an unfinished one, from its last checkpoint."""
+    partial = RunFolder(run.folder.with_name(f"{run.folder.name}-unfinished"))
+    shutil.rmtree(partial.folder, ignore_errors=True)
+    partial.folder.mkdir()
+    for path in (run.config, run.metrics):
+        shutil.copy(path, partial.folder)
+    tensors, _ = load_tensors(run.checkpoint)
+    prefix = "network."
+    weights = {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+    partial.write_tensors({**weights, **dataset.geometry.tensors()})
+    return partial

@@ -1,0 +1,46 @@
+"""All studies in the order of the report: the paper's tables, then its figures."""
+
+from experiments.framework.scale import SCALES
+from experiments.framework.studies_report import Report
+from experiments.framework.study import Study
+from experiments.paper import (
+    bayesian_accuracy,
+    constant_channels,
+    datasets,
+    deterministic_accuracy,
+    error_against_displacement,
+    force_sweeps,
+    linear_network,
+    loads_away,
+    loss_curves,
+    multiple_loads,
+    node_order,
+    noisy_data,
+    prediction_times,
+    single_predictions,
+    training_ranges,
+    training_times,
+    uncertainty_fields,
+)
+
+STUDIES: tuple[Study, ...] = (
+    datasets.STUDY,
+    linear_network.STUDY,
+    node_order.STUDY,
+    deterministic_accuracy.STUDY,
+    bayesian_accuracy.STUDY,
+    prediction_times.STUDY,
+    training_times.STUDY,
+    constant_channels.STUDY,
+    single_predictions.STUDY,
+    error_against_displacement.STUDY,
+    multiple_loads.STUDY,
+    loss_curves.STUDY,
+    loads_away.STUDY,
+    uncertainty_fields.STUDY,
+    force_sweeps.BEAM,
+    training_ranges.STUDY,
+    force_sweeps.LSHAPE,
+    noisy_data.STUDY,
+)
+REPRODUCTION = Report("reproduction", "The paper's tables and figures", STUDIES, SCALES)

@@ -1,0 +1,143 @@
+"""Error and uncertainty fields side by side (Figs. "2d_beam_error_uncertainty" and following)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from experiments.components.error_uncertainty_correlation import (
+    FieldMeasures,
+    close,
+    correlated,
+    fields_table,
+    measure_fields,
+)
+from experiments.components.vertical_force import describe_vertical_force
+from experiments.framework.resources import Resources
+from experiments.framework.study import Study, StudyResult
+from experiments.paper.multiple_loads import LOADS, find_papers_example
+from experiments.paper.published_numbers import PAPER
+from surrogate.data.geometry import Geometry
+from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.evaluation.shown_sample import find_example
+from surrogate.figures.field_figures import error_beside_uncertainty
+from surrogate.inference.prediction import Distribution
+
+Array = NDArray[np.float64]
+RUN, SWEEP = "beam2d-vb", "beam2d_sweep"
+BEYOND = PAPER.force_beyond_training_newton  # upwards; twice the largest force in training
+
+
+@dataclass(frozen=True)
+class Example:
+    """One load case: name, force in N, and u, μ and σ in m, (n_nodes, d) each."""
+
+    what: str
+    force: Array
+    reference: Array
+    mean: Array
+    std: Array
+
+
+def measure(resources: Resources) -> StudyResult:
+    """Compare error and uncertainty of three examples."""
+    geometry = resources.surrogate(RUN).geometry
+    free = ~geometry.clamped
+    beyond, opposite = (at_corner(resources, force) for force in (BEYOND, -BEYOND))
+    shown = {"corner": corner(resources), "multiple": multiple(resources), "beyond": beyond}
+    measured = {
+        example.what: measure_fields(example.mean[free], example.std[free], example.reference[free])
+        for example in (*shown.values(), opposite)
+    }
+    return StudyResult(
+        tables=[fields_table(measured)],
+        claims=[
+            *(correlated(example.what, measured[example.what]) for example in shown.values()),
+            close(
+                "Within the training range the uncertainty gives an idea of the error: "
+                f"{shown['corner'].what}.",
+                measured[shown["corner"].what],
+            ),
+            close(
+                "Under several forces error and uncertainty closely follow each other.",
+                measured[shown["multiple"].what],
+            ),
+            close(
+                f"Outside the training range error and uncertainty are close: {beyond.what}.",
+                measured[beyond.what],
+            ),
+        ],
+        figures={
+            name: figure_of(geometry, example, measured[example.what])
+            for name, example in shown.items()
+        },
+    )
+
+
+def corner(resources: Resources) -> Example:
+    """Test sample with the load and the displacement at the corner nearest to the paper's."""
+    tip = resources.surrogate(RUN).geometry.tip
+    test, predicted = resources.dataset_of(RUN).nodal_test, resources.predicted_test(RUN)
+    aim = PAPER.networks["beam2d"]["deterministic"].examples["corner"].tip_displacement_m
+    number = find_example(test.force, test.displacement, tip, np.array([tip]), aim)
+    return example_of("test sample loaded at the corner", test, predicted, number)
+
+
+def multiple(resources: Resources) -> Example:
+    """Sample under several forces with the displacement of the corner nearest to the paper's."""
+    geometry, loads = resources.surrogate(RUN).geometry, resources.predicted_loads(RUN, LOADS)
+    number = find_papers_example(loads.samples, geometry)
+    return example_of("several forces", loads.samples, loads.predicted, number)
+
+
+def at_corner(resources: Resources, newtons: float) -> Example:
+    """Sample of the sweep with the vertical force at the corner nearest to `newtons`."""
+    loads = resources.predicted_loads(RUN, SWEEP)
+    vertical = loads.samples.force[..., 1].sum(axis=1)
+    number = int(np.abs(vertical - newtons).argmin())
+    what = f"{describe_vertical_force(loads.samples.force[number])} at the corner"
+    return example_of(what, loads.samples, loads.predicted, number)
+
+
+def example_of(what: str, samples: NodalSamples, predicted: Distribution, number: int) -> Example:
+    """Sample `number` and its prediction as an example."""
+    return Example(
+        what,
+        samples.force[number],
+        samples.displacement[number],
+        predicted.mean[number],
+        predicted.std[number],
+    )
+
+
+def figure_of(geometry: Geometry, example: Example, measures: FieldMeasures) -> tuple[Figure, str]:
+    """Figure of the error and uncertainty fields of an example, and its caption."""
+    drawn = error_beside_uncertainty(
+        geometry, example.force, example.mean, example.std, example.reference
+    )
+    tip = np.linalg.norm(example.reference[geometry.tip])
+    return drawn, (
+        f"2D beam, {example.what}, tip displacement {tip:.2f} m: error (left) and one standard "
+        "deviation (right) on the deformed mesh of the U-Net, each in its own colour scale: the "
+        f"mean error is {measures.error / measures.std:.2g} times the mean σ."
+    )
+
+
+STUDY = Study(
+    name="uncertainty-fields",
+    title="Error and uncertainty fields of the 2D beam",
+    labels=(
+        "fig: 2d_beam_error_uncertainty",
+        "fig: 2d_multiplef_error_uncertainty",
+        "fig: 2d_5Nf_error_uncertainty",
+    ),
+    question="Does the uncertainty say where the error is: for a load as in training, for several "
+    "at once, and for one twice as large? (The paper does not say which way its 5 N act; here "
+    "upwards, the other way in the table as well.)",
+    measure=measure,
+    datasets=(LOADS, SWEEP),
+    runs=(RUN,),
+)

@@ -1,0 +1,279 @@
+r"""The load that a command is given: ``--load``, ``--forces``, and ``--move`` of `datagen`.
+
+===========================  ======================================================================
+text                         meaning
+===========================  ======================================================================
+``X,Y[,Z]:FX,FY[,FZ]``       a force in N at the node there, or at the nearest one (``--nearest``)
+``GROUP:FX,FY[,FZ]``         a force in N on a named group of the mesh, distributed as a uniform
+                             traction over its facets, or equally over its nodes if it has none
+``GROUP:P``                  a pressure in Pa on the facets of the group, which follows the surface
+``GROUP:UX,UY[,UZ]``         with ``--move``: a displacement in m of the group; ``-`` leaves a
+                             component free
+===========================  ======================================================================
+
+A file of forces is a solution (``.npz`` with `coordinates` and `force`), or text (``.csv``) with
+lines X,Y[,Z],FX,FY[,FZ]. All that acts on one node adds up. What would act on a held component of
+a group is borne by the supports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
+from shared_schema.common.errors import InputError
+from shared_schema.common.point_load import RELATIVE_TOLERANCE, nodal_forces
+from shared_schema.common.solution_file import read_field
+
+Array = NDArray[np.float64]
+LARGEST_FILE = 1 << 26  # bytes of a .csv
+MOST = 1e12  # N or Pa in magnitude
+
+
+@dataclass(frozen=True)
+class LoadedBody:
+    """What a load is given for.
+
+    Attributes
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+    cell_type : str
+    held : array of bool, (n_nodes, d)
+        Components that supports hold.
+    groups : mapping of str to array of bool, (n_nodes,)
+        Nodes of the named groups.
+    """
+
+    coordinates: Array
+    cells: NDArray[np.int64]
+    cell_type: str
+    held: NDArray[np.bool_]
+    groups: Mapping[str, NDArray[np.bool_]]
+
+    @property
+    def clamped(self) -> NDArray[np.bool_]:
+        """Nodes that do not move at all, (n_nodes,)."""
+        return np.asarray(self.held.all(axis=1))
+
+    def facets_of(self, group: str) -> NDArray[np.int64]:
+        """Facets whose nodes all belong to a group, seen from outside."""
+        facets = outward_facets(self.coordinates, self.cells, self.cell_type)
+        inside: NDArray[np.int64] = facets[self.groups[group][facets].all(axis=1)]
+        return inside
+
+
+@dataclass
+class CommandLoads:
+    """Loads that act together.
+
+    Attributes
+    ----------
+    body : LoadedBody
+    forces : array, (n_nodes, d)
+        Dead nodal forces in N.
+    surfaces : list of array of int, (n_facets, n_corners)
+        Facets under pressure.
+    pressures : list of float
+        Pressure on each of them in Pa.
+    moved : array of bool, (n_nodes, d)
+        Components whose displacement is prescribed.
+    displacement : array, (n_nodes, d)
+        Prescribed displacements in m, else 0.
+    notes : list of str
+        Nodes that loads were moved to.
+    """
+
+    body: LoadedBody
+    forces: Array = field(init=False)
+    surfaces: list[NDArray[np.int64]] = field(default_factory=list)
+    pressures: list[float] = field(default_factory=list)
+    moved: NDArray[np.bool_] = field(init=False)
+    displacement: Array = field(init=False)
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.forces, self.displacement = (np.zeros(self.body.coordinates.shape) for _ in range(2))
+        self.moved = np.zeros(self.body.coordinates.shape, dtype=bool)
+
+    @property
+    def at_rest(self) -> Array:
+        """Forces, with those that the pressures have on the undeformed body: (n_nodes, d) in N."""
+        total = self.forces.copy()
+        for facets, pressure in zip(self.surfaces, self.pressures, strict=True):
+            total += pressure_forces(self.body.coordinates, facets, pressure)
+        return np.where(self.body.held, 0.0, total)
+
+    def pushed(self, displacement: Array) -> Array:
+        """Forces of the pressures on the deformed body: (n_nodes, d) in m → same in N."""
+        total = np.zeros(displacement.shape)
+        for facets, pressure in zip(self.surfaces, self.pressures, strict=True):
+            total += pressure_forces(self.body.coordinates + displacement, facets, pressure)
+        return total
+
+    def add(self, text: str, nearest: bool = False) -> None:
+        """Add what ``--load`` says.
+
+        Raises
+        ------
+        InputError
+            If the text is malformed, there is no such group or node, or the node is held.
+        """
+        name, _, values = text.rpartition(":")
+        d = self.body.coordinates.shape[1]
+        if name not in self.body.groups:
+            if self.body.groups and not _is_position(name, d):
+                names = ", ".join(sorted(self.body.groups))
+                raise InputError(f"--load '{text}': no such group, the mesh has {names}")
+            coordinates, clamped = self.body.coordinates, self.body.clamped
+            forces = nodal_forces([text], coordinates, clamped, nearest, self.notes)
+            self._require_free(forces, f"--load '{text}'")
+            self.forces += forces
+            return
+        numbers = _numbers(values, f"--load '{text}'", f"{d} numbers (N), or one (Pa)", (1, d))
+        if len(numbers) == 1:
+            facets = self.body.facets_of(name)
+            if not len(facets):
+                raise InputError(f"--load '{text}': the group has no facet to press on")
+            self.surfaces.append(facets)
+            self.pressures.append(numbers[0])
+            return
+        total = np.outer(self._shares(name), numbers)
+        self.forces += np.where(self.body.held, 0.0, total)
+
+    def add_file(self, path: Path, nearest: bool = False) -> None:
+        """Add the forces of a file; InputError that names the file, and the line of a ``.csv``."""
+        if path.suffix == ".npz":
+            forces = _solution_forces(path, self.body.coordinates)
+        elif path.suffix == ".csv":
+            forces = self._csv_forces(path, nearest)
+        else:
+            raise InputError(f"--forces '{path}': expected a file name ending in .npz, .csv")
+        self._require_free(forces, f"--forces '{path}'")
+        self.forces += forces
+
+    def move(self, text: str) -> None:
+        """Add what ``--move`` says; InputError if it is wrong, or the group is held or moved."""
+        name, _, values = text.rpartition(":")
+        d, option = self.body.coordinates.shape[1], f"--move '{text}'"
+        if name not in self.body.groups:
+            names = ", ".join(sorted(self.body.groups)) or "none"
+            raise InputError(f"{option}: expected GROUP:UX,UY, the groups of the mesh are {names}")
+        parts = [part.strip() for part in values.split(",")]
+        components = np.array([part != "-" for part in parts])
+        numbers = ",".join("0" if part == "-" else part for part in parts)
+        wanted = _numbers(numbers, option, f"{d} numbers (m), or - for a free component", (d,))
+        moved = self.body.groups[name][:, None] & components
+        if (moved & (self.body.held | self.moved)).any():
+            raise InputError(f"{option}: a node of the group is held or moved already")
+        self.moved |= moved
+        self.displacement += moved * np.array(wanted)
+
+    def _shares(self, name: str) -> Array:
+        """Part of the force on a group that each node takes, (n_nodes,), of sum 1."""
+        facets = self.body.facets_of(name)
+        members = self.body.groups[name]
+        if not np.isin(np.flatnonzero(members), facets).all():
+            return np.asarray(members / members.sum())
+        shares = np.zeros(len(members))
+        np.add.at(shares, facets, facet_shares(self.body.coordinates[facets]))
+        return np.asarray(shares / shares.sum())
+
+    def _csv_forces(self, path: Path, nearest: bool) -> Array:
+        d = self.body.coordinates.shape[1]
+        expected = "X,Y,FX,FY" if d == 2 else "X,Y,Z,FX,FY,FZ"
+        try:
+            if path.stat().st_size > LARGEST_FILE:
+                raise InputError(f"--forces '{path}': expected at most {LARGEST_FILE} bytes")
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"--forces '{path}': cannot be read ({error})") from None
+        texts = []
+        for number, line in enumerate(lines, 1):
+            if not line.strip() or line.startswith("#") or (number == 1 and _is_words(line)):
+                continue  # a line of names may stand first
+            where = f"--forces '{path}': line {number}"
+            values = [f"{value!r}" for value in _numbers(line, where, expected, (2 * d,))]
+            texts.append(f"{','.join(values[:d])}:{','.join(values[d:])}")
+        try:
+            coordinates, clamped = self.body.coordinates, self.body.clamped
+            return nodal_forces(texts, coordinates, clamped, nearest, self.notes)
+        except InputError as error:
+            raise InputError(f"--forces '{path}': {str(error).removeprefix('--load ')}") from None
+
+    def _require_free(self, forces: Array, source: str) -> None:
+        """Raise InputError if a force acts on a held component."""
+        wrong = np.argwhere(self.body.held & (forces != 0))
+        if len(wrong):
+            node, axis = wrong[0]
+            at = ",".join(f"{value:g}" for value in self.body.coordinates[node])
+            raise InputError(f"{source}: the node at {at} is held in {'xyz'[axis]}")
+
+
+def command_loads(
+    body: LoadedBody,
+    loads: Sequence[str],
+    files: Sequence[Path] = (),
+    moves: Sequence[str] = (),
+    nearest: bool = False,
+) -> CommandLoads:
+    """Collect the loads of a command.
+
+    Raises
+    ------
+    InputError
+        If one is wrong, or there is none at all.
+    """
+    if not (loads or files or moves):
+        raise InputError("no load, expected --load or --forces")
+    given = CommandLoads(body)
+    for text in loads:
+        given.add(text, nearest)
+    for path in files:
+        given.add_file(path, nearest)
+    for text in moves:
+        given.move(text)
+    if (given.forces[given.moved] != 0).any():
+        raise InputError("--move: a force acts on a moved component, expected one of the two")
+    if not np.abs(given.forces).max() <= MOST:
+        raise InputError(f"a force component is beyond {MOST:g} N")
+    return given
+
+
+def _is_position(text: str, count: int) -> bool:
+    try:
+        return len([float(part) for part in text.split(",")]) == count
+    except ValueError:
+        return False
+
+
+def _is_words(line: str) -> bool:
+    return not any(_is_position(part, 1) for part in line.split(","))
+
+
+def _numbers(text: str, option: str, expected: str, counts: tuple[int, ...]) -> list[float]:
+    """Read finite numbers separated by commas; InputError unless there are so many."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts:
+        raise InputError(f"{option}: expected {expected}")
+    if not np.all(np.abs(numbers) <= MOST):  # true for NaN as well
+        raise InputError(f"{option}: expected finite numbers, at most {MOST:g}")
+    return numbers
+
+
+def _solution_forces(path: Path, coordinates: Array) -> Array:
+    """Read the forces of a solution on the same mesh."""
+    forces = read_field(path, "force", coordinates, "--forces", RELATIVE_TOLERANCE)
+    if not np.abs(forces).max() <= MOST:
+        raise InputError(f"--forces '{path}': expected finite forces, at most {MOST:g} N")
+    return forces

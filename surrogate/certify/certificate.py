@@ -1,0 +1,156 @@
+r"""Certificates: how wrong a predicted displacement is, computed without the true one.
+
+The forces of a prediction u are out of balance by r(u), and one step of Newton's method with one
+simplified step after it estimate its error to third order:
+
+.. math:: u - u_{true} = -(δ + \bar δ) + O(‖u - u_{true}‖^3), \qquad
+          δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
+
+(`surrogate.mechanics.out_of_balance`). The estimate is settled if K(u) is positive definite, the
+contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
+estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
+(`surrogate.certify.correction`), by 20 steps at most, until δ itself is that small; for the way may
+lead far round. A prediction whose estimate does not settle is never certified, nor is one with an
+inverted cell, for which there is no estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.certify.correction import searched
+from surrogate.mechanics.out_of_balance import Equilibrium, norms
+
+Array = NDArray[np.float64]
+CONTRACTION = 0.25  # largest Θ of an estimate that is settled
+LAST_PART = 0.1  # largest part of its last step in it
+NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
+ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Estimated errors of one prediction, or of N (then every array has N as its first axis).
+
+    Attributes
+    ----------
+    out_of_balance : array, () or (N,)
+        ‖r(u)‖₂ / ‖f‖₂ over the free degrees of freedom.
+    error : array, (n_nodes, d) or (N, n_nodes, d)
+        Estimate of the predicted minus the true displacement in m; infinite if a cell is inverted.
+    relative_error : array, () or (N,)
+        ‖error‖₂ / ‖estimate of the true displacement‖₂.
+    inverted : array of int, () or (N,)
+        Number of inverted cells.
+    settled : array of bool, () or (N,)
+        True if Newton's method contracts, so that the estimate is to be trusted.
+    """
+
+    out_of_balance: Array
+    error: Array
+    relative_error: Array
+    inverted: NDArray[np.int64]
+    settled: NDArray[np.bool_]
+
+    @property
+    def mean_error(self) -> Array:
+        """Mean absolute component of the estimated error in m, as the paper's measure e_m."""
+        result: Array = np.abs(self.error).mean(axis=(-2, -1))
+        return result
+
+    @property
+    def max_error(self) -> Array:
+        """Largest length of the estimated error of a node in m."""
+        result: Array = np.linalg.norm(self.error, axis=-1).max(axis=-1)
+        return result
+
+    def certified(self, tolerance: float) -> NDArray[np.bool_]:
+        """True where `max_error` is at most `tolerance` in m, and `settled`."""
+        return np.asarray((self.max_error <= tolerance) & self.settled)
+
+    def summary(self) -> str:
+        """Describe the estimated error of a single prediction in a line."""
+        if self.inverted:
+            return f"{self.inverted} inverted elements, no estimate of the error"
+        return (
+            f"estimated error {millimetres(float(self.mean_error))} in the mean, "
+            f"{millimetres(float(self.max_error))} at most, "
+            f"forces out of balance by {float(self.out_of_balance):.2g} of the load"
+        )
+
+    def refusal(self, tolerance: float) -> str | None:
+        """Say why a single prediction is not certified; None if it is."""
+        if self.inverted:
+            return f"{self.inverted} inverted elements"
+        if not self.max_error <= tolerance:
+            return (
+                f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
+            )
+        return None if self.settled else "the estimate does not settle, no equilibrium is near"
+
+
+def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:
+    """Estimate the errors of predictions.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
+        Nodal forces in N, and predicted displacements in m. What is predicted for clamped nodes is
+        wholly an error.
+    """
+    shape = predicted.shape
+    f, u = (field.reshape(-1, *shape[-2:]) for field in (forces, predicted))
+    held = np.where(equilibrium.free, u, 0.0)
+    inverted = equilibrium.inverted(held)
+    r = equilibrium.out_of_balance(held, f)
+    residual = np.where(inverted == 0, norms(r), np.inf)
+    sound = np.flatnonzero(np.isfinite(residual))
+    truth, settled = np.zeros(u.shape), np.zeros(len(u), dtype=bool)
+    truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
+    error = np.full(u.shape, np.inf)
+    error[sound] = u[sound] - truth[sound]
+    return Certificate(
+        out_of_balance=_ratio(residual, norms(f * equilibrium.free)).reshape(shape[:-2]),
+        error=error.reshape(shape),
+        relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
+        inverted=inverted.reshape(shape[:-2]),
+        settled=settled.reshape(shape[:-2]),
+    )
+
+
+def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Step from predictions until Newton's method contracts: the estimates of the truth."""
+    truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
+    for round_number in range(ROUNDS):
+        found = equilibrium.newton_steps(truth[going], f[going])
+        last = norms(found.steps if round_number else found.simplified)
+        error = norms(u[going] - truth[going] - found.steps)
+        small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
+        contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
+        truth[going[contracts]] += (found.steps + found.simplified)[contracts]
+        settled[going[contracts]] = True
+        for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
+            one = slice(row, row + 1)
+            r = equilibrium.out_of_balance(truth[one], f[one])
+            advanced = searched(equilibrium, f[one], truth[one], r, step[None])
+            if advanced is not None:
+                truth[one] = advanced[0]
+        going = going[~contracts]
+        if len(going) == 0:
+            break
+    return truth, settled
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    """Quotient of non-negative numbers, 0 if both are 0."""
+    result: Array = np.where(part == 0, 0.0, np.inf)
+    return np.divide(part, whole, out=result, where=whole > 0)
+
+
+def millimetres(metres: float) -> str:
+    """Write a length."""
+    return f"{metres * 1e3:.3g} mm"

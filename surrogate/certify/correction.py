@@ -1,0 +1,142 @@
+r"""Correction of a prediction: Newton's method with a line search on the potential energy.
+
+.. math:: u_{k+1} = u_k + α δ(u_k), \qquad Π(u_k + α δ) \le Π(u_k) + c \, α \, r(u_k) · δ
+
+with the largest :math:`α = 2^{-m}` and c = 1e-4 (Armijo's rule). Where the difference of Π drowns
+in rounding errors, its slope decides (Hager and Zhang 2005, Eq. 4.1):
+:math:`r(u_k + α δ) · δ \le (2 c - 1) \, r(u_k) · δ`. Π is infinite where a cell is inverted, so no
+step inverts one, and Π decreases along every δ (`surrogate.mechanics.out_of_balance`); so every
+start leads to an equilibrium. A good prediction saves iterations. A bad one could cost many,
+or lead to another equilibrium; therefore the start is the state of lowest Π among the prediction,
+the linear response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import WorkError
+from surrogate.mechanics.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-8  # of ‖r‖₂ in N, that of the finite elements
+ITERATIONS, HALVINGS = 200, 40
+SUFFICIENT = 1e-4  # c
+
+
+@dataclass(frozen=True)
+class Correction:
+    """An equilibrium, and how it was found.
+
+    Attributes
+    ----------
+    displacement : array, (n_nodes, d)
+        In m.
+    start : str
+        Start with the lowest energy: "prediction", "linear response" or "undeformed body".
+    iterations : int
+        Number of Newton iterations.
+    residual_norm : float
+        ‖r‖₂ of the displacement in N.
+    """
+
+    displacement: Array
+    start: str
+    iterations: int
+    residual_norm: float
+
+    def summary(self) -> str:
+        """Describe the correction in a line."""
+        return (
+            f"corrected in {self.iterations} Newton iterations from the {self.start}, "
+            f"residual {self.residual_norm:.2g} N"
+        )
+
+
+def correct(
+    equilibrium: Equilibrium, forces: Array, predicted: Array, tolerance: float = TOLERANCE
+) -> Correction:
+    """Go on from a prediction to the equilibrium.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    forces, predicted : array, (n_nodes, d)
+        Nodal forces in N, and predicted displacements in m, which may be arbitrarily wrong.
+    tolerance : float
+        Largest ‖r‖₂ of the result in N.
+
+    Raises
+    ------
+    WorkError
+        If 200 iterations do not lead to an equilibrium.
+    """
+    f = forces[None]
+    start, u = safest_start(equilibrium, f, predicted[None])
+    return iterated(equilibrium, f, u, start, tolerance)
+
+
+def iterated(
+    equilibrium: Equilibrium, f: Array, u: Array, start: str, tolerance: float = TOLERANCE
+) -> Correction:
+    """Iterate from a start without inverted cells, f and u (1, n_nodes, d); WorkError as above."""
+    r = equilibrium.out_of_balance(u, f)
+    for iteration in range(ITERATIONS + 1):
+        norm = float(np.linalg.norm(r))
+        if norm <= tolerance:
+            return Correction(u[0], start, iteration, norm)
+        advanced = searched(equilibrium, f, u, r, equilibrium.newton_step(u, r))
+        if advanced is None:
+            break
+        u, r = advanced
+    raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} N")
+
+
+def searched(
+    equilibrium: Equilibrium, f: Array, u: Array, r: Array, step: Array
+) -> tuple[Array, Array] | None:
+    """Search along a step: the next displacement with its r; None if Π does not decrease.
+
+    All arrays are (1, n_nodes, d).
+    """
+    potential, slope = equilibrium.potential(u, f), float((r * step).sum())
+    for halving in range(HALVINGS):
+        part = 0.5**halving
+        trial = u + part * step
+        change = equilibrium.potential(trial, f) - potential
+        if change > equilibrium.rounding:
+            continue
+        new = equilibrium.out_of_balance(trial, f)
+        decreases = change <= SUFFICIENT * part * slope
+        if decreases or float((new * step).sum()) <= (2 * SUFFICIENT - 1) * slope:
+            return trial, new
+    return None
+
+
+def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[str, Array]:
+    """Choose the start of lowest potential energy: its name, and the displacement.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    f, predicted : array, (1, n_nodes, d)
+        In N and m.
+    """
+    linear = equilibrium.linear_response(f)
+    while equilibrium.inverted(linear).any():
+        linear = linear / 2
+    starts = {
+        "prediction": np.where(equilibrium.free, predicted, 0.0),
+        "linear response": linear,
+        "undeformed body": np.zeros_like(f),
+    }
+    potentials = {
+        name: float(equilibrium.potential(u, f)[0])
+        for name, u in starts.items()
+        if np.isfinite(u).all()
+    }
+    name = min(potentials, key=lambda key: potentials[key])
+    return name, starts[name]

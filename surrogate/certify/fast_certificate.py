@@ -1,0 +1,305 @@
+r"""Fast certificates: bounds of the error of a single prediction, in real time.
+
+`surrogate.certify.fast_estimate` estimates the error of a prediction without a factorisation. The
+ratio of a true error to its estimate is calibrated on held-out samples: with the conformal quantile
+q of these ratios (`surrogate.certify.conformal`),
+
+.. math:: P(e \le q \hat e) \ge 1 - α
+
+for loads like theirs. Unlike a conformal interval of fixed width, the bound is as wide as a load
+needs. There is a q for the mean error e (the paper's e_m), and one for the largest error of a node.
+Where a cell is inverted, both bounds are infinite.
+
+A network that predicts standard deviations knows where on the body its error is large, but not how
+large it is under loads unlike those of its training. The estimate knows that. Intervals of single
+components have the network's shape and the estimate's size,
+
+.. math:: |u_i - μ_i| \le q \, \hat e \, σ_i / \bar σ
+
+with the mean :math:`\bar σ` over the body, and the q with which they hold the wanted share of all
+components of the held-out samples.
+
+The held-out samples are the calibration and validation samples of the run. Training looks at the
+latter to stop early only; a run that does so leaves them out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+from surrogate.certify.certificate import millimetres
+from surrogate.certify.conformal import conformal_quantile
+from surrogate.certify.fast_estimate import FastEstimate
+from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import require_linear_elements
+from surrogate.inference.prediction import Surrogate
+from surrogate.runs.split import split_training
+from surrogate.runs.tensor_file import load_tensors, serialised
+
+ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
+LEVELS = (0.9, 0.95)  # whose coverage is measured
+MEASURES = ("mean", "largest")
+COMPONENT = "component"  # of networks that predict standard deviations
+KEPT = 1001  # quantiles of the ratios of single components
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Estimated error of one prediction, and bounds that each hold with some probability.
+
+    Attributes
+    ----------
+    error : array, (n_nodes, d)
+        Estimate of the predicted minus the true displacement in m; infinite if a cell is inverted.
+    level : float
+        Probability 1 − α.
+    mean, largest : float
+        Bounds of the mean absolute component and of the largest error of a node in m.
+    """
+
+    error: Array
+    level: float
+    mean: float
+    largest: float
+
+    def summary(self) -> str:
+        """Describe the bounds in a line."""
+        return (
+            f"error at most {millimetres(self.mean)} in the mean and "
+            f"{millimetres(self.largest)} at any node, each with probability {self.level:g}"
+        )
+
+    def refusal(self, tolerance: float) -> str | None:
+        """Say why the prediction is not certified; None if it is."""
+        if self.largest <= tolerance:
+            return None
+        return f"bound of the error {millimetres(self.largest)} > {millimetres(tolerance)}"
+
+
+@dataclass(frozen=True)
+class FastCertificate:
+    """Calibrated bounds of errors.
+
+    Attributes
+    ----------
+    estimate : FastEstimate
+    ratios : dict of str to array, (n,)
+        Ratios of true and estimated errors of the held-out samples, by measure: "mean" and
+        "largest". For a network that predicts standard deviations also "component": quantiles of
+        the ratios of single components, at `KEPT` equal steps.
+    """
+
+    estimate: FastEstimate
+    ratios: dict[str, Array]
+
+    @classmethod
+    def fit(
+        cls,
+        estimate: FastEstimate,
+        force: Array,
+        predicted: Array,
+        truth: Array,
+        std: Array | None = None,
+    ) -> FastCertificate:
+        """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m."""
+        error, estimated = predicted - truth, estimate(force, predicted)
+        found = sizes(estimated)
+        ratios = {
+            name: np.divide(e, found[name], out=np.zeros(len(e)), where=e > 0)
+            for name, e in sizes(error).items()
+        }
+        if std is not None:
+            scale = with_size(std, found["mean"])
+            of_components = np.abs(error)[scale > 0] / scale[scale > 0]
+            ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
+        return cls(estimate, ratios)
+
+    @property
+    def knows_components(self) -> bool:
+        """Whether there are intervals of single components."""
+        return COMPONENT in self.ratios
+
+    def half_widths(self, error: Array, std: Array, level: float) -> Array:
+        """Half widths in m of the intervals of all components, which hold the share `level`.
+
+        Parameters
+        ----------
+        error, std : array, (N, n_nodes, d)
+            Estimated errors, of `estimate`, and predicted standard deviations in m.
+        level : float
+        """
+        factor = np.interp(level, np.linspace(0, 1, KEPT), self.ratios[COMPONENT])
+        return float(factor) * with_size(std, sizes(error)["mean"])
+
+    def covered(
+        self, force: Array, predicted: Array, truth: Array, std: Array, level: float
+    ) -> Array:
+        """Share of the components of every sample inside their intervals, (N,).
+
+        Components that cannot move are left out.
+        """
+        half, moves = self.half_widths(self.estimate(force, predicted), std, level), std.any(axis=0)
+        inside: Array = (np.abs(predicted - truth) <= half)[:, moves].mean(axis=1)
+        return inside
+
+    def factor(self, level: float, measure: str = "mean") -> float:
+        """Return q of a level 1 − α.
+
+        Raises
+        ------
+        ValueError
+            If the level is not between 0 and 1, or there were too few samples for it.
+        """
+        return float(conformal_quantile(self.ratios[measure], level))
+
+    def bounds(self, error: Array, level: float) -> dict[str, Array]:
+        """Bounds in m that hold with the probability `level` each, by measure: (N,).
+
+        Parameters
+        ----------
+        error : array, (N, n_nodes, d)
+            Estimated errors in m, of `estimate`.
+        level : float
+
+        Raises
+        ------
+        ValueError
+            As `factor`.
+        """
+        return {name: self.factor(level, name) * e for name, e in sizes(error).items()}
+
+    def certify(self, forces: Array, predicted: Array, level: float) -> Bounds:
+        """Bound the error of one prediction, (n_nodes, d) in N and m.
+
+        Raises
+        ------
+        ValueError
+            As `factor`.
+        """
+        error = self.estimate(forces[None], predicted[None])
+        found = {name: float(bound[0]) for name, bound in self.bounds(error, level).items()}
+        return Bounds(error[0], level, **found)
+
+    def measures(
+        self, force: Array, predicted: Array, truth: Array, std: Array | None = None
+    ) -> dict[str, Any]:
+        """Coverage of the bounds on other samples, and their median ratio to the true error.
+
+        The result is plain data, by measure and level. A level that there were too few samples for
+        is left out.
+        """
+        true, error = sizes(predicted - truth), self.estimate(force, predicted)
+        content: dict[str, Any] = {"samples": len(self.ratios["mean"])}
+        for name in MEASURES:
+            content[name] = []
+            for level in LEVELS:
+                try:
+                    bound = self.bounds(error, level)[name]
+                except ValueError:
+                    continue
+                wide = np.median(bound[true[name] > 0] / true[name][true[name] > 0])
+                covered = (true[name] <= bound).mean()
+                entry = {"level": level, "coverage": float(covered), "median_width": float(wide)}
+                content[name].append(entry)
+        if std is not None and self.knows_components:
+            shares = [self.covered(force, predicted, truth, std, level) for level in LEVELS]
+            content[COMPONENT] = [
+                {"level": level, "coverage": float(share.mean())}
+                for level, share in zip(LEVELS, shares, strict=True)
+            ]
+        return content
+
+    def serialised(self) -> bytes:
+        """Content of a file of the ratios, which `load_fast_certificate` reads."""
+        ratios = {name: torch.from_numpy(np.sort(r)) for name, r in self.ratios.items()}
+        return serialised(ratios, ESTIMATE)
+
+
+def sizes(error: Array) -> dict[str, Array]:
+    """Mean absolute component and largest length of errors in m: (N, n_nodes, d) → (N,) each."""
+    return {
+        "mean": np.abs(error).mean(axis=(1, 2)),
+        "largest": np.linalg.norm(error, axis=2).max(axis=1),
+    }
+
+
+def with_size(std: Array, size: Array) -> Array:
+    """Scale standard deviations (N, n_nodes, d) to mean sizes (N,), in m."""
+    mean = std.mean(axis=(1, 2))
+    factor = np.divide(size, mean, out=np.zeros(len(mean)), where=mean > 0)[:, None, None]
+    result: Array = np.multiply(std, factor, out=np.zeros_like(std), where=std > 0)
+    return result
+
+
+def fast_estimate(surrogate: Surrogate) -> FastEstimate:
+    """Estimate of the errors of a network; InputError if its equilibria are not known for it."""
+    require_linear_elements(surrogate.description.data.case, "bounds and proposed loads")
+    return FastEstimate(
+        surrogate.geometry, surrogate.description.data.material, surrogate.balanced()
+    )
+
+
+def fit_fast_certificate(
+    surrogate: Surrogate, dataset: Dataset, passes: int, seed: int
+) -> FastCertificate:
+    """Calibrate on the held-out samples of a run.
+
+    Raises
+    ------
+    InputError
+        If the run has no held-out samples, does not name its material, or was trained on another
+        dataset.
+    """
+    description = surrogate.description
+    if dataset.manifest.digest != description.data.digest:
+        raise InputError(
+            "--certify: not the dataset that the run was trained on, which holds its calibration "
+            "split"
+        )
+    split = split_training(dataset.training, description.run)
+    rows = split.calibration_rows
+    if "early_stopping" not in description.run.training.validation_users:
+        rows = torch.cat([rows, split.validation_rows])
+    if len(rows) == 0:
+        raise InputError(
+            "--certify: the run has no held-out samples, 'training.calibration_fraction' = "
+            f"{description.run.training.calibration_fraction}, expected above 0"
+        )
+    samples = dataset.nodal_train(rows)
+    predicted = surrogate.predict_distribution(samples.force, passes, seed)
+    std = predicted.std if surrogate.is_probabilistic else None
+    fields = samples.force, predicted.mean, samples.displacement, std
+    return FastCertificate.fit(fast_estimate(surrogate), *fields)
+
+
+def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
+    """Read a file of `FastCertificate.serialised`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or was calibrated for another estimate.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"{path}: no fast certificate in the run, expected it from 'surrogate evaluate RUN "
+            "--data DIR --certify'"
+        )
+    tensors, metadata = load_tensors(path)
+    if set(tensors) - {COMPONENT} != set(MEASURES):
+        raise InputError(f"{path}: not a fast certificate")
+    if metadata != ESTIMATE:
+        raise InputError(
+            f"{path}: calibrated for the estimate of another version, expected it from 'surrogate "
+            "evaluate RUN --data DIR --certify' of this one"
+        )
+    ratios = {name: ratio.double().numpy() for name, ratio in tensors.items()}
+    return FastCertificate(fast_estimate(surrogate), ratios)

@@ -1,0 +1,266 @@
+r"""Estimated errors without a factorisation: two steps of conjugate gradients.
+
+Newton's step :math:`δ = -K(u)^{-1} r` (`surrogate.certify.certificate`) factorises the tangent of
+every prediction. Here the factor of the undeformed body is kept, and its compliance is turned with
+the body: with the rotations R of the nodes, :math:`P = R \, K(0)^{-1} R^T`, conjugate gradients
+minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
+
+.. math:: x \in \mathrm{span} \, \{P r, \; P \, K(u) \, P r\}
+
+so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the energy, x is no larger
+than δ. Rotations are the factors of the polar decomposition of the mean of :math:`F = I + ∇u` over
+the cells at a node. The product with the tangent is that of the cells' stresses
+(`surrogate.mechanics.solids.neo_hookean`), which no matrix is assembled for. A large body is
+treated in single precision. Where a cell is inverted, the error is infinite.
+
+All is written in NumPy, since a small body takes a few microseconds an operation. Components
+come first: F is (d, d, n_points, N).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from shared_schema.common.errors import InputError
+from shared_schema.material import Materials, NeoHookean
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+Values = NDArray[np.floating[Any]]
+LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
+AT_ONCE = 2**20  # values of a field at the points that are held at once
+STEPS = 2  # of conjugate gradients
+POLAR_STEPS = {2: 1, 3: 3}  # in the plane one step is exact
+
+
+class FastEstimate:
+    """Estimated errors of predictions on one body.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    material : NeoHookean
+    equilibrium : Equilibrium
+        Its layout and undeformed factor are used.
+
+    Raises
+    ------
+    InputError
+        If the material is another one, or there are several.
+    """
+
+    def __init__(self, geometry: Geometry, material: Materials, equilibrium: Equilibrium) -> None:
+        if not isinstance(material, NeoHookean):
+            raise InputError("--certify fast: expected one Neo-Hookean material, or 'full'")
+        solid, layout = equilibrium.solid, equilibrium.layout
+        large = len(layout.dofs) > LARGE
+        self.dtype: type[np.floating[Any]] = np.float32 if large else np.float64
+        self.material, self.free = material, equilibrium.free
+        self.dimension = geometry.dimension
+        self._dofs = layout.dofs
+        self._factor = equilibrium.undeformed.single if large else equilibrium.undeformed
+        gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
+        count, points, corners, d = gradients.shape
+        self._shape = count, points
+        self._cells = geometry.cells
+        self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
+        slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
+        self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
+        self._summed: Any
+        self._averaged: Any
+        self._summed, self._averaged = (
+            operator.astype(self.dtype) if large else operator.toarray()
+            for operator in sums_at_nodes(geometry.cells, len(self.free))
+        )
+        self._at_once = max(1, AT_ONCE // (count * points * d**2))
+
+    def __call__(self, forces: Array, predicted: Array) -> Array:
+        """Estimate the predicted minus the true displacement in m: (N, n_nodes, d) → same.
+
+        Parameters
+        ----------
+        forces, predicted : array, (N, n_nodes, d)
+            In N and m. What is predicted for clamped nodes is wholly an error.
+        """
+        error = np.empty(predicted.shape)
+        for start in range(0, len(predicted), self._at_once):
+            some = slice(start, start + self._at_once)
+            error[some] = self._estimated(forces[some], predicted[some])
+        return error
+
+    def _estimated(self, forces: Array, predicted: Array) -> Array:
+        held: Array = predicted * self.free
+        u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
+        f = forces.transpose(2, 1, 0).astype(self.dtype)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            f_points = self._gradient(u)
+            for i in range(self.dimension):
+                f_points[i, i] += 1
+            state, rotation = State(f_points, self.material), rotations(self._at_nodes(f_points))
+            force = self._balanced(f - self._divergence(state.stress()))
+            x, direction, before = np.zeros_like(u), np.zeros_like(u), np.inf
+            for step in range(STEPS):
+                z = self._response(force, rotation)
+                work = (force * z).sum((0, 1))
+                direction = z + np.where(before > 0, work / before, 0) * direction
+                tangent = self._balanced(
+                    self._divergence(state.stress_change(self._gradient(direction)))
+                )
+                length = work / (direction * tangent).sum((0, 1))
+                length = np.where((length > 0) & (length < np.inf), length, step == 0)
+                x += length * direction
+                force = force - length * tangent
+                before = work
+        x[..., ~(state.sound & np.isfinite(work))] = np.inf
+        error: Array = predicted - held - x.transpose(2, 1, 0)
+        return error
+
+    def _gradient(self, u: Values) -> Values:
+        """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""
+        d, _, n = u.shape
+        count, points = self._shape
+        nodal = np.ascontiguousarray(u.transpose(1, 0, 2)).reshape(-1, d * n)
+        slopes = (self._slopes_of @ nodal[self._cells]).reshape(count * points, d, d, n)
+        return np.ascontiguousarray(slopes.transpose(2, 1, 0, 3))
+
+    def _divergence(self, stress: Values) -> Values:
+        """Nodal forces of stresses, Σ_q w_q P_q ∇N_a: (d, d, n_points, N) → (d, n_nodes, N)."""
+        d, _, _, n = stress.shape
+        count, points = self._shape
+        weighted = np.ascontiguousarray((self._weights * stress).transpose(2, 1, 0, 3))
+        forces = self._slopes_of.transpose(0, 2, 1) @ weighted.reshape(count, points * d, d * n)
+        nodal: Values = self._summed @ forces.reshape(-1, d * n)
+        return nodal.reshape(-1, d, n).transpose(1, 0, 2)
+
+    def _at_nodes(self, f: Values) -> Values:
+        """Mean over the points of the cells at a node: (d, d, n_points, N) → (d, d, n_nodes, N)."""
+        d, _, _, n = f.shape
+        means = f.reshape(d * d, *self._shape, n).mean(axis=2)
+        columns = np.ascontiguousarray(means.transpose(1, 0, 2)).reshape(-1, d * d * n)
+        nodal = (self._averaged @ columns).reshape(-1, d, d, n)
+        return np.ascontiguousarray(nodal.transpose(1, 2, 0, 3))
+
+    def _balanced(self, forces: Values) -> Values:
+        """Forces at free nodes, zero at clamped ones."""
+        result: Values = forces * self.free.T[:, :, None]
+        return result
+
+    def _response(self, force: Values, rotation: Values) -> Values:
+        """P f = R K(0)⁻¹ Rᵀ f: (d, n_nodes, N), (d, d, n_nodes, N) → (d, n_nodes, N)."""
+        d, nodes, n = force.shape
+        turned = (rotation * force[:, None]).sum(0).transpose(1, 0, 2).reshape(nodes * d, n)
+        response = np.zeros_like(turned)
+        response[self._dofs] = self._factor.solve(turned[self._dofs])
+        back = response.reshape(nodes, d, n).transpose(1, 0, 2)
+        result: Values = (rotation * back[None]).sum(1)
+        return result
+
+
+class State:
+    """Stresses at one deformation, and their changes.
+
+    Parameters
+    ----------
+    f : array, (d, d, n_points, N)
+        Deformation gradients.
+    material : NeoHookean
+
+    Attributes
+    ----------
+    sound : array of bool, (N,)
+        True where no point is inverted.
+    """
+
+    def __init__(self, f: Values, material: NeoHookean) -> None:
+        cofactor = cofactors(f)
+        j = (f[0] * cofactor[0]).sum(0)
+        self.sound = (j > 0).all(axis=0)
+        self._f, self._mu = f, material.lame_mu
+        self._inverse = cofactor / j
+        lam, squared = material.lame_lambda, j * j
+        if material.volumetric == "paper":
+            self._pressure, self._second = lam / 2 * (squared - 1), lam * squared
+        else:
+            self._pressure, self._second = lam * (squared - j), lam * (2 * squared - j)
+
+    def stress(self) -> Values:
+        """P = μ F + (J U' − μ) F⁻ᵀ in Pa."""
+        result: Values = self._mu * self._f + (self._pressure - self._mu) * self._inverse
+        return result
+
+    def stress_change(self, h: Values) -> Values:
+        """∂P/∂F : H = μ H + (μ − J U') F⁻ᵀ Hᵀ F⁻ᵀ + (J U' + J² U'') (F⁻ᵀ : H) F⁻ᵀ in Pa."""
+        a = self._inverse
+        trace = (a * h).sum((0, 1))
+        turned = product(product(a, h.swapaxes(0, 1)), a)
+        result: Values = (
+            self._mu * h + (self._mu - self._pressure) * turned + self._second * trace * a
+        )
+        return result
+
+
+def product(a: Values, b: Values) -> Values:
+    """Matrix products a b: (d, d, …) twice → same."""
+    result: Values = a[:, :1] * b[0]
+    for k in range(1, len(a)):
+        result += a[:, k : k + 1] * b[k]
+    return result
+
+
+def cofactors(f: Values) -> Values:
+    """Cofactors ∂J/∂F: (d, d, …) → same."""
+    if len(f) == 2:
+        return np.stack([np.stack([f[1, 1], -f[1, 0]]), np.stack([-f[0, 1], f[0, 0]])])
+    result, following = np.empty_like(f), (1, 2, 0, 1)
+    for a in range(3):
+        b, c = f[following[a]], f[following[a + 1]]
+        for i in range(3):
+            j, k = following[i], following[i + 1]
+            result[a, i] = b[j] * c[k] - b[k] * c[j]
+    return result
+
+
+def rotations(f: Values) -> Values:
+    """Rotations R of the polar decompositions F = R U, nearly: (d, d, …) → same.
+
+    Newton's method for R (Higham 1986), :math:`R ← (R + R^{-T}) / 2`, with the determinant scaled
+    to 1 before each step, and after the last one; three steps in space. Where det F is not positive
+    the rotation is none.
+    """
+    d, r = len(f), f
+    for _ in range(POLAR_STEPS[d]):
+        r = unimodular(r)
+        r = (r + cofactors(r)) / 2
+    r = unimodular(r)
+    identity = np.eye(d, dtype=f.dtype).reshape(d, d, *[1] * (f.ndim - 2))
+    return np.where(np.isfinite(r).all((0, 1)), r, identity)
+
+
+def unimodular(f: Values) -> Values:
+    """F / (det F)^(1/d): (d, d, …) → same, NaN where det F is not positive."""
+    j = (f[0] * cofactors(f)[0]).sum(0)
+    j = np.where(j > 0, j, np.nan)
+    result: Values = f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
+    return result
+
+
+def sums_at_nodes(cells: NDArray[np.int64], nodes: int) -> tuple[csr_array, csr_array]:
+    """Sums of the values of corners, and means of the values of cells, at nodes.
+
+    Returns
+    -------
+    summed : csr_array, (n_nodes, n_cells · n_corners)
+    averaged : csr_array, (n_nodes, n_cells)
+    """
+    count, corners = cells.shape
+    ones, at = np.ones(cells.size), cells.ravel()
+    summed = coo_array((ones, (at, np.arange(cells.size))), shape=(nodes, cells.size))
+    share = 1 / np.maximum(np.bincount(at, minlength=nodes), 1)
+    of_cells = np.repeat(np.arange(count), corners)
+    averaged = coo_array((share[at], (at, of_cells)), shape=(nodes, count))
+    return summed.tocsr(), averaged.tocsr()

@@ -1,0 +1,89 @@
+"""Figures of the errors on the test split, over displacement and over predicted uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
+from surrogate.evaluation.error_metrics import ErrorMeasures
+from surrogate.figures.field_figures import NODAL_ERROR, NODAL_STD
+
+COUNTS = LinearSegmentedColormap.from_list("counts", ["#c3d2f5", NETWORK, "#0a1a45"])
+Array = NDArray[np.float64]
+
+
+@styled
+def error_over_displacement(moved: Array, errors: Array, measures: ErrorMeasures) -> Figure:
+    """Draw the mean error of each sample over the displacement at its load, with regression line.
+
+    Parameters
+    ----------
+    moved : array, (M,)
+        Displacement magnitude at the loaded node in m.
+    errors : array, (M,)
+        Mean error e_m of each sample in m.
+    measures : ErrorMeasures
+    """
+    figure = make_figure(5.6, 3.2)
+    axes = figure.subplots()
+    order = np.argsort(moved)
+    axes.plot(moved[order], errors[order] * 1e3, "o", ms=2.6, mew=0, color=NETWORK, alpha=0.7)
+    line = measures.intercept + measures.slope * moved[order]
+    label = rf"regression line, slope ${measures.slope * 1e3:.2f}\times10^{{-3}}$"
+    axes.plot(moved[order], line * 1e3, color=REFERENCE, label=label)
+    axes.axhline(measures.mean_error * 1e3, color="0.4", lw=0.8, ls="dashed")
+    axes.annotate(
+        rf"$\bar e = {measures.mean_error * 1e3:.3f}$ mm",
+        xy=(1.0, measures.mean_error * 1e3),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="right",
+        fontsize=9,
+        color="0.3",
+    )
+    axes.set_xlabel("displacement magnitude at the loaded node [m]")
+    axes.set_ylabel(r"mean error $e_m$ [mm]")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def error_over_uncertainty(std: Array, errors: Array) -> Figure:
+    """Draw how many nodes have which error and which standard deviation, both as 2-norms.
+
+    Parameters
+    ----------
+    std, errors : array, (..., n_nodes, d)
+        σ and U − u in m. Nodes where either is zero are left out: the axes are logarithmic.
+    """
+    x, y = (np.linalg.norm(values, axis=-1) * 1e3 for values in (std, errors))
+    shown = (x > 0) & (y > 0)
+    figure = make_figure(4.8, 3.6)
+    axes = figure.subplots()
+    image = axes.hexbin(
+        x[shown],
+        y[shown],
+        xscale="log",
+        yscale="log",
+        bins="log",
+        gridsize=50,
+        mincnt=1,
+        cmap=COUNTS,
+        lw=0,
+    )
+    ends = np.array([x[shown].min(), x[shown].max()])
+    axes.plot(ends, ends, color=REFERENCE, label=r"$\|\sigma\|_2$")
+    axes.plot(ends, 2 * ends, color=REFERENCE, ls="dashed", label=r"$2\,\|\sigma\|_2$")
+    axes.set_xlabel(NODAL_STD)
+    axes.set_ylabel(NODAL_ERROR)
+    axes.legend(loc="upper left")
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02)
+    bar.set_label("nodes")
+    bar.outline.set_visible(False)
+    return figure

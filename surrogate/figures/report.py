@@ -1,0 +1,269 @@
+"""Report of a run: a self-contained HTML page with its figures, and numbers beside the paper's.
+
+The text of the page stands in ``report.html.j2``; Jinja escapes every value in it.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
+
+from experiments.paper.published_numbers import PAPER, PaperNetwork
+from shared_schema.common.atomic_file import write_text
+from shared_schema.common.errors import InputError, first_line
+from shared_schema.dataset_reader import DatasetReader
+from surrogate.runs.description import RunDescription
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
+
+Row = tuple[str, ...]  # name and value here, and the paper's if it has any
+
+FIGURES = (
+    (
+        "deformed.png",
+        "A test load at the free end: the deformed mesh that the U-Net predicts (blue) over that "
+        "of the finite elements (red), and the undeformed mesh (grey, dashed).",
+    ),
+    (
+        "error_field.png",
+        "The same load: distance between predicted and reference position of every node, "
+        "interpolated over the elements, on the predicted mesh.",
+    ),
+    (
+        "errors.png",
+        "Mean error of every test sample over the displacement magnitude at its loaded node, with "
+        "the least-squares line; dashed, the mean over the test split.",
+    ),
+    (
+        "von_mises.png",
+        "The same load: von Mises stresses that follow from the predicted displacements, and those "
+        "of the finite elements.",
+    ),
+    (
+        "uncertainty_field.png",
+        "The same load: predicted standard deviation of every node's position.",
+    ),
+    (
+        "calibration.png",
+        "Share of the test split's displacement components that predicted central intervals of "
+        "every level cover; on the dashed line they are as wide as they should be.",
+    ),
+    (
+        "error_against_uncertainty.png",
+        "Error of every node of every test sample over its predicted standard deviation.",
+    ),
+    (
+        "sweep.png",
+        "Forces of a sweep at one node, those of the training shaded: displacement there with its "
+        "95 % band, and the error within it.",
+    ),
+    ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
+)
+
+PAGES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the page.
+
+    Attributes
+    ----------
+    caption : str
+    source : str
+        Data URI of the PNG.
+    """
+
+    caption: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Solving:
+    """Cost of the equilibria that the run's data came from.
+
+    Attributes
+    ----------
+    solved, failed : int
+        Number of load cases.
+    seconds : float
+        Wall time of all solved load cases together.
+    software : dict
+        Versions by name.
+    """
+
+    solved: int
+    failed: int
+    seconds: float
+    software: dict[str, str]
+
+
+def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
+    """Write the report of an evaluated run.
+
+    Parameters
+    ----------
+    run_folder : Path
+        Folder of an evaluated run, or the name of a network that comes with the package.
+    nodal : Path, optional
+        Nodal dataset from which the run's data was made; adds the time of the equilibria.
+    path : Path
+        HTML file to write.
+
+    Raises
+    ------
+    InputError
+        If the run is not evaluated, or its data was made from another nodal dataset.
+    """
+    run = RunFolder(find_run(run_folder))
+    description = run.description()
+    evaluation = run.read_evaluation()
+    if not path.parent.is_dir():
+        raise InputError(f"--out '{path}': no such folder {path.parent}")
+    figures, trained_on = _figures(run), run.trained_on()
+    solving = _solving(nodal, description) if nodal is not None else None
+    try:
+        page = PAGES.get_template("report.html.j2").render(
+            case=description.run.case,
+            likelihood=description.run.likelihood.replace("_", " "),
+            model=description.run.title,
+            recipe=description.run.recipe,
+            dimension=description.data.dimension,
+            info=description.data.info,
+            evaluation=evaluation,
+            trained_on=trained_on,
+            rows=_rows(description, evaluation, trained_on),
+            has_paper=_paper(description) is not None,
+            figures=figures,
+            solving=solving,
+            run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
+            case_configuration=yaml.safe_dump(description.data.case, sort_keys=False),
+        )
+    except (LookupError, TypeError, ValueError, UndefinedError) as error:
+        reason = f"{type(error).__name__}: {first_line(error)}"
+        raise InputError(f"{run.evaluation}: not measures of a run ({reason})") from None
+    write_text(path, page + "\n")
+
+
+def _figures(run: RunFolder) -> list[Figure]:
+    drawn = run.read_figures()
+    return [
+        Figure(caption, "data:image/png;base64," + b64encode(drawn[name]).decode())
+        for name, caption in FIGURES
+        if name in drawn
+    ]
+
+
+def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: str) -> list[Row]:
+    test, example = evaluation["test"], evaluation["example"]
+    paper = _paper(description)
+    minutes = evaluation["training_seconds"] / 60
+    rows: list[Row] = [
+        ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
+        ("standard deviation σ(e) [10⁻³ m]", f"{test['std_error'] * 1e3:.3f}"),
+        ("slope of e_m over displacement", f"{test['slope']:.5f}"),
+        (
+            "relative tip error, the example below",
+            f"{example['relative_tip_error']:.2%} at {example['tip_displacement']:.2f} m",
+        ),
+        ("trainable parameters", f"{evaluation['trainable_parameters'] / 1e6:.2f} M"),
+        ("training time", f"{minutes:.1f} min, {trained_on}"),
+        (
+            "relative tip error, median of the test split",
+            f"{test['relative_tip_error_median']:.2%}",
+        ),
+        ("largest error of a component [10⁻³ m]", f"{test['max_error'] * 1e3:.2f}"),
+        ("test samples M", str(test["samples"])),
+        *_relative_rows(test),
+        *_stress_rows(evaluation.get("von_mises")),
+        *_uncertainty_rows(evaluation.get("uncertainty")),
+    ]
+    if paper is None:
+        return rows
+    theirs = [
+        f"{paper.mean_error_mm:.1f}",
+        f"{paper.std_error_mm:.1f}",
+        f"{paper.slope}",
+        "–"
+        if paper.example is None
+        else f"{paper.example.relative_tip_error:.1%} at {paper.example.tip_displacement_m} m",
+        f"{paper.parameters / 1e6:.1f} M",
+        f"{paper.training_minutes:.0f} min, {PAPER.hardware}",
+    ]
+    return [
+        (name, ours, theirs[i] if i < len(theirs) else "–") for i, (name, ours) in enumerate(rows)
+    ]
+
+
+def _paper(description: RunDescription) -> PaperNetwork | None:
+    """The paper's numbers for the case; None for a case of one's own."""
+    return PAPER.network(description.run.case, description.run.likelihood)
+
+
+def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:
+    """Errors relative to displacements; evaluations of older versions do not have them."""
+    names = {
+        "relative_error_mean": "mean error of a sample, of its largest displacement",
+        "relative_node_error_median": "largest nodal error of a sample, of the same, median",
+    }
+    return [(text, f"{test[name]:.2%}") for name, text in names.items() if name in test]
+
+
+def _stress_rows(stress: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if stress is None:
+        return []
+    return [
+        (
+            "mean error of von Mises stresses [Pa], of the largest of a sample",
+            f"{stress['mean_error']:.3g}, {stress['relative_error']:.2%}",
+        ),
+        (
+            "error of the largest von Mises stress of a sample, median",
+            f"{stress['relative_error_of_largest_median']:.2%}",
+        ),
+    ]
+
+
+def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if uncertainty is None:
+        return []
+    covered = [
+        (
+            f"coverage of {interval['level']:.0%} intervals",
+            f"{interval['coverage']:.1%}, mean width {interval['width'] * 1e3:.2f} mm",
+        )
+        for interval in uncertainty["intervals"]
+    ]
+    return [
+        *covered,
+        ("miscalibration area", f"{uncertainty['miscalibration_area']:.3f}"),
+        ("negative log-likelihood [nats]", f"{uncertainty['negative_log_likelihood']:.2f}"),
+        ("continuous ranked probability score [10⁻³ m]", f"{uncertainty['crps'] * 1e3:.4f}"),
+        (
+            "rank correlation of error and σ, over nodes / over samples",
+            f"{uncertainty['node_rank_correlation']:.2f} / "
+            f"{uncertainty['sample_rank_correlation']:.2f}",
+        ),
+    ]
+
+
+def _solving(nodal: Path, description: RunDescription) -> Solving:
+    reader = DatasetReader(nodal, "nodal")
+    manifest = reader.manifest
+    if manifest.digest != description.data.info.source_digest:
+        raise InputError(f"{nodal}: not the dataset that the run's data was made from")
+    seconds = 0.0
+    for _, arrays in reader:
+        seconds += float(arrays["samples/wall_time"].sum())
+    return Solving(manifest.samples, manifest.failed, seconds, manifest.software)

@@ -1,0 +1,1 @@
+"""Prediction under one load at a time, without PyTorch: NumPy, and loops that Numba compiles."""

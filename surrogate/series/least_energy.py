@@ -1,0 +1,275 @@
+r"""The combination of the terms of a series that has the least potential energy.
+
+.. math::
+    u = \sum_{k=1}^n c_k u_k, \qquad Π(c) = E(u) - f · u \to \min
+
+All cₖ = 1 give the sum of the series, which converges slowly under large loads, if at all. What the
+terms span is much better than their sum: it is the reduced basis of A. K. Noor and J. M. Peters
+(*Reduced basis technique for nonlinear analysis of structures*, AIAA Journal 18, 1980).
+
+With the displacement gradients Hₖ of the terms, e = J - 1 is a polynomial of c
+(`surrogate.series.jacobian`) that begins with :math:`c_k \, \mathrm{tr} H_k`. So the
+energy of the Neo-Hookean solid (`surrogate.mechanics.solids.neo_hookean`) is, with sums over the
+quadrature points,
+
+.. math::
+    Π = \sum_q w_q (U(J) + μ (e - \ln (1 + e)))
+        + \tfrac{μ}{2} M_{kl} c_k c_l - μ N(c) - a_k c_k, \qquad
+    M_{kl} = \sum_q w_q H_k : H_l, \quad N = \sum_q w_q (e - c_k \, \mathrm{tr} H_k).
+
+All of it is of second order in the gradients, so that nothing is lost where they are small; so is
+:math:`U = \tfrac{λ}{2} (e - \ln (1 + e)) + \tfrac{λ}{4} e^2` or :math:`\tfrac{λ}{2} e^2`. The works
+aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁:
+
+.. math::
+    a_k = \sum_q w_q (μ H_1 : H_k - μ \, (I × H_1) : H_k
+        + (λ + μ) \, \mathrm{tr} H_1 \, \mathrm{tr} H_k).
+
+Newton's method minimises Π, from terms that fade where they do not decrease, under half of the load
+as long as Π is infinite there. A step that raises Π is not taken; the next one is tried with a
+larger shift of the Hessian (Levenberg, Marquardt). What there is at every quadrature point has the
+precision of the gradients; c and the sums are double. This is for batches of loads, on any device
+and in exported files; `surrogate.one_load.compiled_energy` does the same for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch._higher_order_ops.while_loop import while_loop  # not public yet
+
+from shared_schema.material import NeoHookean
+from surrogate.series.jacobian import JacobianPolynomial
+
+EVALUATIONS = 30  # of Π, at most
+SMALLEST_SHIFT, SECOND_SHIFT, GROWTH = 1e-9, 1e-3, 10.0  # relative to the stiffness of every term
+SMALLEST_J = 1e-6
+ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
+SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
+TINY = 1e-60  # no division by zero
+
+
+class State(NamedTuple):
+    """Π and its derivatives at some coefficients, in double precision.
+
+    Attributes
+    ----------
+    c : Tensor, (…, n)
+    energy : Tensor, (…)
+        In J.
+    gradient, hessian : Tensor, (…, n), (…, n, n)
+    """
+
+    c: Tensor
+    energy: Tensor
+    gradient: Tensor
+    hessian: Tensor
+
+
+class Search(NamedTuple):
+    """Where the search of the least Π is: a state, and the step to the next one.
+
+    Attributes
+    ----------
+    c, energy, gradient, hessian : Tensor
+        As in `State`.
+    shift : Tensor, (…)
+        Of the Hessian.
+    after : Tensor, (…, n)
+        Coefficients after the step.
+    is_last : Tensor, (…)
+        Whether no step is needed after it.
+    evaluations : Tensor, ()
+        Of Π, their number.
+    """
+
+    c: Tensor
+    energy: Tensor
+    gradient: Tensor
+    hessian: Tensor
+    shift: Tensor
+    after: Tensor
+    is_last: Tensor
+    evaluations: Tensor
+
+
+class EnergyOfTerms:
+    """Π(c) in J, and its derivatives.
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : Tensor, (n_points,)
+        Of the quadrature points in m³ (m² in the plane).
+    gradients : sequence of n tensors, (…, d, d, n_points)
+        Hₖ.
+
+    Attributes
+    ----------
+    rounding : float
+        Relative rounding of a number in the precision of `gradients`.
+    works : Tensor, (…, n)
+        aₖ in J.
+    """
+
+    def __init__(self, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> None:
+        lam, self.mu = material.lame_lambda, material.lame_mu
+        square = lam / 2 if material.volumetric == "paper" else lam  # factor of e² / 2
+        self.square = square * volumes
+        self.excess = (lam + self.mu - square) * volumes  # factor of e - ln (1 + e)
+        h = torch.stack(list(gradients), -4)  # (…, n, d, d, n_points)
+        self.rounding = torch.finfo(h.dtype).eps
+        self.jacobian = JacobianPolynomial(h)
+        flat, n = h.flatten(-3), len(gradients)
+        self.squares = self.mu * ((h * volumes).flatten(-3) @ flat.mT).double()
+        integrals = self.mu * (self.jacobian.coefficients @ volumes).double()
+        self.nonlinear = torch.cat((0 * integrals[..., :n], integrals[..., n:]), -1)
+        traces = self.jacobian.coefficients[..., :n, :]
+        squared = (traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0].double()
+        mixed = self.nonlinear[..., n : 2 * n]  # of c₁ cₖ
+        products = torch.cat((2 * mixed[..., :1], mixed[..., 1:]), -1)
+        self.works = self.squares[..., 0, :] - products + (lam + self.mu) * squared
+
+    def at(self, c: Tensor) -> State:
+        """Evaluate Π; it is +∞ where J is not positive at a point, without derivatives there."""
+        values, slopes, curvatures = self.jacobian.monomials(c)
+        coefficients = self.jacobian.coefficients
+        e = _sum(values.to(coefficients), coefficients)
+        inside = e > SMALLEST_J - 1
+        inside_everywhere = inside.all(-1)
+        if not _is_known(inside_everywhere.all()):
+            e = torch.where(inside, e, SMALLEST_J - 1)
+        inverse = 1 / (1 + e)
+        logarithmic = inverse * self.excess
+        integrals = (coefficients @ ((logarithmic + self.square) * e)[..., None])[..., 0].double()
+        first = slopes.to(coefficients) @ coefficients
+        weighted = first * (logarithmic * inverse + self.square)[..., None, :]
+        forces = integrals - self.nonlinear
+        hessian = self._hessian(forces, curvatures) + (weighted @ first.mT).double()
+        e = e.double()
+        energy = (e - torch.log1p(e)) @ self.excess.double()
+        energy = energy + 0.5 * _dot(self.square.double() * e, e) - _dot(values, self.nonlinear)
+        stretched = _sum(c, self.squares) - self.works
+        energy = energy + 0.5 * _dot(c, stretched - self.works)
+        gradient = stretched + (slopes @ forces[..., None])[..., 0]
+        if not _is_known(inside_everywhere.all()):
+            energy = torch.where(inside_everywhere, energy, inf)
+        return State(c, energy, gradient, hessian)
+
+    def _hessian(self, forces: Tensor, curvatures: Tensor) -> Tensor:
+        """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
+        return self.squares + _sum(forces, curvatures).reshape(self.squares.shape)
+
+
+def least_energy(material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> Tensor:
+    """Return the coefficients c of the least Π, in double precision: (…, n).
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : Tensor, (n_points,)
+        In m³ (m² in the plane).
+    gradients : sequence of n tensors, (…, d, d, n_points)
+        Hₖ at the points.
+    """
+    potential = EnergyOfTerms(material, volumes, gradients)
+    stiffness = potential.squares.diagonal(dim1=-2, dim2=-1)
+    invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
+    scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
+    scales = scale[..., :, None] * scale[..., None, :]
+    unit = torch.eye(len(gradients), dtype=scale.dtype, device=scale.device)
+    halves = 0.5 ** torch.cumsum(torch.ones_like(scale), -1)  # c_k of half the load
+    smallest, rounding = max(SMALLEST_STEP, potential.rounding), ROUNDING * potential.rounding
+
+    def with_step(state: State, shift: Tensor, evaluations: Tensor) -> Search:
+        c, energy, gradient, hessian = state
+        relative = solved(hessian * scales + shift[..., None, None] * unit, gradient * scale)
+        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
+        is_last = (_dot(relative, relative) <= small * small) & (shift <= SMALLEST_SHIFT)
+        is_last = is_last & (energy < inf)  # the next step is of the order of the square
+        return Search(*state, shift, c - scale * relative, is_last, evaluations + 1)
+
+    def goes_on(*search: Tensor) -> Tensor:
+        *_, is_last, evaluations = search
+        return ~is_last.all() & (evaluations <= EVALUATIONS)
+
+    def advance(*search: Tensor) -> Search:
+        c, energy, gradient, hessian, shift, after, _, evaluations = search
+        trial = potential.at(torch.where((energy == inf)[..., None], c * halves, after))
+        falls = trial.energy <= energy + rounding * abs(energy)  # ∞ ≤ ∞
+        state = _where(falls, trial, State(c, energy, gradient, hessian))
+        larger = torch.clamp(GROWTH * shift, min=SECOND_SHIFT)
+        return with_step(state, torch.where(falls, SMALLEST_SHIFT, larger), evaluations)
+
+    state = potential.at(_fading(stiffness))
+    shift = torch.full_like(state.energy, SMALLEST_SHIFT)
+    search = with_step(state, shift, torch.zeros((), dtype=torch.int64, device=shift.device))
+    if torch.compiler.is_compiling():  # an exported file
+        in_file: Callable[..., tuple[Tensor, ...]] = while_loop
+        search = Search(*in_file(goes_on, advance, tuple(search)))
+    while not torch.compiler.is_compiling() and goes_on(*search):
+        search = advance(*search)
+    return torch.where(search.is_last.all(), search.after, search.c)
+
+
+def solved(matrix: Tensor, right: Tensor) -> Tensor:
+    """Solve small symmetric systems: (…, n, n), (…, n) → (…, n).
+
+    Exported files have no operation that solves, so that tensors are eliminated row by row.
+    """
+    rows = []
+    while right.shape[-1] > 1:
+        pivot, row, value = matrix[..., 0, :1], matrix[..., 0, 1:], right[..., :1]
+        rows.append((pivot, row, value))
+        factor = matrix[..., 1:, 0] / pivot
+        matrix = matrix[..., 1:, 1:] - factor[..., :, None] * row[..., None, :]
+        right = right[..., 1:] - factor * value
+    found = right / matrix[..., 0]
+    for pivot, row, value in reversed(rows):
+        found = torch.cat([(value - _dot(row, found)[..., None]) / pivot, found], -1)
+    return found
+
+
+def _fading(squares: Tensor) -> Tensor:
+    r"""Coefficients :math:`\prod_{j=2}^k 1 / (1 + (M_{jj} / M_{j-1,j-1})^2)`: (…, n) → same.
+
+    They are 1 - O(t⁴) under loads t f, and small after a term that is larger than that before it.
+    """
+    ratios = squares[..., 1:] / (squares[..., :-1] + TINY)
+    falls = 1 / (1 + ratios * ratios)
+    factors = [0 * squares[..., 0] + 1]
+    for k in range(falls.shape[-1]):
+        factors.append(factors[-1] * falls[..., k])
+    return torch.stack(factors, -1)
+
+
+def _dot(a: Tensor, b: Tensor) -> Tensor:
+    """Products of vectors: (…, n), (…, n) → (…)."""
+    return (a * b).sum(-1)
+
+
+def _sum(c: Tensor, x: Tensor) -> Tensor:
+    """Σₖ cₖ xₖ: (…, n), (…, n, m) → (…, m)."""
+    return (c[..., None, :] @ x)[..., 0, :]
+
+
+def _where(condition: Tensor, some: State, others: State) -> State:
+    """Choose states, sample by sample."""
+    if _is_known(condition.all()):
+        return some
+    axes = condition.ndim
+    return State(
+        *(
+            torch.where(condition[(..., *(None,) * (a.ndim - axes))], a, b)
+            for a, b in zip(some, others, strict=True)
+        )
+    )
+
+
+def _is_known(condition: Tensor) -> bool:
+    """Whether a condition holds; exported files know no conditions and do all iterations."""
+    return not torch.compiler.is_compiling() and bool(condition)

@@ -1,0 +1,132 @@
+"""Certificates of made-up networks: alarms by hand, kinds of loads, and the tables of the study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.beyond.alarms import (
+    FOUR_TIMES,
+    MATERIAL,
+    PLACE,
+    SEVERAL,
+    TWICE,
+    Judged,
+    WrongPredictions,
+    alarms_of_errors,
+    auroc,
+    auroc_of_errors,
+    true_errors,
+    unusual_loads,
+)
+from experiments.beyond.certificates import STUDY
+from experiments.beyond.certified_samples import alarm_claims, fast_claims, within
+from experiments.components.newton_starts import (
+    LINEAR,
+    PREDICTION,
+    ZERO,
+    newton_starts,
+)
+from experiments.framework.resources import Resources
+from experiments.framework.study import StudyResult
+from experiments.framework.study_record import Table
+from surrogate.certify.certificate import certify
+from surrogate.certify.correction import correct
+from surrogate.inference.loading import load
+from surrogate.mechanics.out_of_balance import Equilibrium
+from tests.surrogate.mechanics.bodies import MATERIAL as RUBBER
+from tests.surrogate.mechanics.bodies import box, end_load
+
+
+def test_auroc_by_hand() -> None:
+    """Of the 6 pairs, 4 are in order and one is a tie: 4.5 / 6."""
+    assert auroc(np.array([1.0, 3.0]), np.array([2.0, 3.0, 4.0])) == pytest.approx(4.5 / 6)
+    error, score = np.array([0.1, 0.2, 3.0]), np.array([5.0, 1.0, 4.0])
+    assert auroc_of_errors(error, score, 1.0) == 0.5
+    assert auroc_of_errors(error, score, 9.0) is None
+
+
+def test_unusual_loads(trained: Path) -> None:
+    """The training loads one node of the upper edge, within ±2.5 N."""
+    surrogate = load(trained)
+    info, geometry = surrogate.description.data.info, surrogate.geometry
+    limit = np.array(info.force.max_abs)
+    force = np.zeros((40, *geometry.coordinates.shape))
+    node = np.flatnonzero(geometry.loadable)[0]
+    force[:, node] = np.random.default_rng(0).uniform(-1, 1, (40, geometry.dimension))
+    found = unusual_loads(surrogate, force)
+    for kind, factor in ((TWICE, 2), (FOUR_TIMES, 4)):
+        reach = (np.abs(found[kind]) / limit).max(axis=(1, 2))
+        assert reach == pytest.approx(factor)
+    elsewhere = np.any(found[PLACE], axis=2)
+    assert (elsewhere.sum(axis=1) == 1).all()
+    assert not elsewhere[:, geometry.loadable | geometry.clamped].any()
+    assert (found[SEVERAL].any(axis=2).sum(axis=1) == 3).all()
+    assert (np.abs(found[SEVERAL]) <= limit).all()
+
+
+def test_alarms_of_errors() -> None:
+    """One of two unusual predictions is wrong: only one score is higher for it than for others."""
+    equilibrium = Equilibrium(box("quad"), RUBBER)
+    force = end_load(box("quad"), 1.0, -4.0)[None] * np.array([1.0, 0.5])[:, None, None]
+    exact = np.stack([correct(equilibrium, f, 0 * f).displacement for f in force])
+
+    def judged(scale: tuple[float, float], **scores: list[float]) -> Judged:
+        predicted = exact * np.array(scale)[:, None, None]
+        certificate = certify(equilibrium, force, predicted)
+        arrays = {name: np.array(values) for name, values in scores.items()}
+        return Judged(force, predicted, equilibrium, certificate, arrays)
+
+    inside = judged((1.01, 0.99), right=[0.0, 1.0], wrong=[3.0, 4.0])
+    unusual = judged((1.5, 1.001), right=[2.0, 0.0], wrong=[2.0, 5.0])
+    assert true_errors(inside) == pytest.approx(0.01 * np.abs(exact).mean(axis=(1, 2)))
+    found = alarms_of_errors(inside, {"kind": unusual, "same": inside})
+    assert found["kind"] == WrongPredictions(1, 2, {"right": 1.0, "wrong": 0.0})
+    assert found["same"] == WrongPredictions(0, 2, {})
+
+
+def test_starts_of_newtons_method() -> None:
+    """A start in equilibrium needs no iteration; all starts lead to one."""
+    equilibrium = Equilibrium(box("quad"), RUBBER)
+    force = end_load(box("quad"), 1.0, -4.0)[None] * np.array([1.0, 0.5])[:, None, None]
+    wrong = np.full_like(force, np.nan)
+    from_nothing = newton_starts(equilibrium, force, wrong)
+    assert [effort.lost for effort in from_nothing.values()] == [0, 0, 0]
+    assert from_nothing[ZERO].iterations.min() >= 3
+    truth = equilibrium.linear_response(force)
+    for row in range(2):
+        truth[row] = correct(equilibrium, force[row], wrong[row]).displacement
+    found = newton_starts(equilibrium, force, truth)
+    assert found[PREDICTION].iterations.tolist() == [0.0, 0.0]
+    assert found[LINEAR].iterations.tolist() == from_nothing[LINEAR].iterations.tolist()
+
+
+def test_claims() -> None:
+    assert within(np.array([0.7, 0.9, 1.1, 1.6])) == 0.5
+    head = ("network", "alarm", PLACE, TWICE)
+    name = "estimated error over displacement"
+    table = Table(caption="", head=head, rows=(("a", name, 1.0, 0.995), ("b", name, None, 0.98)))
+    assert [claim.holds for claim in alarm_claims(table)] == [True, False]
+    rows = (("a", 99, 91.0, 96.5, 1.1, 1.3, 0.9, 0.3), ("b", 99, 87.0, 95.0, 1.1, 1.3, 0.9, 0.3))
+    assert [c.holds for c in fast_claims(Table(caption="", head=(), rows=rows))] == [True, False]
+
+
+def test_tables(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+    """Every network has its rows, in the plane and in space."""
+    result = result_of("certificates")
+    estimates, corrections, _, single, several, wrong, starts = result.tables
+    runs = resources.scale.matching(STUDY.runs)
+    assert {"beam2d-forces-ensemble", "beam2d_any-mechanics", "beam3d_any-reduced"} < set(runs)
+    assert len(estimates.rows) == len(corrections.rows) == len(runs)
+    alarms = {str(row[1]) for row in (*single.rows, *several.rows)}
+    assert {"estimated error over displacement", "predicted σ"} < alarms
+    assert single.head[2:] == (PLACE, SEVERAL, TWICE, FOUR_TIMES, MATERIAL)
+    areas = [cell for row in single.rows for cell in row[2:] if cell is not None]
+    assert all(0 <= float(area) <= 1 for area in areas)
+    assert all(len(row) == 4 for row in wrong.rows)
+    assert [row[1] for row in starts.rows[:3]] == [ZERO, LINEAR, PREDICTION]
+    assert not any(row[-1] for row in starts.rows)
+    assert "estimates" in result.figures

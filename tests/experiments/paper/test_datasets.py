@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from experiments.framework.study import StudyResult
+from experiments.paper.datasets import PAPER_DATASETS
+
+
+def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], StudyResult]) -> None:
+    """8 x 4 and 8 x 4 x 4 nodes, 60 samples of which 12 are tests, forces up to 2.5 N."""
+    result = result_of("datasets")
+    table, others = result.tables
+    plane, space = ("64", "−2.5 to 2.5", "48 + 12", 0), ("384", "−2.5 to 2.5", "48 + 12", 0)
+    assert [row[2:] for row in table.rows[::2]] == [plane, plane, plane, space]
+    assert {row[2:] for row in others.rows} == {(60, 0)}
+    assert not any(claim.holds for claim in result.claims)
+
+
+def test_the_papers_rows(result_of: Callable[[str], StudyResult]) -> None:
+    """Table "tab:datasets" of the paper; 256 are those of the padded L-shape."""
+    rows = [row[2:5] for row in result_of("datasets").tables[0].rows[1::2]]
+    assert rows == [
+        ("128", "−2.5 to 2.5", "5700 + 300"),
+        ("128", "−1 to 1", "3800 + 200"),
+        ("160 (256)", "−1 to 1", "3800 + 200"),
+        ("12096", "−2 to 2", "33688 + 1782"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "agrees"),
+    [
+        ({}, True),
+        ({"train": 33696, "test": 1774}, True),  # 5.00 % of 35470 in place of 5.02 %
+        ({"train": 33600, "test": 1870}, False),
+        ({"test": 1781}, False),
+        ({"force": (-2.0, 2.5)}, False),
+        ({"dofs": 12093}, False),
+    ],
+)
+def test_what_agrees_with_the_paper(change: dict[str, Any], agrees: bool) -> None:
+    paper = PAPER_DATASETS["beam3d"]
+    assert replace(paper, **change).agrees(paper) is agrees

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import pytest
+
+from experiments.paper.published_numbers import PAPER, SOURCE, Paper
+
+
+def test_numbers_of_tables_and_figures() -> None:
+    """Tables 1 to 8 and Figures 1 to 21, of which the first three explain the method."""
+    assert (len(PAPER.tables), len(PAPER.figures)) == (8, 21)
+    assert PAPER.title_of("const_channel") == "Table 8"
+    assert PAPER.title_of("fig: MLEvsBayes") == "Figure 21"
+    assert PAPER.figures[PAPER.method_figures] == "fig: three benchmark examples schematics"
+
+
+def test_comments_name_labels_of_the_paper() -> None:
+    """Above the blocks: every table, and no label but those of tables, figures and one section."""
+    blocks = SOURCE.read_text().partition("# Labels")[2].splitlines()
+    comments = [line.partition("# ")[2] for line in blocks]
+    quoted = {label for comment in comments for label in comment.split('"')[1::2]}
+    assert quoted >= {*PAPER.tables}
+    assert quoted <= {*PAPER.tables, *PAPER.figures, "sec:training_UNets"}
+
+
+def test_networks() -> None:
+    """Tables "det_metrics" and "bayesian_table": ē in mm; of the 3D beam no Bayesian network."""
+    means = {
+        (case, likelihood): network.mean_error_mm
+        for case, networks in PAPER.networks.items()
+        for likelihood, network in networks.items()
+    }
+    assert means == {
+        ("beam2d", "deterministic"): 0.3,
+        ("beam2d", "variational_bayes"): 1.3,
+        ("lshape2d", "deterministic"): 0.8,
+        ("lshape2d", "variational_bayes"): 5.3,
+        ("beam3d", "deterministic"): 0.6,
+    }
+    assert PAPER.network("beam3d", "variational_bayes") is None
+    assert PAPER.network("my_case", "deterministic") is None
+
+
+def test_the_first_example_is_the_one_at_the_tip() -> None:
+    beam3d, bayesian = PAPER.networks["beam3d"]["deterministic"], PAPER.networks["beam2d"]
+    assert beam3d.example is not None
+    assert beam3d.example.tip_displacement_m == 1.1
+    assert bayesian["variational_bayes"].example is None
+
+
+def test_numbers_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        PAPER.real_time_ms = 1.0  # type: ignore[misc]
+    assert isinstance(PAPER, Paper)

@@ -1,0 +1,190 @@
+"""Studies run once, and again only if their inputs or their files have changed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+
+from experiments.framework.resources import Resources, minutes_of
+from experiments.framework.run_report import find_studies, report, reproduce
+from experiments.framework.scale import merged, read_scale
+from experiments.framework.studies_report import PAGE
+from experiments.framework.study import Study, StudyResult, current_record
+from experiments.framework.study_record import (
+    Claim,
+    RecordedFindings,
+    compare,
+    format_cell,
+    tally,
+)
+from experiments.paper.catalogue import STUDIES
+from experiments.paper.published_numbers import PAPER
+from shared_schema.common.drawing.figure_style import make_figure
+from shared_schema.common.errors import InputError
+
+ROOT = Path(__file__).parents[3]
+
+
+def make_studies(calls: list[str]) -> list[Study]:
+    """Two studies that record their calls, one on a dataset and one on a network."""
+
+    def measure(name: str) -> StudyResult:
+        calls.append(name)
+        claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
+        return StudyResult(claims=[claim], figures={"a": (make_figure(1, 1), "Nothing.")})
+
+    labels, question = ("tab:datasets",), "Does it?"
+    return [
+        Study("one", "One", labels, question, lambda _: measure("one"), datasets=("beam2d",)),
+        Study("two", "Two", labels, question, lambda _: measure("two"), runs=("beam2d-d*",)),
+    ]
+
+
+def test_a_second_start_does_nothing(resources: Resources, tmp_path: Path) -> None:
+    calls: list[str] = []
+    studies = make_studies(calls)
+    assert reproduce(studies, resources, tmp_path) == 2
+    assert reproduce(studies, resources, tmp_path) == 0
+    assert calls == ["one", "two"]
+
+
+@pytest.mark.parametrize("lost", ["two.json", "two-a.png"])
+def test_what_was_deleted_is_made_again_and_nothing_else(
+    resources: Resources, tmp_path: Path, lost: str
+) -> None:
+    calls: list[str] = []
+    studies = make_studies(calls)
+    reproduce(studies, resources, tmp_path)
+    (tmp_path / lost).unlink()
+    assert reproduce(studies, resources, tmp_path) == 1
+    assert calls == ["one", "two", "two"]
+    assert (tmp_path / lost).is_file()
+
+
+def test_another_network_makes_its_studies_again(resources: Resources, tmp_path: Path) -> None:
+    calls: list[str] = []
+    studies = make_studies(calls)
+    reproduce(studies, resources, tmp_path)
+    change = {"runs": {"beam2d-det": {"change": {"seed": 1}}}}
+    other = type(resources.scale).model_validate(merged(resources.scale.model_dump(), change))
+    changed = Resources(other, resources.data, resources.runs, torch.device("cpu"))
+    assert current_record(studies[0], changed, tmp_path) is not None
+    assert current_record(studies[1], changed, tmp_path) is None
+    reproduce(studies, changed, tmp_path)
+    assert calls == ["one", "two", "two"]
+
+
+def test_again_runs_current_studies(resources: Resources, tmp_path: Path) -> None:
+    calls: list[str] = []
+    studies = make_studies(calls)
+    reproduce(studies, resources, tmp_path)
+    assert reproduce(studies[:1], resources, tmp_path, again=True) == 1
+    assert calls == ["one", "two", "one"]
+
+
+def test_a_record_without_its_data_is_kept(resources: Resources, tmp_path: Path) -> None:
+    studies = make_studies([])
+    reproduce(studies, resources, tmp_path)
+    empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
+    assert current_record(studies[0], empty, tmp_path) is not None
+
+
+def test_a_network_is_trained_once(resources: Resources, tmp_path: Path) -> None:
+    run = resources.trained("beam2d-det")
+    written = run.model.stat().st_mtime_ns
+    fresh = Resources(resources.scale, resources.data, resources.runs, torch.device("cpu"))
+    assert fresh.trained("beam2d-det").folder == run.folder
+    assert run.model.stat().st_mtime_ns == written
+
+
+def test_a_missing_dataset_is_named_before_any_work(resources: Resources, tmp_path: Path) -> None:
+    calls: list[str] = []
+    empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
+    with pytest.raises(InputError, match=r"none/beam2d-60/structured"):
+        reproduce(make_studies(calls), empty, tmp_path / "out")
+    assert calls == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_grid_of_other_samples_is_named(resources: Resources, tmp_path: Path) -> None:
+    """The structured dataset has other forces than the nodal dataset beside it."""
+    for kind, name in (("structured", "beam2d"), ("nodal", "beam2d_f1")):
+        source = resources.data / resources.scale.folder_of(name) / kind
+        shutil.copytree(source, tmp_path / resources.scale.folder_of("beam2d") / kind)
+    mixed = Resources(resources.scale, tmp_path, resources.runs, torch.device("cpu"))
+    with pytest.raises(InputError, match=r"structured: made of samples with digest"):
+        mixed.manifest("beam2d")
+
+
+def test_the_report_has_verdicts_numbers_and_figures(resources: Resources, tmp_path: Path) -> None:
+    reproduce(find_studies(["deterministic-accuracy"]), resources, tmp_path)
+    text = (tmp_path / PAGE).read_text()
+    assert "[Accuracy of deterministic U-Nets](#accuracy-of-deterministic-u-nets)" in text
+    assert "| 2D beam (D): ē [mm] |" in text
+    assert "| Order of the nodes | Table 3, Figure 6 | not done |" in text
+    assert "| U-Net, 3 levels, c = 2, doubling, SiLU | absolute error, Muon, 2 epochs," in text
+
+
+def test_the_committed_report_is_that_of_the_committed_records(tmp_path: Path) -> None:
+    """Without data at hand, all records count as current."""
+    committed, out = ROOT / "docs" / "reproduction" / "laptop", tmp_path / "laptop"
+    shutil.copytree(committed, out)
+    (out / PAGE).unlink()
+    none = tmp_path / "none"
+    report(Resources(read_scale("laptop"), none, none, torch.device("cpu")), out)
+    assert (out / PAGE).read_text() == (committed / PAGE).read_text()
+
+
+def test_unknown_study() -> None:
+    with pytest.raises(InputError, match=r"study 'table-9': expected one of"):
+        find_studies(["table-9"])
+
+
+@pytest.mark.parametrize(
+    ("ours", "verdict"),
+    [(0.1, "better"), (0.25, "reproduced"), (0.44, "reproduced"), (0.46, "differs")],
+)
+def test_verdicts(ours: float, verdict: str) -> None:
+    """Numbers beside 0.3: better below 0.2, reproduced up to 0.45."""
+    assert compare("ē", "mm", ours, 0.3).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "–"), (3, "3"), (5700, "5700"), (0.06083, "0.0608"), (999.4, "999"), (1060.0, "1060")],
+)
+def test_cells(value: float | None, text: str) -> None:
+    assert format_cell(value) == text
+
+
+def test_every_table_and_figure_with_a_result_has_a_study() -> None:
+    """Tables 1 to 8 and Figures 4 to 21 of the paper; the first three explain the method."""
+    labels = sorted(label for study in STUDIES for label in study.labels)
+    assert labels == sorted((*PAPER.tables, *PAPER.figures[PAPER.method_figures :]))
+
+
+def test_minutes_leave_out_a_pause() -> None:
+    """Five epochs of 60 s, in the third of which the machine slept for an hour."""
+    assert minutes_of([60, 120, 3780, 3840, 3900]) == pytest.approx(5)
+
+
+def test_tally() -> None:
+    better, same = compare("ē", "mm", 0.1, 0.3), compare("σ(e)", "mm", 0.3, 0.3)
+    claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
+    found = RecordedFindings(comparisons=(better, same), claims=(claim,))
+    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0, "holds": 0, "fails": 0}
+
+
+def test_configurations_in_words() -> None:
+    """Recipes `fast` of variational Bayes and `paper` of the deterministic U-Net."""
+    scale = read_scale("laptop")
+    config = scale.config_of("beam2d-vb")
+    assert config.architecture == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
+    assert config.training_summary == "variational Bayes, Muon, 40 epochs, batches of 32"
+    config = read_scale("paper").config_of("beam2d-det")
+    assert config.architecture == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
+    assert config.training_summary == "squared error, Adam, 600 epochs, batches of 4"
+    assert scale.config_of("beam3d-linear").architecture == "linear layer"

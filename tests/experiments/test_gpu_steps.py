@@ -1,0 +1,264 @@
+"""The command for a machine with a GPU: its steps, what it goes on with, and the carried data."""
+
+from __future__ import annotations
+
+import json
+import math
+import tarfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from experiments.gpu import __main__ as command
+from experiments.gpu import archive
+from experiments.gpu.carried_dataset import pack, rounded_differences, summed, unpack
+from experiments.gpu.fast_recipes import fast_recipe
+from experiments.gpu.pack import main as pack_command
+from experiments.gpu.setting import Results, Setting
+from experiments.gpu.step_profile import by_kind
+from experiments.gpu.steps import STEPS, Step, run_steps
+from shared_schema.checker import check_dataset
+from surrogate.data.dataset import read_dataset
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def datasets(make_dataset: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Datasets of all three cases, packed."""
+    folder = tmp_path_factory.mktemp("gpu")
+    for case, dimension in {"beam2d": 2, "lshape2d": 2, "beam3d": 3}.items():
+        make_dataset(folder / "data" / case, dimension, name=case)
+    packing = [str(folder / "packed"), "--data", str(folder / "data"), "--no-wheels"]
+    assert pack_command(packing) == 0
+    return folder / "packed" / "data"
+
+
+@pytest.fixture
+def setting(datasets: Path, tmp_path: Path) -> Setting:
+    return Setting(tmp_path, datasets, CPU, True, time.monotonic() + 1000)
+
+
+def result_of(out: Path, name: str) -> Results:
+    return dict(json.loads((out / f"{name}.json").read_text()))
+
+
+def test_differences_by_hand() -> None:
+    """u = 10, 11 | 12, 14 in steps of 1: along y 10, 1 | 12, 2, and then along x 10, 1 | 2, 1."""
+    field = np.array([[[[10.2, 11.0], [12.0, 13.8]]]], dtype=np.float32)
+    differences = rounded_differences(field, 1.0)
+    assert differences.tolist() == [[[[10, 1], [2, 1]]]]
+    assert summed(differences, 1.0).tolist() == [[[[10, 11], [12, 14]]]]
+
+
+def test_carried_dataset_is_the_same_to_half_a_step(data_3d: Path, tmp_path: Path) -> None:
+    """Float32 adds 6e-8 of 1 m at most to half of the step of 1e-4 m."""
+    path, folder = tmp_path / "a.npz.xz", tmp_path / "a"
+    assert pack(data_3d, path, samples=50, step=1e-4) == 50
+    unpack(path, folder)
+    assert check_dataset(folder) == []
+    source, carried = read_dataset(data_3d), read_dataset(folder)
+    assert len(carried.train) + len(carried.test) == 50
+    for one, other in ((carried.train, source.train), (carried.test, source.test)):
+        assert torch.equal(one.force, other.force[: len(one)])
+        difference = (one.displacement - other.displacement[: len(one)]).abs().max()
+        assert 1e-5 < difference < 0.5e-4 + 6e-8
+    assert torch.equal(
+        torch.from_numpy(carried.geometry.coordinates),
+        torch.from_numpy(source.geometry.coordinates),
+    )
+    assert carried.info.force == source.info.force
+
+
+def test_steps_take_less_than_half_an_hour() -> None:
+    assert sum(step.seconds for step in STEPS) < 28 * 60
+    assert max(step.seconds for step in STEPS) < 540
+    assert len({step.name for step in STEPS}) == len(STEPS)
+
+
+def test_what_is_done_is_not_done_again(setting: Setting) -> None:
+    """A step that fails leaves its traceback; one that is not finished goes on in the next call."""
+    calls: list[str] = []
+
+    def step(name: str, *outcomes: Results) -> Step:
+        following = iter(outcomes)
+
+        def work(_: Setting) -> Results:
+            calls.append(name)
+            return next(following)
+
+        return Step(name, 100, work)
+
+    steps = [step("a", {"x": 1}), step("b"), step("c", {"finished": False}, {"x": 3})]
+    following: list[str] = []
+
+    def after_error(rest: Sequence[Step]) -> None:
+        following.extend(step.name for step in rest)
+
+    assert run_steps(setting, steps, False, None, after_error) == ["c"]
+    assert following == ["c"]
+    assert "StopIteration" in result_of(setting.out, "b")["error"]
+    assert run_steps(setting, steps, False, None) == []
+    assert calls == ["a", "b", "c", "c"]
+    assert result_of(setting.out, "c")["x"] == 3
+    described = result_of(setting.out, "a")
+    assert described["finished"]
+    assert described["machine"]["torch"] == torch.__version__
+
+
+def test_after_an_error_on_a_gpu_a_new_process_goes_on(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr("os.execv", lambda _, words: started.append(words))
+    call = [str(setting.out), "--data", "d", "--total", "100", "--small"]
+    for device, again in (("cpu", []), ("cuda", []), ("cuda", ["--step", "b", "--step", "c"])):
+        options = command.parser().parse_args([*call, "--device", device, *again])
+        given = replace(setting, device=torch.device(device), deadline=time.monotonic() + 60)
+        command.start_afresh(options, given, [])
+        command.start_afresh(options, given, [Step("c", 1, lambda _: {})])
+    assert len(started) == 2
+    later = [command.parser().parse_args(words[3:]) for words in started]
+    assert all(words[1:3] == ["-m", "experiments.gpu"] for words in started)
+    assert [options.total for options in later] == pytest.approx([60, 60], abs=1)
+    assert [options.step for options in later] == [None, ["c"]]
+    assert all(options.small and options.device == "cuda" for options in later)
+
+
+def test_a_step_gets_what_is_left_of_its_time(setting: Setting) -> None:
+    """Of 100 s in all, the call has 50; a step that has spent its time is finished as it is."""
+    left: list[float] = []
+
+    def work(given: Setting) -> Results:
+        left.append(given.seconds_left)
+        return {"finished": False}
+
+    step = Step("a", 100, work)
+    short = replace(setting, deadline=time.monotonic() + 50)
+    assert run_steps(short, [step], False, None) == ["a"]
+    path = setting.out / "a.json"
+    path.write_text(json.dumps(result_of(setting.out, "a") | {"seconds": 95.0}))
+    assert run_steps(setting, [step], False, None) == []
+    assert left == pytest.approx([50, 5], abs=0.5)
+    late = replace(setting, deadline=time.monotonic() + 10)
+    assert run_steps(late, [Step("b", 100, work)], False, None) == ["b"]
+    assert not (setting.out / "b.json").exists()
+
+
+def test_a_training_goes_on_where_the_call_before_stopped(setting: Setting) -> None:
+    """Without time, one of the two epochs is trained and its network evaluated."""
+    work = fast_recipe("lshape2d-det-fast")
+    now = replace(setting, deadline=time.monotonic())
+    first, second = work(now), work(setting)
+    assert [first["epochs"], first["finished"]] == [1, False]
+    assert [second["epochs"], second["finished"]] == [2, True]
+    assert first["test"]["mean_error"] > 0
+    assert second["curve"][0] == first["curve"][0]
+    whole = work(replace(setting, out=setting.out / "whole"))
+    assert whole["test"] == second["test"]
+
+
+def test_kinds_of_events_of_a_profile() -> None:
+    """Two steps: 2 + 4 µs of one kernel, 3 µs of copies and 7 µs of launches; spans count for 0."""
+
+    def event(name: str, microseconds: float, device: str, span: bool = False) -> SimpleNamespace:
+        return SimpleNamespace(
+            name=name,
+            device_type=SimpleNamespace(name=device),
+            is_user_annotation=span,
+            time_range=SimpleNamespace(elapsed_us=lambda: microseconds),
+        )
+
+    events = [
+        event("gemm", 2, "CUDA"),
+        event("gemm", 4, "CUDA"),
+        event("Memcpy HtoD", 3, "CUDA"),
+        event("Optimizer.step", 9, "CUDA", span=True),
+        event("cudaGraphLaunch", 7, "CPU"),
+        event("aten::mm", 8, "CPU"),
+    ]
+    result = by_kind(SimpleNamespace(events=lambda: events), 2)  # type: ignore[arg-type]
+    launches = "launches by cudaGraphLaunch"
+    assert result["times_ms"] == pytest.approx(
+        {"kernels": 3e-3, "copies": 1.5e-3, launches: 3.5e-3}
+    )
+    assert result["counts"] == {"kernels": 1.0, "copies": 0.5, launches: 0.5}
+    assert result["longest_kernels_ms"] == pytest.approx({"gemm": 3e-3, "Memcpy HtoD": 1.5e-3})
+
+
+def test_archive_has_results_and_parts_of_weights(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = setting.out / "runs" / "a"
+    run.mkdir(parents=True)
+    for name in ("metrics.jsonl", "model.safetensors"):
+        (run / name).write_bytes(b"0123456789")
+    monkeypatch.setattr(archive, "LIMIT", 4)
+    parts = archive.split(setting.out, setting.out, "a")
+    assert b"".join(part.read_bytes() for part in parts) == b"0123456789"
+    assert [part.name[-3:] for part in parts] == [".00", ".01", ".02"]
+    monkeypatch.undo()
+    (path,) = archive.archive(setting.out, setting.out / "sent", [])
+    with tarfile.open(path) as tar:
+        assert "runs/a/metrics.jsonl" in tar.getnames()
+        assert not any(name.endswith(".safetensors") for name in tar.getnames())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--step", "nothing"], "--step 'nothing': expected one of gpu-tests"),
+        (["--total", "0"], "--total 0.0: expected more than 0"),
+        (["--data", "nowhere"], "--data 'nowhere': no dataset of 'beam2d' in it"),
+    ],
+)
+def test_wrong_options(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert command.main([str(out), "--device", "cpu", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_rehearsal_on_the_cpu(
+    datasets: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All steps run with small networks; a second call has nothing to do."""
+    options = ["--device", "cpu", "--small", "--seconds", "500"]
+    call = [str(tmp_path), "--data", str(datasets), *options]
+    assert command.main(call) == 0
+    assert "all steps are done" in capsys.readouterr().out
+    results = {step.name: result_of(tmp_path, step.name) for step in STEPS}
+    assert all(result["finished"] for result in results.values())
+    assert not any("error" in result for result in results.values())
+    assert all(results[name]["complete"] for name in ("latency", "throughput", "profile"))
+    assert results["gpu-tests"]["failed"] == []
+    cases = [found["case"] for found in results["latency"]["latencies"]]
+    assert set(cases) == {"beam2d", "lshape2d", "beam3d"}
+    for found in results["latency"]["latencies"]:
+        assert found["graph_float32_relative_difference"] < 1e-5
+    assert {found["network"] for found in results["throughput"]["training"]} == {
+        "paper",
+        "fast",
+        "3D, c = 64",
+    }
+    for found in results["profile"]["steps"]:
+        assert found["flop"] > 0
+        assert found["bytes"] > 0
+    for found in results["profile"]["drawn_kernels"]:
+        assert found["relative_difference"] < 1e-5
+    assert results["one-process"]["largest_relative_difference"] == 0
+    for name, result in results.items():
+        if name.startswith(("fast", "paper", "beam3d")):
+            assert math.isfinite(result["test"]["mean_error"])
+            assert result["epochs"] == 2
+    assert command.main(call) == 0
+    assert "latency: done" in capsys.readouterr().err

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from shared_schema.common.progress import Progress, shown_progress
+
+
+def test_progress_prints_plain_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock that goes 6 s a call: a line every 10 s is a line at every second update.
+
+    Began at 0 s, with 10 of 100 units done. Updates ask for the time at 6 s (no line) and 12 s;
+    the line is made at 18 s with 30 units: (30 - 10) / 18 = 1.1 a second, 70 / 1.11 = 63 s left.
+    """
+    clock = itertools.count(0.0, 6.0)
+    monkeypatch.setattr("shared_schema.common.progress.time.perf_counter", lambda: next(clock))
+    with shown_progress():
+        progress = Progress(100, 10, "steps", "train")
+    progress.update(20, "loss 2")
+    progress.update(30, "loss 1")
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == "train: 30/100 steps, 1.1/s, 63 s left, loss 1\n"
+    progress.close("done")
+    assert capsys.readouterr().err.endswith(", done\n")
+
+
+def test_silent_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    with shown_progress():
+        progress = Progress(10, silent=True)
+    progress.update(10)
+    progress.close()
+    assert capsys.readouterr().err == ""
+
+
+def test_nothing_is_shown_outside_of_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    Progress(10, 4, "steps", "train").close()
+    assert capsys.readouterr().err == ""
+
+
+def test_progress_without_any_advance(capsys: pytest.CaptureFixture[str]) -> None:
+    with shown_progress():
+        Progress(10, 4, "steps", "train").close()
+    assert capsys.readouterr().err == "train: 4/10 steps, 0.0/s, time left unknown\n"

@@ -1,0 +1,88 @@
+"""Corrections of every kind of wrong prediction end at one equilibrium."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shared_schema.common.errors import WorkError
+from surrogate.certify.correction import correct, safest_start
+from surrogate.mechanics.out_of_balance import Equilibrium
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+
+FORCES = {
+    "quad": (3.0, -9.0),
+    "triangle": (3.0, -9.0),
+    "hexahedron": (3.0, -9.0, 5.0),
+    "tetra": (3.0, -9.0, 5.0),
+}
+
+
+@pytest.mark.parametrize("cell_type", FORCES)
+def test_any_prediction_leads_to_the_equilibrium(cell_type: str) -> None:
+    """Forces balance to 1e-8 N; displacements, up to 0.7 m, agree to 1e-8 m."""
+    geometry = box(cell_type)
+    equilibrium = Equilibrium(geometry, MATERIAL)
+    force = end_load(geometry, *FORCES[cell_type])
+    rng = np.random.default_rng(0)
+    x = geometry.coordinates
+    expected = correct(equilibrium, force, np.zeros_like(x))
+    truth = expected.displacement
+    assert 0.1 < np.abs(truth).max() < 1.0
+    assert not truth[geometry.clamped].any()
+    assert expected.residual_norm <= 1e-8
+    wrong = {
+        "exact": truth,
+        "near": truth + 0.01 * x[:, :1] * rng.normal(size=x.shape[1]),
+        "random": rng.normal(size=x.shape),
+        "small and random": 0.02 * rng.normal(size=x.shape),
+        "mirrored": x * [-2, *[0] * (x.shape[1] - 1)],
+        "of another load": -truth,
+        "far away": truth * 1e200,
+        "no numbers": np.full_like(x, np.nan),
+        "infinite": np.full_like(x, np.inf),
+    }
+    found = {name: correct(equilibrium, force, field) for name, field in wrong.items()}
+    for name, correction in found.items():
+        assert correction.residual_norm <= 1e-8, name
+        np.testing.assert_allclose(correction.displacement, truth, atol=1e-8, err_msg=name)
+    assert (found["exact"].iterations, found["exact"].start) == (0, "prediction")
+    assert found["near"].iterations < expected.iterations
+    for name in ("random", "mirrored", "of another load", "far away", "no numbers", "infinite"):
+        assert found[name].start != "prediction", name
+        assert found[name].iterations <= expected.iterations, name
+
+
+def test_start_of_lowest_energy() -> None:
+    """A tiny load: K⁻¹f has the lowest energy, -f·K⁻¹f / 2, up to terms of third order."""
+    geometry = box("quad")
+    equilibrium = Equilibrium(geometry, MATERIAL)
+    force = end_load(geometry, 1e-3, 2e-3)[None]
+    linear = equilibrium.linear_response(force)
+    assert equilibrium.potential(linear, force) == pytest.approx(
+        -0.5 * (force * linear).sum(), rel=1e-3
+    )
+    for predicted, name in (
+        (1.1 * linear, "linear response"),
+        (-linear, "linear response"),
+        (correct(equilibrium, force[0], linear[0]).displacement[None], "prediction"),
+    ):
+        start, u = safest_start(equilibrium, force, predicted)
+        assert start == name
+        np.testing.assert_array_equal(u, predicted if name == "prediction" else linear)
+
+
+def test_no_load() -> None:
+    geometry = box("hexahedron")
+    equilibrium = Equilibrium(geometry, MATERIAL)
+    found = correct(equilibrium, end_load(geometry, 0, 0, 0), geometry.coordinates)
+    assert not found.displacement.any()
+    assert found.iterations == 0
+
+
+def test_failure_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.certify.correction.ITERATIONS", 1)
+    geometry = box("quad")
+    force = end_load(geometry, 3.0, -9.0)
+    with pytest.raises(WorkError, match="no equilibrium after 1 Newton iterations, residual"):
+        correct(Equilibrium(geometry, MATERIAL), force, 0 * force)

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from surrogate.data.dataset import Dataset
+from surrogate.figures.field_figures import error_field, uncertainty_field
+from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
+
+
+def test_error_field(tmp_path: Path, dataset: Dataset) -> None:
+    _, reference, predicted = nodal_test(dataset)
+    figure = error_field(dataset.geometry, predicted[0], reference[0])
+    assert_is_picture(figure, tmp_path)
+    assert "[mm]" in figure.axes[1].get_ylabel()
+
+
+def test_uncertainty_field(tmp_path: Path, dataset: Dataset) -> None:
+    _, reference, _ = nodal_test(dataset)
+    figure = uncertainty_field(dataset.geometry, reference[0], 0.1 * np.abs(reference[0]))
+    assert_is_picture(figure, tmp_path)
+    assert "[mm]" in figure.axes[1].get_ylabel()
+
+
+def test_uncertainty_field_is_in_millimetres_on_the_mean_mesh(dataset: Dataset) -> None:
+    """σ of (3, 4) mm everywhere is 5 mm in norm; the mesh is moved by 0.25 m along x."""
+    x = dataset.geometry.coordinates
+    std = np.broadcast_to([3e-3, 4e-3], x.shape)
+    mean = np.broadcast_to([0.25, 0.0], x.shape)
+    figure = uncertainty_field(dataset.geometry, mean, std)
+    field, mesh = figure.axes[0].collections
+    np.testing.assert_allclose(np.asarray(field.get_array()), 5.0)
+    corners = np.concatenate([path.vertices for path in mesh.get_paths()])
+    np.testing.assert_allclose(corners.min(axis=0), (x + mean).min(axis=0))
+    np.testing.assert_allclose(corners.max(axis=0), (x + mean).max(axis=0))

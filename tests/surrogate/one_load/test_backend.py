@@ -1,0 +1,182 @@
+"""A single load, predicted in NumPy, against the same load in a batch, predicted in PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from torch import nn
+
+from shared_schema.grid import Grid
+from surrogate.data.dataset import Dataset
+from surrogate.inference.loading import load
+from surrogate.inference.prediction import Surrogate
+from surrogate.models.model import Model
+from surrogate.one_load import backend
+from surrogate.one_load.embedded_response import EmbeddedResponse
+from surrogate.runs.description import describe
+from surrogate.runs.run_config import run_config
+from surrogate.series import series_response
+from tests.surrogate.data.test_embedded_dataset import averaging
+from tests.surrogate.mechanics.bodies import in_equilibrium
+
+MECHANICS = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
+SERIES = {"inputs": ["last_gradient", "force", "linear_gradient"], "skip": "series"}
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "mechanics": {"network": MECHANICS},
+    "series": {"network": SERIES},
+    "series mle": {"likelihood": "maximum_likelihood", "network": SERIES},
+    "gradient only": {"network": {"inputs": ["linear_gradient"]}},
+    "mle": {"likelihood": "maximum_likelihood", "network": MECHANICS},
+    "ensemble": {
+        "ensemble": 3,
+        "network": {"force_transforms": ["linear", "asinh", "saturating"], **MECHANICS},
+    },
+    "reduced": {"model": "reduced"},
+    "reduced series": {"model": "reduced", "network": {"series": [8, 4]}},
+    "reduced series, two": {"model": "reduced", "network": {"series": [8, 4]}, "ensemble": 2},
+    "reduced ensemble": {"model": "reduced", "ensemble": 2, "likelihood": "maximum_likelihood"},
+}
+SMALL = {
+    "unet": {"levels": 2, "channels": 8},
+    "reduced": {"input_modes": 8, "output_modes": 10, "width": 32},
+}
+
+
+def untrained(dataset: Dataset, grid: Grid | None = None, **content: Any) -> Surrogate:
+    """A surrogate with random weights, scales from the data, on another grid if one is given."""
+    description_of = dataset
+    if grid is not None:
+        dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
+    case = dataset.manifest.name
+    small = {**SMALL[content.get("model", "unet")], **content.pop("network", {})}
+    config: Model = run_config({"name": "a", "case": case, "network": small, **content})
+    network = config.build(dataset.geometry, dataset.info, dataset.material)
+    config.start_from_data(network, dataset, in_equilibrium(dataset).train)
+    for name, parameter in network.named_parameters():
+        if name.endswith("head.weight"):  # zero in a reduced network
+            nn.init.normal_(parameter, std=0.1)
+    return Surrogate(network, dataset.geometry, describe(config, description_of))
+
+
+def loads(dataset: Dataset) -> np.ndarray:
+    """No load, a load on one node, loads on all free nodes: (3, n_nodes, d) in N."""
+    force = np.zeros((3, *dataset.geometry.coordinates.shape))
+    force[1, dataset.geometry.tip] = 1.0
+    force[2] = np.random.default_rng(0).normal(size=force[2].shape)
+    force[2, dataset.geometry.clamped] = 0.0
+    return force
+
+
+def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
+    """Every load gives the same alone and in a batch, to float32: 5e-6 of the largest value."""
+    force = loads(dataset)
+    batch = model.predict(force)
+    assert np.abs(batch).max() > 1e-3
+    for f, expected in zip(force, batch, strict=True):
+        found = model.predict(f)
+        assert found.dtype == np.float64
+        np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * np.abs(batch).max())
+        np.testing.assert_array_equal(model.predict(f[None])[0], found)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
+    model = untrained(dataset, **KINDS[kind])
+    assert model._one_load is not None
+    assert model._one_load.matrix is not None
+    assert_same_alone(model, dataset)
+
+
+def test_without_numba(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(series_response, "COMPILES", False)
+    model = untrained(dataset, network=SERIES)
+    assert model._one_load is not None
+    assert model._one_load.series is None
+    assert_same_alone(model, dataset)
+
+
+def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backend, "LARGEST", 1000)
+    model = untrained(dataset, network=MECHANICS)
+    assert model._one_load is not None
+    assert model._one_load.matrix is None
+    assert_same_alone(model, dataset)
+
+
+@pytest.mark.parametrize("model", ["unet", "reduced"])
+def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large bodies, for which no matrix is kept."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    monkeypatch.setattr(backend, "LARGEST", 1000)
+    surrogate = untrained(dataset_3d, model=model)
+    assert surrogate._one_load is not None
+    assert (surrogate._one_load.response is None) == (model == "unet")
+    assert_same_alone(surrogate, dataset_3d)
+
+
+@pytest.mark.parametrize("inputs", [SERIES["inputs"], ["linear_gradient", "last_gradient"]])
+def test_series_of_large_bodies(
+    dataset_3d: Dataset, inputs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cell by cell, by a factor in single precision."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    monkeypatch.setattr(backend, "LARGEST", 1000)
+    model = untrained(dataset_3d, network={"inputs": inputs, "skip": "series"})
+    assert model._one_load is not None
+    assert model._one_load.large is not None
+    assert_same_alone(model, dataset_3d)
+
+
+def test_embedded_grid(dataset: Dataset) -> None:
+    """One node is the mean of two grid points."""
+    grid = averaging(dataset.geometry.grid)
+    assert not grid.points_are_nodes
+    assert_same_alone(untrained(dataset, grid, network=MECHANICS), dataset)
+
+
+def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loads on a few nodes are answered by columns, found once; others by a solve."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    monkeypatch.setattr(backend, "LARGEST", 1000)
+    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
+    assert model._one_load is not None
+    response = model._one_load.response
+    assert isinstance(response, EmbeddedResponse)
+    assert_same_alone(model, dataset)
+    monkeypatch.setattr(response.columns, "respond", None)
+    model.predict(2 * loads(dataset)[1])
+    with pytest.raises(TypeError):
+        model.predict(np.roll(loads(dataset)[1], -1, axis=0))
+
+
+def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:
+    model = load(trained)
+    force = loads(dataset)[2]
+    found = model.predict_distribution(force)
+    one = model.predict(force)
+    np.testing.assert_allclose(found.mean, one, rtol=0, atol=3e-6 * np.abs(one).max())
+    assert not found.std.any()
+
+
+def test_stochastic_networks_average_their_passes(make_run: Callable[..., Path]) -> None:
+    model = load(make_run(epochs=1, likelihood="variational_bayes"))
+    force = np.zeros(model.geometry.coordinates.shape)
+    force[model.geometry.tip] = 1.0
+    assert model._one_load is None
+    np.testing.assert_array_equal(model.predict(force), model.predict_distribution(force).mean)
+
+
+def test_passes_respond_linearly_once(dataset: Dataset) -> None:
+    """The linear response of a load does not depend on the pass, and is computed once."""
+    model = untrained(dataset, likelihood="variational_bayes", variational={}, network=MECHANICS)
+    assert model.network.linear is not None
+    batches: list[int] = []
+    model.network.linear.register_forward_hook(lambda _, inputs, __: batches.append(len(inputs[0])))
+    model.predict_distribution(loads(dataset), passes=5)
+    assert batches == [3]
