@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import (
     Field,
@@ -29,8 +29,53 @@ from shared_schema.common.configuration import Frozen, first_problem
 from shared_schema.common.errors import InputError
 
 Volumetric = Literal["paper", "quadratic"]
-Scalar: TypeAlias = Any  # a float, a UFL expression or a tensor
+Scalar: TypeAlias = Any  # a float, a UFL expression, an array or a tensor
 LARGEST_MODULUS = 1e18  # Pa
+
+
+class VolumetricTerm(NamedTuple):
+    r"""Volumetric term U(J) of the Neo-Hookean solid, with all that is derived from it.
+
+    Both terms have :math:`U(1) = U'(1) = 0` and :math:`U''(1) = λ`, so they agree for small
+    strains. They differ by a single number q:
+
+    .. math:: U = λ \left[\tfrac{q}{2} (J - 1)^2 + (1 - q) (J - 1 - \ln J)\right], \qquad
+              U' = λ \left[q J + 1 - 2 q - \tfrac{1 - q}{J}\right].
+
+    The functions take numbers, arrays, tensors and UFL expressions alike.
+
+    Attributes
+    ----------
+    square : float
+        q.
+    energy : callable
+        U from λ, J and ln J.
+    first : callable
+        J U' from λ and J: the volumetric part of the Kirchhoff stress.
+    second : callable
+        J U' + J² U'' from λ and J: its derivative by ln J.
+    """
+
+    square: float
+    energy: Callable[[Scalar, Scalar, Scalar], Scalar]
+    first: Callable[[Scalar, Scalar], Scalar]
+    second: Callable[[Scalar, Scalar], Scalar]
+
+
+VOLUMETRIC_TERMS: dict[Volumetric, VolumetricTerm] = {
+    "paper": VolumetricTerm(  # Deshpande et al. (2022), Eq. (Neo-Hookean)
+        square=0.5,
+        energy=lambda lam, j, log_j: lam / 4 * (j**2 - 1 - 2 * log_j),
+        first=lambda lam, j: lam / 2 * (j**2 - 1),
+        second=lambda lam, j: lam * j**2,
+    ),
+    "quadratic": VolumetricTerm(  # AceFEM's element library
+        square=1.0,
+        energy=lambda lam, j, log_j: lam / 2 * (j - 1) ** 2,
+        first=lambda lam, j: lam * j * (j - 1),
+        second=lambda lam, j: lam * j * (2 * j - 1),
+    ),
+}
 
 
 class Material(Frozen):
@@ -112,14 +157,15 @@ class NeoHookean(YoungPoisson):
     model: Literal["neo_hookean"] = "neo_hookean"
     volumetric: Volumetric = "paper"
 
+    @property
+    def volumetric_term(self) -> VolumetricTerm:
+        """U(J) and its derivatives."""
+        return VOLUMETRIC_TERMS[self.volumetric]
+
     def energy(self, i1: Scalar, i2: Scalar, j: Scalar, ln: Callable[[Scalar], Scalar]) -> Scalar:
         """W = μ/2 (I₁ − 3 − 2 ln J) + U(J)."""
-        lam, log_j = self.lame_lambda, ln(j)
-        if self.volumetric == "paper":
-            volumetric = lam / 4 * (j**2 - 1 - 2 * log_j)
-        else:
-            volumetric = lam / 2 * (j - 1) ** 2
-        return self.lame_mu / 2 * (i1 - 3 - 2 * log_j) + volumetric
+        lam, mu, log_j = self.lame_lambda, self.lame_mu, ln(j)
+        return mu / 2 * (i1 - 3 - 2 * log_j) + self.volumetric_term.energy(lam, j, log_j)
 
 
 class StVenantKirchhoff(YoungPoisson):

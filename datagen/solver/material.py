@@ -9,24 +9,13 @@ parameters in Pa are
 
 .. math:: \lambda = \frac{E\nu}{(1+\nu)(1-2\nu)}, \qquad \mu = \frac{E}{2(1+\nu)}.
 
-The volumetric term U(J) is chosen by name:
-
-===========  =====================================================  =========================
-name         U(J)                                                   source
-===========  =====================================================  =========================
-paper        :math:`\lambda/4\,(J^2 - 1 - 2\ln J)`                  Deshpande et al. (2022),
-                                                                    Eq. (Neo-Hookean)
-quadratic    :math:`\lambda/2\,(J - 1)^2`                           AceFEM's element library
-===========  =====================================================  =========================
-
-Both terms have U(1) = U'(1) = 0 and U''(1) = λ, so they agree for small strains. In two dimensions
-the state is plane strain: F is completed by :math:`F_{33} = 1`, so that
+The volumetric term U(J), `paper` or `quadratic`, is one of `shared_schema.material`. In two
+dimensions the state is plane strain: F is completed by :math:`F_{33} = 1`, so that
 :math:`I_c = \operatorname{tr}(F^T F) + 1` and J is the determinant of the in-plane part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import dolfinx
@@ -36,25 +25,15 @@ from petsc4py import PETSc
 from datagen.materials import OwnMaterial
 from datagen.own_class import described, source_of
 from shared_schema.common.errors import InputError
-from shared_schema.material import Material, NeoHookean, ShippedMaterial, Volumetric
+from shared_schema.material import (
+    VOLUMETRIC_TERMS,
+    Material,
+    NeoHookean,
+    ShippedMaterial,
+    Volumetric,
+)
 
 Expression = Any  # a UFL expression; ufl has no types
-
-
-def volumetric_paper(j: Expression, lam: Expression) -> Expression:
-    """U(J) = λ/4 (J² − 1 − 2 ln J)."""
-    return lam / 4 * (j**2 - 1 - 2 * ufl.ln(j))
-
-
-def volumetric_quadratic(j: Expression, lam: Expression) -> Expression:
-    """U(J) = λ/2 (J − 1)²."""
-    return lam / 2 * (j - 1) ** 2
-
-
-VOLUMETRIC_TERMS: dict[Volumetric, Callable[[Expression, Expression], Expression]] = {
-    "paper": volumetric_paper,
-    "quadratic": volumetric_quadratic,
-}
 
 
 def deformation_gradient(u: Expression) -> Expression:
@@ -77,9 +56,10 @@ def strain_energy(
         Name of U(J).
     """
     j = ufl.det(f)
+    log_j = ufl.ln(j)
     out_of_plane = 3 - f.ufl_shape[0]  # F₃₃² = 1 in plane strain, nothing in 3D
     i_c = ufl.tr(f.T * f) + out_of_plane
-    return mu / 2 * (i_c - 3 - 2 * ufl.ln(j)) + VOLUMETRIC_TERMS[volumetric](j, lam)
+    return mu / 2 * (i_c - 3 - 2 * log_j) + VOLUMETRIC_TERMS[volumetric].energy(lam, j, log_j)
 
 
 def completed(f: Expression) -> Expression:
