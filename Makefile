@@ -14,6 +14,8 @@ TORCH ?= torch==2.13.0
 DATA ?= data/$(CASE)$(if $(SAMPLES),-$(SAMPLES))
 RUN ?= runs/$(CASE)-$(MODEL)-$(RECIPE)$(if $(SAMPLES),-$(SAMPLES))
 
+PUBLISHED = $(RUN)/published.yaml
+
 DEBIAN_PYTHON := /usr/bin/python3
 DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-matplotlib \
 	python3-meshio python3-venv python3-yaml
@@ -31,7 +33,8 @@ COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
 # Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
 PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
-STUDIES = .venv-surrogate/bin/python -m experiments $@ --scale $(SCALE) $(WHERE)
+EXPERIMENTS = .venv-surrogate/bin/python -m experiments
+STUDIES = $(EXPERIMENTS) $@ --scale $(SCALE) $(WHERE)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
@@ -67,10 +70,11 @@ train: data .venv-surrogate/.installed ## train MODEL by RECIPE on the data of C
 	$(SURROGATE) train $(CASE)-$(MODEL)-$(RECIPE) --data $(DATA)/structured --out $(RUN)
 
 evaluate: train ## evaluate the run on the test split and draw its figures
-	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured $(CERTIFY)
+	@$(EXPERIMENTS) published $(RUN) > $(PUBLISHED)
+	$(SURROGATE) evaluate $(RUN) --data $(DATA)/structured --beside $(PUBLISHED) $(CERTIFY)
 
 report: evaluate
-	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --out $(RUN)/report.html
+	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --beside $(PUBLISHED) --out $(RUN)/report.html
 
 page: $(if $(SHIPPED),.venv-surrogate/.installed,train) $(BUNDLE) ## write a page on which one drags a load
 	@mkdir -p build

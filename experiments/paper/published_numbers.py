@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import yaml
 from pydantic import Field
 
 from shared_schema.common.configuration import Frozen, read_yaml, validate
+from surrogate.evaluation.published import Published
 
 SOURCE = Path(__file__).with_name("paper.yaml")
+CITATION = (
+    "Paper: Deshpande, Lengiewicz, Bordas, “Probabilistic deep learning for real-time large "
+    "deformation simulations”, CMAME 2022."
+)
 Number = int | float  # whole numbers stay whole
 
 
@@ -68,6 +74,20 @@ class PaperNetwork(PaperErrors):
     epochs: int
     parameters: Number
     examples: dict[str, PaperExample] = Field(default_factory=dict)
+
+    def numbers(self, hardware: str) -> dict[str, str]:
+        """Numbers by the name of their row in a run's report."""
+        numbers = {
+            "mean error ē [10⁻³ m]": f"{self.mean_error_mm:.1f}",
+            "standard deviation σ(e) [10⁻³ m]": f"{self.std_error_mm:.1f}",
+            "slope of e_m over displacement": f"{self.slope}",
+            "trainable parameters": f"{self.parameters / 1e6:.1f} M",
+            "training time": f"{self.training_minutes:.0f} min, {hardware}",
+        }
+        if self.example:
+            shown = f"{self.example.relative_tip_error:.1%} at {self.example.tip_displacement_m} m"
+            numbers["relative tip error, the example below"] = shown
+        return numbers
 
     @property
     def example(self) -> PaperExample | None:
@@ -190,5 +210,23 @@ class Paper(Frozen):
             return f"Table {self.tables.index(label) + 1}"
         return f"Figure {self.figures.index(label) + 1}"
 
+    def published(self, case: str, likelihood: str) -> Published:
+        """Numbers of a network in the form that `surrogate report` shows beside those of a run."""
+        network = self.network(case, likelihood)
+        if network is None:
+            return Published()
+        return Published(
+            heading="paper",
+            source=CITATION,
+            example_displacement=network.example.tip_displacement_m if network.example else None,
+            numbers=network.numbers(self.hardware),
+        )
+
 
 PAPER = validate(Paper, read_yaml(SOURCE), str(SOURCE))
+
+
+def as_yaml(published: Published) -> str:
+    """Write numbers as the commands' option ``--beside`` reads them."""
+    content = published.model_dump(exclude_defaults=True)
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))

@@ -45,6 +45,12 @@ def add_to(commands: Commands) -> None:
         help="calibrate the fast certificate on the run's held-out samples, and measure it",
     )
     parser.add_argument(
+        "--beside",
+        type=Path,
+        metavar="FILE.yaml",
+        help="published numbers; the sample that is shown is the one nearest to the published",
+    )
+    parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write into a new copy of the run, not into it"
     )
     parser.set_defaults(command=run)
@@ -54,6 +60,7 @@ def run(options: argparse.Namespace) -> None:
     """Evaluate, and print the errors."""
     from surrogate.device import choose_device
     from surrogate.evaluation.evaluate import evaluate
+    from surrogate.evaluation.published import Published, read_published
     from surrogate.figures.run_figures import write_evaluation
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import copy_run, find_run, require_changeable
@@ -61,6 +68,7 @@ def run(options: argparse.Namespace) -> None:
     device = choose_device(options.device).type
     require_changeable(options.run, options.out)
     warn_unsealed(options.run)
+    published = read_published(options.beside) if options.beside else Published()
     evaluation = evaluate(
         options.run,
         options.data,
@@ -68,6 +76,7 @@ def run(options: argparse.Namespace) -> None:
         loads=options.loads,
         conformal=options.conformal,
         certify=options.certify,
+        example_displacement=published.example_displacement,
         **given_passes(options),
     )
     run = find_run(options.run)

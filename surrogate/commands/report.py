@@ -23,6 +23,12 @@ def add_to(commands: Commands) -> None:
         "--nodal", type=Path, metavar="DIR", help="nodal dataset; the page shows its solve times"
     )
     parser.add_argument(
+        "--beside",
+        type=Path,
+        metavar="FILE.yaml",
+        help="published numbers, shown beside those of the run",
+    )
+    parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.html", help="page to write"
     )
     parser.set_defaults(command=run)
@@ -30,9 +36,11 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the page, and print its path."""
+    from surrogate.evaluation.published import Published, read_published
     from surrogate.figures.report import write_report
 
     require_writable(options.out)
     warn_unsealed(options.run)
-    write_report(options.run, options.nodal, options.out)
+    published = read_published(options.beside) if options.beside else Published()
+    write_report(options.run, options.nodal, options.out, published)
     print(options.out.resolve())

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.paper.published_numbers import PAPER
 from shared_schema.common.errors import InputError
 from surrogate.certify.fast_certificate import FastCertificate, fit_fast_certificate
 from surrogate.certify.intervals import Intervals, fit_intervals
@@ -55,6 +54,8 @@ class Evaluation:
         Errors of von Mises stresses, if the material is a shipped one.
     content : dict
         All measures and their origin as plain data.
+    example_displacement : float or None
+        Tip displacement in m of the sample to show.
     """
 
     surrogate: Surrogate
@@ -68,6 +69,7 @@ class Evaluation:
     fast_certificate: FastCertificate | None = None
     stress: StressMeasures | None = None
     content: dict[str, Any] = field(default_factory=dict)
+    example_displacement: float | None = None
 
     @property
     def predicted(self) -> NDArray[np.float64]:
@@ -76,12 +78,10 @@ class Evaluation:
 
     @property
     def example(self) -> int:
-        """Number of the test sample to show: loaded at the tip, moved closest to the paper's."""
-        tip, run = self.surrogate.geometry.tip, self.surrogate.description.run
-        published = PAPER.network(run.case, run.likelihood)
-        shown = published.example if published else None
-        aim = shown.tip_displacement_m if shown else None
-        return find_example(self.force, self.reference, tip, np.array([tip]), aim)
+        """Number of the test sample to show: loaded at the tip, which moves as far as wanted."""
+        tip = self.surrogate.geometry.tip
+        nodes = np.array([tip])
+        return find_example(self.force, self.reference, tip, nodes, self.example_displacement)
 
     def example_measures(self) -> dict[str, float]:
         """Return the tip displacement of the example in m and its relative error."""
@@ -109,6 +109,7 @@ def evaluate(
     loads: Path | None = None,
     conformal: float | None = None,
     certify: bool = False,
+    example_displacement: float | None = None,
 ) -> Evaluation:
     """Evaluate a run on the test split of a dataset; nothing is written.
 
@@ -129,6 +130,9 @@ def evaluate(
     certify : bool
         Calibrate the fast certificate on the run's held-out samples, and measure its coverage on
         the test split and, not promised there, on the other loads.
+    example_displacement : float, optional
+        Tip displacement in m of the test sample to show, among those loaded at the tip; by default
+        three quarters of the largest.
 
     Raises
     ------
@@ -166,6 +170,7 @@ def evaluate(
         intervals,
         fast,
         measure_stresses(surrogate, distribution.mean, reference),
+        example_displacement=example_displacement,
     )
     epochs, seconds = run.training_effort()
     content = evaluation.content

@@ -1,4 +1,4 @@
-"""Report of a run: a self-contained HTML page with its figures, and numbers beside the paper's.
+"""Report of a run: a self-contained HTML page with its figures, and numbers beside published ones.
 
 The text of the page stands in ``report.html.j2``; Jinja escapes every value in it.
 """
@@ -13,15 +13,16 @@ from typing import Any
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
 
-from experiments.paper.published_numbers import PAPER, PaperNetwork
 from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.dataset_reader import DatasetReader
+from surrogate.evaluation.published import Published
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 
-Row = tuple[str, ...]  # name and value here, and the paper's if it has any
+NOTHING_PUBLISHED = Published()
+Row = tuple[str, ...]  # name, value here, and the published one beside published numbers
 
 FIGURES = (
     (
@@ -109,7 +110,9 @@ class Solving:
     software: dict[str, str]
 
 
-def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
+def write_report(
+    run_folder: Path, nodal: Path | None, path: Path, published: Published = NOTHING_PUBLISHED
+) -> None:
     """Write the report of an evaluated run.
 
     Parameters
@@ -120,11 +123,14 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
         Nodal dataset from which the run's data was made; adds the time of the equilibria.
     path : Path
         HTML file to write.
+    published : Published, optional
+        Published numbers, shown beside those of the run.
 
     Raises
     ------
     InputError
-        If the run is not evaluated, or its data was made from another nodal dataset.
+        If the run is not evaluated, its data was made from another nodal dataset, or the report has
+        no row of the name of a published number.
     """
     run = RunFolder(find_run(run_folder))
     description = run.description()
@@ -143,8 +149,8 @@ def write_report(run_folder: Path, nodal: Path | None, path: Path) -> None:
             info=description.data.info,
             evaluation=evaluation,
             trained_on=trained_on,
-            rows=_rows(description, evaluation, trained_on),
-            has_paper=_paper(description) is not None,
+            rows=_beside(_rows(evaluation, trained_on), published),
+            published=published,
             figures=figures,
             solving=solving,
             run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
@@ -165,11 +171,10 @@ def _figures(run: RunFolder) -> list[Figure]:
     ]
 
 
-def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: str) -> list[Row]:
+def _rows(evaluation: dict[str, Any], trained_on: str) -> list[tuple[str, str]]:
     test, example = evaluation["test"], evaluation["example"]
-    paper = _paper(description)
     minutes = evaluation["training_seconds"] / 60
-    rows: list[Row] = [
+    return [
         ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
         ("standard deviation σ(e) [10⁻³ m]", f"{test['std_error'] * 1e3:.3f}"),
         ("slope of e_m over displacement", f"{test['slope']:.5f}"),
@@ -189,26 +194,16 @@ def _rows(description: RunDescription, evaluation: dict[str, Any], trained_on: s
         *_stress_rows(evaluation.get("von_mises")),
         *_uncertainty_rows(evaluation.get("uncertainty")),
     ]
-    if paper is None:
-        return rows
-    theirs = [
-        f"{paper.mean_error_mm:.1f}",
-        f"{paper.std_error_mm:.1f}",
-        f"{paper.slope}",
-        "–"
-        if paper.example is None
-        else f"{paper.example.relative_tip_error:.1%} at {paper.example.tip_displacement_m} m",
-        f"{paper.parameters / 1e6:.1f} M",
-        f"{paper.training_minutes:.0f} min, {PAPER.hardware}",
-    ]
-    return [
-        (name, ours, theirs[i] if i < len(theirs) else "–") for i, (name, ours) in enumerate(rows)
-    ]
 
 
-def _paper(description: RunDescription) -> PaperNetwork | None:
-    """The paper's numbers for the case; None for a case of one's own."""
-    return PAPER.network(description.run.case, description.run.likelihood)
+def _beside(rows: list[tuple[str, str]], published: Published) -> list[Row]:
+    """Add the published number of every row, or a dash."""
+    if not published.numbers:
+        return [*rows]
+    for name in published.numbers:
+        if name not in dict(rows):
+            raise InputError(f"published number '{name}': expected one of {', '.join(dict(rows))}")
+    return [(name, ours, published.numbers.get(name, "–")) for name, ours in rows]
 
 
 def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:

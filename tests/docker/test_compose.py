@@ -53,11 +53,14 @@ def commands(service: dict[str, Any], folder: Path) -> list[str]:
 
 
 def commands_of_make(variables: Mapping[str, str]) -> list[str]:
-    """Commands of `make report`, without the folders of its environments."""
+    """Commands of `make report`, without folders of environments and the paper's numbers.
+
+    These are in the checkout only (`experiments`), not in the images.
+    """
     old = [f"--assume-old=.venv-{name}/.installed" for name in ("datagen", "surrogate")]
     words = [f"{name}={value}" for name, value in variables.items()]
     text = make("--dry-run", "--always-make", *old, "report", *words).replace("\\\n", " ")
-    text = re.sub(r"\.venv-\w+/bin/|OMP_NUM_THREADS=1 ", "", text)
+    text = re.sub(r"\.venv-\w+/bin/|OMP_NUM_THREADS=1 | --beside \S+", "", text)
     lines = [re.sub(r"\s+", " ", line).strip() for line in text.splitlines()]
     return [line for line in lines if re.match("mpirun|datagen|surrogate", line)]
 

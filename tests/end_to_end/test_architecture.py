@@ -18,9 +18,9 @@ DRAWING = {  # modules outside `surrogate` that may import matplotlib
     "datagen/output/dataset_figure.py",
 }
 FORBIDDEN = {
-    "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate"},
-    "datagen": LEARNER | {"surrogate"},
-    "surrogate": FACTORY | {"datagen"},
+    "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate", "experiments"},
+    "datagen": LEARNER | {"surrogate", "experiments"},
+    "surrogate": FACTORY | {"datagen", "experiments"},
 }
 
 

@@ -45,8 +45,14 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for dataset in (nodal, grid):
         execute(DATAGEN, "check", dataset)
     execute(SURROGATE, "train", config, "--data", grid, "--out", run)
-    execute(SURROGATE, "evaluate", run, "--data", grid)
-    execute(SURROGATE, "report", run, "--nodal", nodal, "--out", folder / "report.html")
+    published = folder / "published.yaml"
+    published.write_text(
+        execute(SURROGATE.with_name("python"), "-m", "experiments", "published", run).stdout
+    )
+    beside = ("--beside", published)
+    execute(SURROGATE, "evaluate", run, "--data", grid, *beside)
+    page = folder / "report.html"
+    execute(SURROGATE, "report", run, "--nodal", nodal, *beside, "--out", page)
     return folder
 
 

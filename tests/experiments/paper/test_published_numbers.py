@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from experiments.paper.published_numbers import PAPER, SOURCE, Paper
+from experiments.__main__ import main
+from experiments.paper.published_numbers import PAPER, SOURCE, Paper, as_yaml
+from surrogate.evaluation.published import Published, read_published
 
 
 def test_numbers_of_tables_and_figures() -> None:
@@ -51,3 +55,32 @@ def test_numbers_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="frozen"):
         PAPER.real_time_ms = 1.0  # type: ignore[misc]
     assert isinstance(PAPER, Paper)
+
+
+def test_numbers_beside_those_of_a_run() -> None:
+    """Table "det_metrics", 2D beam: ē = 0.3e-3 m, σ(e) = 0.2e-3 m, shown where it moves 0.95 m."""
+    beam = PAPER.published("beam2d", "deterministic")
+    assert beam.example_displacement == 0.95
+    assert beam.numbers == {
+        "mean error ē [10⁻³ m]": "0.3",
+        "standard deviation σ(e) [10⁻³ m]": "0.2",
+        "slope of e_m over displacement": "0.0008",
+        "relative tip error, the example below": "0.6% at 0.95 m",
+        "trainable parameters": "7.5 M",
+        "training time": "131 min, one V100",
+    }
+    assert PAPER.published("bracket", "deterministic") == Published()
+
+
+def test_a_report_reads_what_the_command_prints(tmp_path: Path) -> None:
+    path = tmp_path / "published.yaml"
+    published = PAPER.published("beam2d", "deterministic")
+    path.write_text(as_yaml(published))
+    assert read_published(path) == published
+
+
+def test_nothing_is_published_of_a_case_that_the_paper_does_not_have(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["published", "beam2d_any"]) == 0
+    assert capsys.readouterr().out == "{}\n"

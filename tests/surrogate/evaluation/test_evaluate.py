@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,14 @@ def test_run_and_dataset_are_recorded(
 
 
 def test_example_is_loaded_at_the_tip(content: dict[str, Any], again: Evaluation) -> None:
-    """The sample loaded at node 31 whose tip displacement is closest to the paper's 0.95 m."""
+    """The sample loaded at node 31 that moves closest to 3/4 of the most, or as far as wanted."""
     moved = np.linalg.norm(again.reference[:, 31], axis=1)
     at_tip = [m for m in range(12) if again.force[m, 31].any()]
     assert at_tip, "the synthetic test split has no such sample"
-    best = min(at_tip, key=lambda m: abs(moved[m] - 0.95))
+    wanted = replace(again, example_displacement=0.95)
+    assert wanted.example == min(at_tip, key=lambda m: abs(moved[m] - 0.95))
+    aim = 0.75 * max(moved[at_tip])
+    best = min(at_tip, key=lambda m: abs(moved[m] - aim))
     assert again.example == best
     error = np.linalg.norm(again.predicted[best, 31] - again.reference[best, 31])
     assert content["example"]["tip_displacement"] == pytest.approx(moved[best])

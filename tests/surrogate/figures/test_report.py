@@ -10,16 +10,22 @@ from pathlib import Path
 import pytest
 import yaml
 
-from experiments.paper.published_numbers import PAPER
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
+from surrogate.evaluation.published import Published
 from surrogate.figures.report import write_report
+
+PUBLISHED = Published(
+    heading="theirs",
+    source="A. Author, Title, 2022.",
+    numbers={"mean error ē [10⁻³ m]": "0.3", "trainable parameters": "7.5 M"},
+)
 
 
 @pytest.fixture(scope="module")
 def page(evaluated: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(evaluated, data.parent / "nodal", path)
+    write_report(evaluated, data.parent / "nodal", path, PUBLISHED)
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
     return path.read_text(encoding="utf-8")
 
@@ -36,32 +42,37 @@ def test_page_is_self_contained(page: str, evaluated: Path) -> None:
         assert remote not in page
 
 
-def test_page_holds_our_numbers_and_the_papers(page: str, evaluated: Path) -> None:
+def test_page_holds_our_numbers_and_the_published(page: str, evaluated: Path) -> None:
     test = json.loads((evaluated / "evaluation.json").read_text())["test"]
     rows = {
         cells[0]: cells[1:]
         for row in re.findall(r"<tr>(.*?)</tr>", page)
         if (cells := re.findall(r"<td>(.*?)</td>", row))
     }
-    # Deshpande et al. (2022), Table "det_metrics", 2D beam: ē = 0.3e-3 m, σ(e) = 0.2e-3 m
     assert rows["mean error ē [10⁻³ m]"] == [f"{test['mean_error'] * 1e3:.3f}", "0.3"]
-    assert rows["standard deviation σ(e) [10⁻³ m]"] == [f"{test['std_error'] * 1e3:.3f}", "0.2"]
+    assert rows["standard deviation σ(e) [10⁻³ m]"] == [f"{test['std_error'] * 1e3:.3f}", "–"]
     assert rows["trainable parameters"][1] == "7.5 M"
     assert rows["test samples M"] == ["12", "–"]
+    assert "<th>theirs</th>" in page
+    assert "A. Author, Title, 2022." in page
 
 
-def test_own_case_has_no_column_of_the_paper(evaluated: Path, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(evaluated, run)
-    (run / "manifest.json").unlink()
-    content = (run / "config.yaml").read_text().replace("beam2d", "bracket")
-    (run / "config.yaml").write_text(content)
-    write_report(run, None, tmp_path / "a.html")
+def test_published_numbers_without_a_row_are_refused(evaluated: Path, tmp_path: Path) -> None:
+    published = Published(numbers={"weight": "3 kg"})
+    with pytest.raises(InputError, match="published number 'weight': expected one of mean error"):
+        write_report(evaluated, None, tmp_path / "a.html", published)
+    assert not (tmp_path / "a.html").exists()
+
+
+def test_without_published_numbers_there_is_no_column_of_them(
+    evaluated: Path, tmp_path: Path
+) -> None:
+    write_report(evaluated, None, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     table = page.partition("<tbody>")[2].partition("</tbody>")[0]
     assert table.count("<tr>") * 2 == table.count("<td>")
     assert "–</td>" not in table
-    assert "paper" not in page.lower().partition("<pre>")[0]
+    assert "published" not in page.lower().partition("<pre>")[0]
 
 
 def test_relative_errors_are_those_of_the_evaluation(page: str, evaluated: Path) -> None:
@@ -105,13 +116,6 @@ def test_markup_in_the_data_is_escaped(
     assert "&gt;&lt;img src=x onerror=alert(1)&gt;.msh" in page
     assert "<script" not in page
     assert "<img src=x" not in page
-
-
-def test_published_numbers_of_the_beam() -> None:
-    """Deshpande et al. (2022), 2D beam, deterministic."""
-    published = PAPER.networks["beam2d"]["deterministic"]
-    assert (published.mean_error_mm, published.std_error_mm) == (0.3, 0.2)
-    assert round(published.parameters / 1e6, 1) == 7.5
 
 
 def test_hardware_of_the_training_and_of_the_evaluation(evaluated: Path, tmp_path: Path) -> None:
