@@ -1,1 +1,28 @@
-"""Mechanics inside networks: the linear response of the undeformed body."""
+"""Mechanics of a body of finite elements: energy, forces and tangent, equilibrium, K⁻¹, load paths.
+
+`Equilibrium` has what Newton's method needs at any displacement: out-of-balance forces, steps,
+potential energy. `Compliance` and `LinearResponse` are K⁻¹ of the undeformed body, at its nodes and
+on the grid, for networks. `LoadPaths` tell how an equilibrium changes with its load.
+"""
+
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.load_path import LoadPaths, follow
+from surrogate.mechanics.out_of_balance import Equilibrium, NewtonSteps, norms
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.stresses import cell_stresses, reactions
+
+__all__ = [
+    "Compliance",
+    "Equilibrium",
+    "LinearResponse",
+    "LoadPaths",
+    "MeanDilationSolid",
+    "NewtonSteps",
+    "Solid",
+    "cell_stresses",
+    "follow",
+    "norms",
+    "reactions",
+]

@@ -21,8 +21,8 @@ from torch.nn import functional
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
+from surrogate.mechanics.kept_columns import LOADED, KeptColumns
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.one_load.kept_columns import LOADED, KeptColumns
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 CLOSE = 1e-5  # relative error that a factor in single precision may have

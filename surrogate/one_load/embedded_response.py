@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from surrogate.mechanics.kept_columns import LOADED, KeptColumns
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
-from surrogate.one_load.kept_columns import LOADED, KeptColumns
 
 Single = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.weighted_sums import WeightedSums
-from surrogate.one_load.compiled_fields import slopes_at_points
+from surrogate.series.compiled_fields import slopes_at_points
 from surrogate.series.series_response import SeriesResponse
 
 Values = NDArray[Any]

@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 from torch import Tensor
 
 from surrogate.mechanics.weighted_sums import padded_rows
-from surrogate.one_load.compiled_best_response import beyond_linear_of_one
-from surrogate.one_load.compiled_fields import weighted_sums
+from surrogate.series.compiled_best_response import beyond_linear_of_one
+from surrogate.series.compiled_fields import weighted_sums
 from surrogate.series.series_response import SeriesResponse
 
 Single = NDArray[np.float32]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from shared_schema.material import NeoHookean
 from surrogate.series.least_energy import least_energy
-from surrogate.series.series_stress import SeriesStress, higher_terms
+from surrogate.series.stress_series import SeriesStress, higher_terms
 
 
 def beyond_linear(

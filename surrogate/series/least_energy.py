@@ -29,7 +29,7 @@ Newton's method minimises Π, from terms that fade where they do not decrease, u
 as long as Π is infinite there. A step that raises Π is not taken; the next one is tried with a
 larger shift of the Hessian (Levenberg, Marquardt). What there is at every quadrature point has the
 precision of the gradients; c and the sums are double. This is for batches of loads, on any device
-and in exported files; `surrogate.one_load.compiled_energy` does the same for one.
+and in exported files; `surrogate.series.compiled_energy` does the same for one.
 """
 
 from __future__ import annotations

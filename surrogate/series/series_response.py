@@ -5,7 +5,7 @@ r"""The response of the body to forces on the grid, to some order in the load.
     u_k = -K^{-1} \sum_q w_q \, \hat P_{k,q} G_a, \qquad k = 2, …, n
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
-(`surrogate.series.series_stress`) and the gradients G of the shape functions. The terms
+(`surrogate.series.stress_series`) and the gradients G of the shape functions. The terms
 are those of `surrogate.series.load_series`, on any device. They are in double precision
 if K⁻¹ is dense: errors of single precision are rough, with much energy. Those of a large body are
 smaller than a network's, and single precision takes half the time. The coefficients c, near 1 under
@@ -27,10 +27,10 @@ from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.series.best_response import beyond_linear
 from surrogate.series.cell_operators import CellOperators
-from surrogate.series.series_stress import SeriesStress, higher_terms
+from surrogate.series.stress_series import SeriesStress, higher_terms
 
 if TYPE_CHECKING:
-    from surrogate.one_load.compiled_response import CompiledResponse
+    from surrogate.series.compiled_response import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
@@ -139,7 +139,7 @@ class SeriesResponse(LinearResponse):
     def of_one(self) -> CompiledResponse:
         """The compiled response of a body on the CPU."""
         if self._of_one is None:
-            from surrogate.one_load import compiled_response  # Numba: half a second
+            from surrogate.series import compiled_response  # Numba: half a second
 
             assert isinstance(self.compliance, Compliance)
             self._of_one = compiled_response.CompiledResponse(

@@ -10,10 +10,10 @@ from shared_schema.material import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.one_load.compiled_energy import energy_at, potential_of_terms
-from surrogate.one_load.compiled_energy import least_energy as compiled_least_energy
 from surrogate.series import least_energy as least_energy_module
 from surrogate.series.cofactors import cofactors, cross_product, linear_cofactors
+from surrogate.series.compiled_energy import energy_at, potential_of_terms
+from surrogate.series.compiled_energy import least_energy as compiled_least_energy
 from surrogate.series.least_energy import EnergyOfTerms, least_energy, solved
 from surrogate.series.series_response import SeriesResponse
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load

@@ -1,4 +1,4 @@
-"""Terms of the stress under one load, compiled: `surrogate.series.series_stress`."""
+"""Terms of the stress under one load, compiled: `surrogate.series.stress_series`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surrogate.one_load.compiled_fields import (
+from surrogate.series.compiled_fields import (
     Array,
     add_contraction,
     add_cross_product,
@@ -54,7 +54,7 @@ def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) ->
         2 at least; all orders from 2 on, in turn.
     terms : Terms
     mu, growth, decay : float
-        From `surrogate.series.series_stress.factors`.
+        From `surrogate.series.stress_series.factors`.
 
     Returns
     -------

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from surrogate.mechanics.compliance import Compliance
-from surrogate.one_load.compiled_best_response import beyond_linear_of_one
-from surrogate.one_load.compiled_fields import Array, forces_of_cells, slopes_in_cells
 from surrogate.series.cell_operators import CellOperators
+from surrogate.series.compiled_best_response import beyond_linear_of_one
+from surrogate.series.compiled_fields import Array, forces_of_cells, slopes_in_cells
 
 
 class CompiledResponse:

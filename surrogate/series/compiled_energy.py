@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.material import NeoHookean
-from surrogate.one_load.compiled_fields import (
+from surrogate.series.compiled_fields import (
     Array,
     add_contraction,
     add_cross_product,

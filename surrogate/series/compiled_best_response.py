@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.material import NeoHookean
-from surrogate.one_load.compiled_energy import least_energy, potential_of_terms
-from surrogate.one_load.compiled_fields import Array
-from surrogate.one_load.compiled_stress import Terms, next_stress
-from surrogate.series.series_stress import factors
+from surrogate.series.compiled_energy import least_energy, potential_of_terms
+from surrogate.series.compiled_fields import Array
+from surrogate.series.compiled_stress import Terms, next_stress
+from surrogate.series.stress_series import factors
 
 Field = NDArray[Any]
 
