@@ -31,8 +31,14 @@ SHIPPED = $(if $(filter det,$(MODEL)),$(if $(SAMPLES),,$(firstword \
 SHOWN = $(if $(SHIPPED),$(notdir $(patsubst %/config.yaml,%,$(SHIPPED))),$(RUN))
 COMPOSE = $(foreach v,CASE MODEL RECIPE NP SAMPLES TORCH,$(v)='$($(v))') \
 	docker compose -f docker/compose.yaml
-# Each worker runs whole test files, so that fixtures are made once; the longest (end to end) come first.
-PYTEST = -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+# Folders of tests by environment, the longest tests first; each worker begins with a part of them and takes of others'.
+FACTORY_TESTS := tests/datagen
+LEARNER_TESTS := tests/end_to_end tests/documentation tests/experiments tests/surrogate \
+	tests/shared_schema tests/docker tests/tools
+# Tests with the mark `slow` are the long part, all others the short one. Options in T come last: their -m counts.
+PART = all
+SELECTION = $(if $(filter short,$(PART)),-m 'not slow')$(if $(filter long,$(PART)),-m slow)
+PYTEST = -m pytest -n $(JOBS) --dist worksteal --durations 20 --junitxml build/tests/$(@:test-%=%)-$(PART).xml
 EXPERIMENTS = .venv-surrogate/bin/python -m experiments
 STUDIES = $(EXPERIMENTS) $@ --scale $(SCALE) $(WHERE)
 
@@ -46,9 +52,9 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test lint dist clean \
-	debian-packages node-packages browser-packages docs images compose-demo test-images test-debian \
-	test-datagen test-surrogate
+.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test test-long test-all \
+	test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
+	images compose-demo test-images test-debian
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -92,14 +98,19 @@ reproduce beyond: setup
 		sh -e .venv-surrogate/data-commands
 	$(STUDIES)
 
-test: test-datagen test-surrogate ## run all tests on JOBS cores (T="-m 'not slow'" selects tests)
+test: ## run the short tests: every command, every shipped network (JOBS=cores, T="-k beam" selects)
+test-long: ## run the long tests: studies, pages, browser, faults, clusters
+test-all: ## run all tests
+test: PART = short
+test-long: PART = long
+test-long test-all: | browser-packages
+test test-long test-all: test-datagen test-surrogate
 
 test-datagen: .venv-datagen/.installed .venv-plaid/.installed
-	.venv-datagen/bin/python $(PYTEST) tests/datagen tests/shared_schema $(T)
+	.venv-datagen/bin/python $(PYTEST) $(SELECTION) $(FACTORY_TESTS) $(T)
 
-test-surrogate: setup $(BUNDLE) | browser-packages
-	.venv-surrogate/bin/python $(PYTEST) tests/end_to_end tests/documentation tests/surrogate \
-		tests/shared_schema tests/docker $(T)
+test-surrogate: setup
+	.venv-surrogate/bin/python $(PYTEST) $(SELECTION) $(LEARNER_TESTS) $(T)
 
 lint: .venv-surrogate/.installed $(WEB)/node_modules/.package-lock.json ## check style and types
 	.venv-surrogate/bin/ruff format --check .
@@ -130,11 +141,11 @@ compose-demo: images ## run the demo in containers; copy its runs to this folder
 	$(COMPOSE) cp evaluate:/work/runs .
 
 test-images: ## build and run the images on a bare Debian without Docker
-	@TORCH='$(TORCH)' python3 docker/test_images.py
+	@TORCH='$(TORCH)' python3 -m tools.containers.images
 
 test-debian: ## run the demo and the tests on a bare Debian, SUITE=bookworm|trixie|sid
 	@SUITE='$(SUITE)' SAMPLES='$(SAMPLES)' TESTS='$(TESTS)' T="$(T)" TORCH='$(TORCH)' \
-		python3 docker/test_debian.py
+		python3 -m tools.containers.debian
 
 clean: ## remove environments, datasets and runs
 	rm -rf .venv-datagen .venv-plaid .venv-surrogate .venv-docs data runs build dist \

@@ -71,6 +71,7 @@ def test_wrong_input_on_two_nodes(nodes: TwoNodes, serial: Path) -> None:
     assert not (nodes.folder / "nodal").exists()
 
 
+@pytest.mark.faults
 @pytest.mark.slow
 def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:
     """Every process of the second node is killed: the run ends, and the next one completes it.

@@ -13,6 +13,8 @@ from datagen.cases.case import SHIPPED
 from datagen.command_line import main
 from shared_schema.shard_reader import read_shard
 
+pytestmark = pytest.mark.docs
+
 HOW_TO = Path(__file__).parents[2] / "docs" / "how-to"
 
 

@@ -49,6 +49,7 @@ def test_a_dataset_is_made(job: SlurmJob) -> None:
     assert job.take_requests() == []
 
 
+@pytest.mark.faults
 @pytest.mark.slow
 def test_out_of_time(job: SlurmJob) -> None:
     """TERM to the script: the step ends by itself, the job is queued again and resumes."""

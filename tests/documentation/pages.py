@@ -1,8 +1,7 @@
-"""The pages of the documentation, and the test that their code blocks run."""
+"""The pages of the documentation, and which of them have code blocks to run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +17,16 @@ ELSEWHERE = (
     "docker/README.md",
     "shared_schema/README.md",
 )
-TUTORIALS = ROOT / "docs" / "tutorials"
 PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
 
 
-def runnable(chosen: Callable[[Path], bool]) -> list[Any]:
-    """Return parameters of a test: the chosen pages that have blocks to run, long ones first."""
-    pages = [page for page in PAGES if chosen(page) and _runs(page)]
+def runnable() -> list[Any]:
+    """Return parameters of a test: the pages that have blocks to run, long ones first."""
+    pages = [page for page in PAGES if _runs(page)]
     return [
         pytest.param(page, id=str(page.relative_to(ROOT)), marks=_marks_of(page))
         for page in sorted(pages, key=_commands_of, reverse=True)
     ]
-
-
-def run(page: Path) -> None:
-    """Run all blocks of a page in the current folder."""
-    for example in blocks_of(page):
-        example.evaluate()
 
 
 def _runs(page: Path) -> bool:

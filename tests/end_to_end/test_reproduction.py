@@ -10,6 +10,7 @@ import pytest
 from tests.end_to_end.commands import ROOT, execute
 
 
+@pytest.mark.studies
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(

@@ -20,6 +20,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
 from tests.shared_schema.damage import SHARD, assert_only_problem, edit_manifest, update_checksums
 
+pytestmark = pytest.mark.faults
+
 
 def test_intact_datasets_have_no_problems(nodal: Path, structured: Path) -> None:
     assert check_dataset(nodal) == []

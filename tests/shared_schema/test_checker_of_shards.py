@@ -19,6 +19,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.shard_reader import read_shard
 from tests.shared_schema.damage import SHARD, assert_only_problem, damage
 
+pytestmark = pytest.mark.faults
+
 
 def replace(file: h5py.File, name: str, data: Any, **options: Any) -> None:
     """Write a dataset anew with its old attributes."""

@@ -14,6 +14,8 @@ import shared_schema
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 
+pytestmark = pytest.mark.docs
+
 README = Path(shared_schema.__file__).parent / "README.md"
 
 

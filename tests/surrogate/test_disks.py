@@ -16,7 +16,9 @@ import yaml
 from surrogate.command_line import main
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from tests.datagen.small_disk import SmallDisk
+from tools.small_disk import SmallDisk
+
+pytestmark = pytest.mark.faults
 
 PYTHON = [sys.executable, "-m", "surrogate.command_line"]
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}

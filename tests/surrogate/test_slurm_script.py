@@ -83,6 +83,7 @@ def test_two_nodes_train_and_one_evaluates(
     assert job.take_requests() == []
 
 
+@pytest.mark.faults
 @pytest.mark.slow
 def test_out_of_time(job: SlurmJob, data: Path, make_config: MakeConfig) -> None:
     """TERM to the script: the step ends, the job is queued again and resumes."""

@@ -107,6 +107,7 @@ def test_many_processes_make_what_one_makes(
     assert_same(serial, tmp_path / "nodal")
 
 
+@pytest.mark.faults
 @pytest.mark.mpi
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [0, 2])
@@ -185,6 +186,7 @@ def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
     assert not (tmp_path / "nodal").exists()
 
 
+@pytest.mark.faults
 @pytest.mark.mpi
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [0, 2])
@@ -220,6 +222,7 @@ def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
     assert read_manifest(serial).digest == digest
 
 
+@pytest.mark.faults
 def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path) -> None:
     folder = tmp_path / "nodal"
     run(case, folder, MPI.COMM_SELF)
@@ -232,6 +235,7 @@ def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path)
     assert_same(serial, folder)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("content", [None, b"", b"half"])
 def test_a_damaged_stiffness_is_made_again(
     case: Case, serial: Path, tmp_path: Path, content: bytes | None
@@ -262,6 +266,7 @@ def test_an_older_dataset_without_stiffness_is_left_alone(
     assert check_dataset(folder) == []
 
 
+@pytest.mark.faults
 def test_killed_between_stiffness_and_manifest(
     case: Case, serial: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

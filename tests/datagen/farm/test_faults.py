@@ -33,8 +33,10 @@ from tests.datagen.farm_runs import (
     write_case,
 )
 from tests.datagen.refusal import refusal
-from tests.datagen.small_disk import SmallDisk
 from tools.open_mpi import without_launcher
+from tools.small_disk import SmallDisk
+
+pytestmark = pytest.mark.faults
 
 DiskMaker = Callable[[str], SmallDisk]
 

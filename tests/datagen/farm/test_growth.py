@@ -122,6 +122,7 @@ def test_on_many_ranks(case_file: str, small: Path, whole: Path, grown: Path) ->
     assert_grown(grown, small, whole)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("killed_at", [47, 61, 94])
 def test_killed_while_it_grows(
     case_file: str,
@@ -152,6 +153,7 @@ def test_killed_while_it_grows(
     assert_grown(grown, small, whole)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("moment", ["Journal.record", "Journal.drop_parts", "write_manifest"])
 def test_killed_at_the_end(
     case_file: str, whole: Path, grown: Path, moment: str, monkeypatch: pytest.MonkeyPatch

@@ -25,7 +25,7 @@ from shared_schema.manifest import read_manifest
 from shared_schema.shard_reader import read_shard
 from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
-from tests.datagen.small_disk import SmallDisk
+from tools.small_disk import SmallDisk
 
 Steps = dict[int, dict[str, np.ndarray]]
 
@@ -224,6 +224,7 @@ def test_failure_leaves_the_old_series(
     assert list(read_series(path)[2]) == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.faults
 def test_full_disk_is_exit_1_and_one_line(beam: Path, tmp_path: Path) -> None:
     """No file over 16 KiB can be written; the arrays are 12 · 2 · 64 · 3 · 8 B = 36 KiB."""
     out = tmp_path / "a.xdmf"
@@ -235,6 +236,7 @@ def test_full_disk_is_exit_1_and_one_line(beam: Path, tmp_path: Path) -> None:
     assert everything_in(tmp_path) == []
 
 
+@pytest.mark.faults
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["xdmf", "pvd"])
 def test_a_disk_that_is_full_somewhere(beam: Path, tmp_path: Path, suffix: str) -> None:

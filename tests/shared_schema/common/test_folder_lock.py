@@ -18,6 +18,8 @@ from shared_schema.common import folder_lock
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 
+pytestmark = pytest.mark.faults
+
 HOLD = """
 import sys, time
 from pathlib import Path

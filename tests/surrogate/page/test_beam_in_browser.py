@@ -16,6 +16,8 @@ from surrogate.inference.prediction import Surrogate
 from surrogate.page.page import write_page
 from tests.surrogate.page.browser import OpenPage
 
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
 RELATIVE = 1e-4
 Open = Callable[..., OpenPage]
 

@@ -17,6 +17,8 @@ from tests.surrogate.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage
 from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
 
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
 RELATIVE = 1e-4
 RANDOM = {"variational": {"initial_std": 0.05}}
 NETWORKS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {

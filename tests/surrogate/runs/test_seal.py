@@ -22,6 +22,8 @@ from surrogate.runs.tensor_file import load_tensors, save_atomically
 from surrogate.training.checkpoint import load_checkpoint
 from surrogate.training.train import train
 
+pytestmark = pytest.mark.faults
+
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., UNetModel]
 

@@ -123,6 +123,7 @@ def test_scales_by_node_are_resumed(
     assert len(set(scale.flatten().tolist())) > 10
 
 
+@pytest.mark.faults
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_killed_process_goes_on_as_if_nothing_had_been(

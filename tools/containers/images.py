@@ -17,7 +17,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from bare_debian import (
+from tools.containers.bare_debian import (
     ROOT,
     FailedError,
     execute,

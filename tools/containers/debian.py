@@ -1,6 +1,6 @@
 """Run README's two commands on a bare Debian, from a clean clone, in a folder made by debootstrap.
 
-    make test-debian SUITE=trixie [SAMPLES=120] [TESTS=test-datagen] [T="-m 'not slow'"]
+    make test-debian SUITE=trixie [SAMPLES=120] [TESTS=test]
 
 SUITE is bookworm (Debian 12), trixie (13), or sid for the factory alone. The system has nothing but
 apt, git, make and certificates, and what pip reads on this machine: settings, a certificate,
@@ -17,7 +17,7 @@ import socket
 import sys
 from pathlib import Path
 
-from bare_debian import (
+from tools.containers.bare_debian import (
     ROOT,
     FailedError,
     execute,
@@ -31,7 +31,7 @@ from bare_debian import (
 SUITE = os.environ.get("SUITE", "trixie")
 SAMPLES = os.environ.get("SAMPLES") or "120"
 LEARNER = SUITE != "sid"  # whose Python is newer than the learner's tested range
-TESTS = os.environ.get("TESTS") or ("test" if LEARNER else "test-datagen")
+TESTS = os.environ.get("TESTS") or ("test-all" if LEARNER else "test-datagen")
 SETTINGS = (Path("/etc/pip.conf"), Path.home() / ".config" / "pip" / "pip.conf")
 MOUNTED = ("proc", "sys", "dev", "dev/pts", "dev/shm")
 PROJECT = "root/project"
