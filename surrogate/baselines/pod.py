@@ -22,7 +22,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from math import comb
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import torch
 from pydantic import Field, model_validator
@@ -32,10 +32,14 @@ from torch.nn import functional
 from shared_schema.common.configuration import Frozen
 from surrogate.baselines.gaussian_process import GaussianProcess
 from surrogate.baselines.ridge_regression import RidgeRegression
-from surrogate.networks.field_network import SMALLEST_STD
+from surrogate.networks.field_network import SMALLEST_STD, FieldNetwork
 from surrogate.networks.fitted import Fitted
 from surrogate.networks.reduced_network import at_points, modal_encoder
-from surrogate.probabilistic.likelihoods import Prediction
+from surrogate.probabilistic.likelihoods import (
+    Prediction,
+    deterministic_loss,
+    negative_log_likelihood,
+)
 
 ENERGY = 1 - 1e-8
 INPUT_MODES = 48
@@ -55,6 +59,8 @@ class PODConfig(Frozen, ABC):
         singular value decomposition.
     """
 
+    objective: ClassVar[str]
+
     regression: str
     energy: float = Field(ENERGY, gt=0, lt=1)
     rank: int | None = Field(None, ge=1, le=10**5)
@@ -73,6 +79,15 @@ class PODConfig(Frozen, ABC):
     @abstractmethod
     def make_regression(self) -> RidgeRegression | GaussianProcess:
         """Make the regression, not yet fitted."""
+
+    @abstractmethod
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Return the loss per datum (see `surrogate.models.model.Model.data_loss`)."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> str:
+        """Describe the fit."""
 
     @abstractmethod
     def memory(self, samples: int, dimension: int, loadable: int) -> int:
@@ -100,6 +115,8 @@ class RidgeConfig(PODConfig):
         Penalty on the squared weights.
     """
 
+    objective = "mean squared error"
+
     regression: Literal["ridge"] = "ridge"
     degree: int = Field(6, ge=1, le=20)
     penalty: float = Field(1e-8, ge=1e-30, le=1e6)
@@ -107,6 +124,15 @@ class RidgeConfig(PODConfig):
     def make_regression(self) -> RidgeRegression:
         """Make the regression, not yet fitted."""
         return RidgeRegression(self.degree, self.penalty)
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Return the mean squared error per datum, which ridge regression minimises."""
+        return deterministic_loss("mse", prediction.mean, reference, network.displacement_rms)
+
+    @property
+    def summary(self) -> str:
+        """Describe the fit."""
+        return f"ridge regression, degree {self.degree}"
 
     def memory(self, samples: int, dimension: int, loadable: int) -> int:
         """Monomials of all samples (`monomials`), in double precision."""
@@ -130,6 +156,8 @@ class GaussianProcessConfig(PODConfig):
         Number of these modes; 48 by default.
     """
 
+    objective = "negative log-likelihood"
+
     regression: Literal["gp"]
     gp_samples: int = Field(2000, ge=2, le=50_000)
     tuned_modes: int | None = Field(None, ge=1, le=10**5)
@@ -152,6 +180,16 @@ class GaussianProcessConfig(PODConfig):
     def make_regression(self) -> GaussianProcess:
         """Make the regression, not yet fitted."""
         return GaussianProcess(self.gp_samples, self.tuned_modes)
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Return the negative log-likelihood per datum in nats."""
+        unit = network.displacement_rms
+        return negative_log_likelihood(prediction, reference, network.free_points, unit)
+
+    @property
+    def summary(self) -> str:
+        """Describe the fit."""
+        return f"Gaussian process, {self.gp_samples} samples at most"
 
     def memory(self, samples: int, dimension: int, loadable: int) -> int:
         """Kernel matrix, its Cholesky factor and its three derivatives, in double precision."""

@@ -13,7 +13,6 @@ from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.models.model import TrainedModel, require_stiffness
-from surrogate.models.training_config import RegressionTraining
 from surrogate.networks.field_network import FieldNetwork
 
 
@@ -23,8 +22,6 @@ class LinearModel(TrainedModel):
     title = "linear layer"
 
     model: Literal["linear"]
-    likelihood: Literal["deterministic"] = "deterministic"
-    training: RegressionTraining = RegressionTraining()
 
     @model_validator(mode="after")
     def _trained_by_adam(self) -> Self:
@@ -63,11 +60,6 @@ class LinearModel(TrainedModel):
         nodes = grid.node_at[grid.moved_by(~geometry.clamped)]
         compliance = compliance_of(dataset.stiffness, nodes, grid.nodes)
         layer.start_at(compliance, network.force_scale, network.displacement_scale)
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return self.training.objective
 
     @property
     def architecture(self) -> str:

@@ -1,4 +1,4 @@
-"""Base classes of all kinds of model: common configuration keys and common methods."""
+"""Base classes of all architectures: common configuration keys and common methods."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood, Prediction
 from surrogate.probabilistic.moments import Moments
 
+METHODS = {"maximum_likelihood": "maximum likelihood", "variational_bayes": "variational Bayes"}
+
 
 class Gaussian(NamedTuple):
     """A Gaussian for every displacement component, with epistemic and aleatoric variance.
@@ -40,7 +42,7 @@ class Gaussian(NamedTuple):
 
 
 class Model(Frozen, ABC):
-    """A kind of model: all configuration keys of its runs, and the methods of every kind.
+    """An architecture, which the keys of a likelihood complete (`surrogate.models.kinds`).
 
     Attributes
     ----------
@@ -218,14 +220,16 @@ class TrainedModel(Model):
         return self.training.data_loss(prediction, reference, network)
 
     @property
-    def method(self) -> str:
-        """Name of the method, for the summary."""
-        return self.objective.removeprefix("mean ")
+    def objective(self) -> str:
+        """Name of the loss."""
+        bound = "negative evidence lower bound"
+        return self.training.objective if self.posterior is None else bound
 
     @property
     def training_summary(self) -> str:
         """Describe the training, such as "absolute error, Muon, 80 epochs, batches of 32"."""
-        return f"{self.method}, {self.training.in_brief}"
+        method = METHODS.get(self.likelihood, self.objective.removeprefix("mean "))
+        return f"{method}, {self.training.in_brief}"
 
 
 def require_stiffness(dataset: Dataset, where: str) -> None:

@@ -1,22 +1,17 @@
-"""Models of networks with one of the three likelihoods, alone or in an ensemble."""
+"""Networks of any of the three likelihoods, alone or in an ensemble."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Literal, Self
+from typing import Self
 
 import torch
 from pydantic import Field, model_validator
 from torch import nn
 
 from surrogate.models.model import TrainedModel
-from surrogate.models.training_config import (
-    DeterministicTraining,
-    LikelihoodTraining,
-    RecalibratedTraining,
-)
+from surrogate.models.training_config import RecalibratedTraining
 from surrogate.probabilistic.ensemble import Ensemble
-from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.seeds import INITIAL_WEIGHTS, stream
 
 
@@ -43,6 +38,15 @@ class NetworkModel(TrainedModel):
             )
         return self
 
+    @model_validator(mode="after")
+    def _recalibrates_standard_deviations(self) -> Self:
+        if self.training.recalibrate and not (self.predicts_std or self.has_dropout):
+            raise ValueError(
+                f"'training.recalibrate' = {self.training.recalibrate}: expected a model that "
+                "predicts standard deviations ('likelihood', 'ensemble' or 'network.dropout')"
+            )
+        return self
+
     def members(self, dimension: int) -> nn.Module:
         """Build the network, or the ensemble; member 0 has the weights of a single network."""
         networks = []
@@ -64,70 +68,3 @@ class NetworkModel(TrainedModel):
     def has_dropout(self) -> bool:
         """True if passes differ by dropout."""
         return False
-
-
-class Deterministic(NetworkModel):
-    """Networks that predict displacements; ensembles and dropout add standard deviations."""
-
-    likelihood: Literal["deterministic"] = "deterministic"
-    training: DeterministicTraining = DeterministicTraining()
-
-    @model_validator(mode="after")
-    def _recalibrates_standard_deviations(self) -> Self:
-        if self.training.recalibrate and not (self.predicts_std or self.has_dropout):
-            raise ValueError(
-                f"'training.recalibrate' = {self.training.recalibrate}: expected a model that "
-                "predicts standard deviations ('likelihood', 'ensemble' or 'network.dropout')"
-            )
-        return self
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return self.training.objective
-
-
-class MaximumLikelihood(NetworkModel):
-    """Networks that predict a mean and a standard deviation of every component."""
-
-    likelihood: Literal["maximum_likelihood"] = "maximum_likelihood"
-    training: LikelihoodTraining = LikelihoodTraining()
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return "negative log-likelihood"
-
-    @property
-    def method(self) -> str:
-        """Name of the method, for the summary."""
-        return "maximum likelihood"
-
-
-class Bayesian(NetworkModel):
-    """Networks with random weights, trained by variational Bayes.
-
-    Attributes
-    ----------
-    variational : VariationalConfig
-        Random weights and their priors.
-    """
-
-    likelihood: Literal["variational_bayes"] = "variational_bayes"
-    variational: VariationalConfig
-    training: LikelihoodTraining = LikelihoodTraining()
-
-    @property
-    def posterior(self) -> VariationalConfig:
-        """Configuration of the random weights."""
-        return self.variational
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return "negative evidence lower bound"
-
-    @property
-    def method(self) -> str:
-        """Name of the method, for the summary."""
-        return "variational Bayes"

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials
-from surrogate.baselines.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
+from surrogate.baselines.pod import PODConfig, PODNetwork
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -20,11 +20,7 @@ from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.model import Gaussian, Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
-from surrogate.probabilistic.likelihoods import (
-    Prediction,
-    deterministic_loss,
-    negative_log_likelihood,
-)
+from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.seeds import INITIAL_WEIGHTS, stream
 
@@ -90,44 +86,9 @@ class PODModel(Model):
             network.scaled(learned.force), learned.displacement / network.displacement_scale, seed
         )
 
-    @property
-    def architecture(self) -> str:
-        """Describe the model."""
-        modes = self.pod.linear_modes
-        return f"{modes} linear modes → orthogonal modes" if modes else "orthogonal modes"
-
-
-class RidgePOD(PODModel):
-    """POD model whose coefficients come from ridge regression on polynomials of the forces."""
-
-    likelihood: Literal["deterministic"] = "deterministic"
-    pod: RidgeConfig
-
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Return the mean squared error per datum, which ridge regression minimises."""
-        return deterministic_loss("mse", prediction.mean, reference, network.displacement_rms)
-
-    @property
-    def objective(self) -> str:
-        """Name of the loss."""
-        return "mean squared error"
-
-    @property
-    def training_summary(self) -> str:
-        """Describe the fit."""
-        return f"ridge regression, degree {self.pod.degree}"
-
-
-class GaussianProcessPOD(PODModel):
-    """POD model whose coefficients, with standard deviations, come from a Gaussian process."""
-
-    likelihood: Literal["maximum_likelihood"]
-    pod: GaussianProcessConfig
-
-    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
-        """Return the negative log-likelihood per datum in nats."""
-        unit = network.displacement_rms
-        return negative_log_likelihood(prediction, reference, network.free_points, unit)
+        """Return the loss per datum of the regression."""
+        return self.pod.data_loss(prediction, reference, network)
 
     def distribution(self, moments: Moments) -> Gaussian:
         """Report the predicted standard deviation as epistemic: dense data make it small."""
@@ -136,9 +97,15 @@ class GaussianProcessPOD(PODModel):
     @property
     def objective(self) -> str:
         """Name of the loss."""
-        return "negative log-likelihood"
+        return self.pod.objective
 
     @property
     def training_summary(self) -> str:
         """Describe the fit."""
-        return f"Gaussian process, {self.pod.gp_samples} samples at most"
+        return self.pod.summary
+
+    @property
+    def architecture(self) -> str:
+        """Describe the model."""
+        modes = self.pod.linear_modes
+        return f"{modes} linear modes → orthogonal modes" if modes else "orthogonal modes"

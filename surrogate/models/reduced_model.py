@@ -1,4 +1,4 @@
-"""Reduced networks as models: deterministic, by maximum likelihood, or by variational Bayes."""
+"""Reduced networks as models, with any of the three likelihoods."""
 
 from __future__ import annotations
 
@@ -16,12 +16,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.models.network_model import (
-    Bayesian,
-    Deterministic,
-    MaximumLikelihood,
-    NetworkModel,
-)
+from surrogate.models.network_model import NetworkModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.reduced_network import (
     DenseNetwork,
@@ -51,6 +46,23 @@ class ReducedModel(NetworkModel):
     model: Literal["reduced"]
     network: ReducedConfig = ReducedConfig()
 
+    @model_validator(mode="after")
+    def _random_layers_of_the_network(self) -> Self:
+        layers = self.random_layers.layers if self.random_layers else None
+        if not set(layers or ()) <= set(range(self.network.depth + 1)):
+            raise ValueError(
+                f"'variational.layers' = {list(layers or ())}, expected layers of the network, "
+                f"0 to {self.network.depth}"
+            )
+        return self
+
+    @property
+    def random_layers(self) -> VariationalLayers | None:
+        """Choice of the layers with random weights; None if all are deterministic."""
+        posterior = self.posterior
+        assert posterior is None or isinstance(posterior, VariationalLayers)
+        return posterior
+
     @property
     def needs_material(self) -> bool:
         """True: the network contains the linear response of the body."""
@@ -75,10 +87,8 @@ class ReducedModel(NetworkModel):
 
     def member(self, dimension: int, number: int) -> nn.Module:
         """Build one dense network."""
-        posterior = self.posterior
-        assert posterior is None or isinstance(posterior, VariationalLayers)
         outputs = output_channels(self.likelihood, self.network.output_modes)
-        return DenseNetwork(self.network, outputs, posterior)
+        return DenseNetwork(self.network, outputs, self.random_layers)
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if there are more modes than samples or free degrees of freedom."""
@@ -133,38 +143,3 @@ class ReducedModel(NetworkModel):
         shape = f"{network.input_modes} → {network.depth} × {network.width}"
         inside = "load series" if network.series else "linear response"
         return f"{count}, {shape} → {network.output_modes}, {inside}"
-
-
-class DeterministicReduced(Deterministic, ReducedModel):
-    """Reduced networks that predict displacements; ensembles add standard deviations."""
-
-    model: Literal["reduced"]
-
-
-class MaximumLikelihoodReduced(MaximumLikelihood, ReducedModel):
-    """Reduced networks that predict means and standard deviations of the coefficients."""
-
-    model: Literal["reduced"]
-
-
-class BayesianReduced(Bayesian, ReducedModel):
-    """Reduced networks with random weights, trained by variational Bayes.
-
-    Attributes
-    ----------
-    variational : VariationalLayers
-        Random layers and their priors.
-    """
-
-    model: Literal["reduced"]
-    variational: VariationalLayers
-
-    @model_validator(mode="after")
-    def _layers_of_the_network(self) -> Self:
-        layers, depth = self.variational.layers or (), self.network.depth
-        if not set(layers) <= set(range(depth + 1)):
-            raise ValueError(
-                f"'variational.layers' = {list(layers)}, expected layers of the network, "
-                f"0 to {depth}"
-            )
-        return self

@@ -108,6 +108,11 @@ class TrainingConfig(SplitConfig, ABC):
         """Names of the keys in use that need validation samples."""
         return ("early_stopping",) if self.early_stopping is not None else ()
 
+    @property
+    @abstractmethod
+    def objective(self) -> str:
+        """Name of the loss per datum."""
+
     @abstractmethod
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
         """Return the loss per datum (see `Model.data_loss`)."""
@@ -158,7 +163,7 @@ class RegressionTraining(TrainingConfig):
 
     @property
     def objective(self) -> str:
-        """Name of the loss."""
+        """Name of the loss per datum."""
         return {"mse": "mean squared error", "mae": "mean absolute error"}[self.loss]
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
@@ -184,6 +189,11 @@ class LikelihoodTraining(RecalibratedTraining):
 
     beta: float = Field(0.0, ge=0, le=1)
     errors: Errors = "gaussian"
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss per datum."""
+        return "negative log-likelihood"
 
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
         """Return the negative log-likelihood in nats, with displacements in units of their RMS."""

@@ -1,4 +1,4 @@
-"""U-Nets as models: deterministic, by maximum likelihood, or by variational Bayes."""
+"""U-Nets as models, with any of the three likelihoods."""
 
 from __future__ import annotations
 
@@ -17,12 +17,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
-from surrogate.models.network_model import (
-    Bayesian,
-    Deterministic,
-    MaximumLikelihood,
-    NetworkModel,
-)
+from surrogate.models.network_model import NetworkModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import VariationalConvolutions
@@ -56,6 +51,23 @@ class UNetModel(NetworkModel):
                 f"{self.ensemble} at most, the number of networks ('ensemble')"
             )
         return self
+
+    @model_validator(mode="after")
+    def _random_levels_of_the_network(self) -> Self:
+        levels = self.random_convolutions.levels if self.random_convolutions else None
+        if not set(levels or ()) <= set(range(self.network.levels)):
+            raise ValueError(
+                f"'variational.levels' = {list(levels or ())}, expected levels of the network, "
+                f"0 to {self.network.levels - 1}"
+            )
+        return self
+
+    @property
+    def random_convolutions(self) -> VariationalConvolutions | None:
+        """Choice of the convolutions with random weights; None if all are deterministic."""
+        posterior = self.posterior
+        assert posterior is None or isinstance(posterior, VariationalConvolutions)
+        return posterior
 
     @property
     def needs_material(self) -> bool:
@@ -110,9 +122,7 @@ class UNetModel(NetworkModel):
     def member(self, dimension: int, number: int) -> UNet:
         """Build one U-Net."""
         outputs = output_channels(self.likelihood, dimension)
-        posterior = self.posterior
-        assert posterior is None or isinstance(posterior, VariationalConvolutions)
-        return UNet(dimension, outputs, self.network, posterior, number)
+        return UNet(dimension, outputs, self.network, self.random_convolutions, number)
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of channels of the input in d dimensions."""
@@ -140,38 +150,3 @@ class UNetModel(NetworkModel):
         linear = ", linear response" if network.needs_linear_response else ""
         linear = ", load series" if network.skip == "series" else linear
         return f"{count}, {shape}, {growth}, {activation}{norm}{linear}"
-
-
-class DeterministicUNet(Deterministic, UNetModel):
-    """U-Nets that predict displacements; ensembles and dropout add standard deviations."""
-
-    model: Literal["unet"] = "unet"
-
-
-class MaximumLikelihoodUNet(MaximumLikelihood, UNetModel):
-    """U-Nets that predict a mean and a standard deviation of every component."""
-
-    model: Literal["unet"] = "unet"
-
-
-class BayesianUNet(Bayesian, UNetModel):
-    """U-Nets with random weights, trained by variational Bayes.
-
-    Attributes
-    ----------
-    variational : VariationalConvolutions
-        Random convolutions and their priors.
-    """
-
-    model: Literal["unet"] = "unet"
-    variational: VariationalConvolutions
-
-    @model_validator(mode="after")
-    def _levels_of_the_network(self) -> Self:
-        levels = self.variational.levels or ()
-        if not set(levels) <= set(range(self.network.levels)):
-            raise ValueError(
-                f"'variational.levels' = {list(levels)}, expected levels of the network, "
-                f"0 to {self.network.levels - 1}"
-            )
-        return self

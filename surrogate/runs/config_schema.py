@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 from shared_schema.common.keys.json_schema import Schema, json_schema
 from shared_schema.common.keys.key_list import Key, joined, keys_of
-from surrogate.runs.run_config import ADAPTER, KINDS
+from surrogate.models.kinds import ADAPTER, KINDS
 
 TITLE = "Configuration of surrogate train"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
@@ -13,9 +13,9 @@ from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials, materials_of
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
+from surrogate.models.kinds import KINDS, RunConfig, tag_of
 from surrogate.models.model import Model, TrainedModel
 from surrogate.runs.legacy import upgraded
-from surrogate.runs.run_config import KINDS, RunConfig, tag_of
 
 
 class DataFingerprint(Frozen):
@@ -183,4 +183,4 @@ def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) 
         info=dataset.info,
         loads=load_range(dataset),
     )
-    return RunDescription(run=cast(RunConfig, config), data=data, start_from=start_from)
+    return RunDescription(run=config, data=data, start_from=start_from)

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.models.unet_model import DeterministicUNet
-from surrogate.runs.run_config import KINDS, SHIPPED, read_config, run_config
+from surrogate.models.kinds import KINDS
+from surrogate.models.unet_model import UNetModel
+from surrogate.runs.run_config import SHIPPED, read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
 BASELINES = ("linear", "pod", "gp", "dropout", "ensemble")
@@ -19,8 +20,9 @@ VALIDATION = "validation_fraction: 0.1"
 
 def test_defaults_are_one_plain_unet() -> None:
     config = run_config({"name": "a", "case": "b"})
-    assert isinstance(config, DeterministicUNet)
-    assert (config.model, config.ensemble) == ("unet", 1)
+    assert isinstance(config, UNetModel)
+    assert (config.model, config.likelihood) == ("unet", "deterministic")
+    assert config.ensemble == 1
     assert config.network.dropout == 0.0
 
 

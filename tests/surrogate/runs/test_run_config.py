@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from shared_schema.common.errors import InputError
-from surrogate.models.unet_model import DeterministicUNet
+from surrogate.models.training_config import DeterministicTraining
 from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.runs.run_config import SHIPPED, read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
@@ -26,7 +26,7 @@ def test_shipped_configurations_are_valid_and_named_as_their_files(path: Path) -
 def test_recipe_of_the_paper() -> None:
     """Deshpande et al. (2022), Section 3: Adam at 1e-4, batches of 4, 600 epochs, c = 128."""
     config = shipped_unet("beam2d-det-paper")
-    assert isinstance(config, DeterministicUNet)
+    assert isinstance(config.training, DeterministicTraining)
     assert config.training.optimiser.name == "adam"
     assert config.training.optimiser.learning_rate == 1e-4
     assert (config.training.batch_size, config.training.epochs) == (4, 600)
