@@ -1,3 +1,92 @@
-"""Data factory: solves Neo-Hookean equilibria under families of nodal loads, writes datasets."""
+"""Data factory: solves Neo-Hookean equilibria under families of nodal loads, writes datasets.
+
+What a command of ``datagen`` does is one call here::
+
+    solution = datagen.solve("beam2d", "4,1:0,-2.5")
+    manifest = datagen.run("beam2d", "data/beam2d/nodal", samples=20)
+    datagen.structure("data/beam2d/nodal", "data/beam2d/structured")
+
+`run` and `dry_run` are collective over the ranks of MPI; all else is for one process. Wrong input
+raises `InputError`, work that fails `WorkError`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from datagen.cases.case import Case, read_case
+    from datagen.cases.case_list import shipped_cases
+    from datagen.cases.case_schema import case_keys, case_schema
+    from datagen.farm.dry_run import DryRun, dry_run
+    from datagen.farm.farm import run
+    from datagen.output.dataset_figure import plot_dataset as plot
+    from datagen.output.export import export
+    from datagen.output.info import info
+    from datagen.plaid_format.exporting import export_plaid
+    from datagen.plaid_format.importing import import_plaid
+    from datagen.solution import Solution, solve
+    from datagen.transforms.noise import add_noise
+    from datagen.transforms.reindexing import structure
+    from shared_schema.checker import check_dataset as check
+    from shared_schema.common.errors import InputError, WorkError
 
 __version__ = "0.2.0"
+__all__ = [
+    "Case",
+    "DryRun",
+    "InputError",
+    "Solution",
+    "WorkError",
+    "add_noise",
+    "case_keys",
+    "case_schema",
+    "check",
+    "dry_run",
+    "export",
+    "export_plaid",
+    "import_plaid",
+    "info",
+    "plot",
+    "read_case",
+    "run",
+    "shipped_cases",
+    "solve",
+    "structure",
+]
+
+_PLACES = {  # imported at first use, so that a command can fix thread counts before numpy loads
+    "Case": "datagen.cases.case:Case",
+    "DryRun": "datagen.farm.dry_run:DryRun",
+    "InputError": "shared_schema.common.errors:InputError",
+    "Solution": "datagen.solution:Solution",
+    "WorkError": "shared_schema.common.errors:WorkError",
+    "add_noise": "datagen.transforms.noise:add_noise",
+    "case_keys": "datagen.cases.case_schema:case_keys",
+    "case_schema": "datagen.cases.case_schema:case_schema",
+    "check": "shared_schema.checker:check_dataset",
+    "dry_run": "datagen.farm.dry_run:dry_run",
+    "export": "datagen.output.export:export",
+    "export_plaid": "datagen.plaid_format.exporting:export_plaid",
+    "import_plaid": "datagen.plaid_format.importing:import_plaid",
+    "info": "datagen.output.info:info",
+    "plot": "datagen.output.dataset_figure:plot_dataset",
+    "read_case": "datagen.cases.case:read_case",
+    "run": "datagen.farm.farm:run",
+    "shipped_cases": "datagen.cases.case_list:shipped_cases",
+    "solve": "datagen.solution:solve",
+    "structure": "datagen.transforms.reindexing:structure",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'datagen' has no attribute '{name}'")
+    module, _, own_name = _PLACES[name].partition(":")
+    value = globals()[name] = getattr(import_module(module), own_name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import os
 import sys
 import time
@@ -35,7 +34,6 @@ COMMANDS = (run, structure, noise, solve, check, info, plot, export, import_plai
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
     options = _parser().parse_args(arguments)
-    logging.disable(logging.INFO)  # ffcx and setuptools log every compiler call
     command: Callable[[argparse.Namespace], None] = options.command
     if "collective" in options:
         return _on_every_rank(lambda: command(options))

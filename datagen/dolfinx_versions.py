@@ -7,6 +7,9 @@ changes are those of the sources of dolfinx and FFCx at their releases. Once 0.5
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import basix
@@ -20,6 +23,23 @@ from numpy.typing import NDArray
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
 
+def _no_news(record: logging.LogRecord) -> bool:
+    return record.levelno >= logging.WARNING
+
+
+@contextmanager
+def _quiet_compiler() -> Iterator[None]:
+    """Keep quiet about every call of the C compiler, which setuptools logs by the root logger."""
+    root = logging.getLogger()
+    root.addFilter(_no_news)
+    logging.getLogger("ffcx").setLevel(logging.WARNING)
+    try:
+        yield
+    finally:
+        root.removeFilter(_no_news)
+
+
+@_quiet_compiler()
 def create_mesh(
     comm: MPI.Comm, cells: NDArray[np.int64], cell: str, x: NDArray[np.float64]
 ) -> dolfinx.mesh.Mesh:
@@ -48,6 +68,7 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
 
 
+@_quiet_compiler()
 def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]]) -> Any:
     """Space of vectors, by family, degree and shape (0.7; before ``VectorFunctionSpace``)."""
     if VERSION >= (0, 7):
@@ -56,6 +77,7 @@ def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]
     return dolfinx.fem.VectorFunctionSpace(domain, (family, degree), dim=d)
 
 
+@_quiet_compiler()
 def mixed_space(domain: dolfinx.mesh.Mesh, degree: int, d: int, scalar: tuple[str, int]) -> Any:
     """Space of continuous vectors and two scalars (0.7: elements are basix's, before UFL's).
 
@@ -112,11 +134,13 @@ COMPILER_OPTIONS: dict[str, Any] = {
 }
 
 
+@_quiet_compiler()
 def form(expression: Any, jit_options: dict[str, Any]) -> Any:
     """Compile a form (0.6; before, the options were ``jit_params``)."""
     return dolfinx.fem.form(expression, **_named(jit_options))
 
 
+@_quiet_compiler()
 def point_expression(
     expression: Any, points: NDArray[np.float64], jit_options: dict[str, Any]
 ) -> Any:

@@ -23,19 +23,20 @@ from shared_schema.shard_reader import Attributes, read_arrays, read_attributes
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
 
-def check_dataset(folder: Path) -> list[str]:
+def check_dataset(dataset: Path | str) -> list[str]:
     """List every violation of the contract that a dataset has; empty if it has none.
 
     Parameters
     ----------
-    folder : Path
-        The dataset.
+    dataset : Path or str
+        Folder of the dataset.
 
     Returns
     -------
     list of str
         One line a violation: file, dataset, what was found and what was expected.
     """
+    folder = Path(dataset)
     try:
         manifest = read_manifest(folder)
     except InputError as error:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from pydantic import (
     Field,
@@ -121,6 +121,7 @@ class Case(Frozen):
         return digest_of(self.plain())
 
 
+CaseSource: TypeAlias = Case | str | Path | Mapping[str, Any]
 Part = TypeVar("Part")
 
 
@@ -149,21 +150,23 @@ def _each(value: Any, build: Callable[[dict[str, Any]], Any]) -> Any:
 
 
 def read_case(
-    name: str,
+    case: CaseSource,
+    *,
     volumetric: Volumetric | None = None,
     samples: int | None = None,
     trust: bool = False,
     changes: Sequence[str] = (),
-    loads: Path | None = None,
+    loads: Path | str | None = None,
 ) -> Case:
-    """Read a case from a YAML file, or by the name of a shipped one.
+    """Read a case from a YAML file, from plain data, or by the name of a shipped one.
 
     The files of a user's own load families and materials are imported.
 
     Parameters
     ----------
-    name : str
-        Path of a YAML file, or name of a shipped case such as ``beam2d``.
+    case : str, Path, mapping or Case
+        Path of a YAML file, name of a shipped case such as ``beam2d``, or the content of such a
+        file, whose paths are then relative to the working directory. A `Case` is returned as it is.
     volumetric : {"paper", "quadratic"}, optional
         Replaces the material's volumetric term.
     samples : int, optional
@@ -172,16 +175,24 @@ def read_case(
         Allow a gmsh script of the case to run programs and to write files.
     changes : sequence of str
         New values of keys, such as ``material.young_modulus=1e3`` (`changed`).
-    loads : Path, optional
+    loads : Path or str, optional
         File of load cases, all of which are solved instead of those that the case's family draws.
         Their nodes must lie in the region of that family.
 
     Raises
     ------
     InputError
-        If there is no such case, or a key or value in it is wrong.
+        If there is no such case, a key or value in it is wrong, or another option is given for a
+        `Case`.
     """
-    content, file = read_named(name, SHIPPED, "case")
+    if isinstance(case, Case):
+        if volumetric or samples or changes or loads:
+            raise InputError(f"case '{case.name}': is read already, expected no other values")
+        return case
+    if isinstance(case, Mapping):
+        content, file = dict(case), "case"
+    else:
+        content, file = read_named(str(case), SHIPPED, "case")
     content, source = changed(content, changes), source_of(file, changes)
     for section, key, value in (
         ("material", "volumetric", volumetric),
@@ -191,18 +202,18 @@ def read_case(
             content = {**content, section: {**content[section], key: value}}
     folder = Path(file).parent
     if loads is not None:
-        count = len(read_load_cases(loads))
+        count = len(read_load_cases(Path(loads)))
         if samples is not None:
             raise InputError(f"--samples {samples}: --loads '{loads}' has {count}, expected one")
         region = content["load"].get("region") if isinstance(content.get("load"), dict) else None
-        given = {"family": "given", "file": str(loads.resolve()), "region": region}
+        given = {"family": "given", "file": str(Path(loads).resolve()), "region": region}
         dataset = {**dict(content.get("dataset") or {}), "samples": count}
         content = {**content, "load": given, "dataset": dataset}
-    case = validate(Case, content, source, context=folder)
-    if isinstance(case.mesh, MeshFile):
-        try:
-            mesh = case.mesh.found_from(folder, trust)
-        except InputError as error:
-            raise InputError(f"{source}: {error}") from None
-        case = case.model_copy(update={"mesh": mesh})
-    return case
+    found = validate(Case, content, source, context=folder)
+    if not isinstance(found.mesh, MeshFile):
+        return found
+    try:
+        mesh = found.mesh.found_from(folder, trust)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    return found.model_copy(update={"mesh": mesh})

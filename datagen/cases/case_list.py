@@ -1,21 +1,43 @@
-"""The table of the cases that come with the package."""
+"""The cases that come with the package."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from datagen.cases.case import SHIPPED
 from shared_schema.common.shipped_files import shipped_files
-from shared_schema.common.text_table import laid_out
 
 
-def case_list() -> str:
-    """Lay out name, mesh, load family, number of samples and one line of every shipped case."""
-    rows = [("case", "mesh", "load", "samples", "")]
-    for name, content, line in shipped_files(SHIPPED):
-        samples = str(content["dataset"]["samples"])
-        rows.append((name, _mesh(content["mesh"]), _load(content["load"]), samples, line))
-    return laid_out(rows)
+class ShippedCase(NamedTuple):
+    """What one line says of a case.
+
+    Attributes
+    ----------
+    name : str
+    mesh : str
+        Elements of a box, or the file.
+    load : str
+        Names of its load families.
+    samples : int
+    line : str
+        What the case is.
+    """
+
+    name: str
+    mesh: str
+    load: str
+    samples: int
+    line: str
+
+
+def shipped_cases() -> list[ShippedCase]:
+    """List the cases that come with the package, by name."""
+    return [
+        ShippedCase(
+            name, _mesh(case["mesh"]), _load(case["load"]), case["dataset"]["samples"], line
+        )
+        for name, case, line in shipped_files(SHIPPED)
+    ]
 
 
 def _load(load: Any) -> str:

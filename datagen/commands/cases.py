@@ -20,6 +20,8 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print a line for each case."""
-    from datagen.cases.case_list import case_list
+    from datagen import shipped_cases
+    from shared_schema.common.text_table import laid_out
 
-    print(case_list())
+    rows = [[str(value) for value in case] for case in shipped_cases()]
+    print(laid_out([("case", "mesh", "load", "samples", ""), *rows]))

@@ -24,10 +24,10 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print every violation, or that there is none."""
-    from shared_schema.checker import check_dataset
+    from datagen import check
     from shared_schema.unfinished import find_unfinished, growing
 
-    problems = check_dataset(options.dataset)
+    problems = check(options.dataset)
     if len(problems) == 1:
         raise InputError(problems[0])
     if problems:

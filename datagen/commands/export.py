@@ -55,32 +55,22 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the series or the dataset."""
-    given = {name: getattr(options, name) for name in ("backend", "python", "owner", "license")}
-    given = {name: value for name, value in given.items() if value is not None}
-    if options.format == "plaid":
-        _export_plaid(options, **given)
-        return
-    for name, value in given.items():
-        raise InputError(f"--{name} {value}: expected with --format plaid")
-    from datagen.output.export import SUFFIXES, export
+    import datagen
+    from datagen.output.export import SUFFIXES
 
+    names = "backend", "python", "owner", "license"
+    plaid = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    if options.format == "plaid":
+        if options.samples is not None:
+            raise InputError(f"--samples {options.samples}: expected none with --format plaid")
+        require_writable(options.out)
+        train, test = datagen.export_plaid(options.nodal, options.out, **plaid)
+        print(f"{options.out}: {train} training and {test} test samples")
+        return
+    for name, value in plaid.items():
+        raise InputError(f"--{name} {value}: expected with --format plaid")
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
-    numbers = export(options.nodal, options.out, options.samples, options.stresses)
+    series = {"samples": options.samples, "stresses": options.stresses}
+    numbers = datagen.export(options.nodal, options.out, **series)
     print(f"{options.out}: {len(numbers)} samples, {numbers[0]} to {numbers[-1]}")
-
-
-def _export_plaid(
-    options: argparse.Namespace,
-    backend: str = "hf_datasets",
-    python: Path | None = None,
-    owner: str = "unknown",
-    license: str = "unknown",
-) -> None:
-    from datagen.plaid_format.exporting import export_plaid
-
-    if options.samples is not None:
-        raise InputError(f"--samples {options.samples}: expected none with --format plaid")
-    require_writable(options.out)
-    train, test = export_plaid(options.nodal, options.out, backend, python, owner, license)
-    print(f"{options.out}: {train} training and {test} test samples")

@@ -39,14 +39,14 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Make the dataset, and say how large it is."""
-    from datagen.plaid_format.importing import import_plaid
+    from datagen import import_plaid
 
     manifest = import_plaid(
         options.source,
         options.out,
-        options.inputs,
-        options.outputs,
-        options.python,
-        options.changes,
+        inputs=options.inputs,
+        outputs=options.outputs,
+        python=options.python,
+        changes=options.changes,
     )
     print(f"{options.out}: {manifest.samples} samples; next: datagen structure")

@@ -8,6 +8,7 @@ from pathlib import Path
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.solution_file import require_suffix
+from shared_schema.common.text_table import laid_out
 
 
 def add_to(commands: Commands) -> None:
@@ -27,12 +28,12 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the summary."""
-    from datagen.output.info import summary
+    import datagen
 
     if options.figure is not None:
-        from datagen.output.dataset_figure import SUFFIXES, plot_dataset
+        from datagen.output.dataset_figure import SUFFIXES
 
         require_suffix(options.figure, SUFFIXES, "--figure")
         require_writable(options.figure, "--figure")
-        plot_dataset(options.dataset, options.figure)
-    print(summary(options.dataset))
+        datagen.plot(options.dataset, options.figure)
+    print(laid_out(datagen.info(options.dataset).items()))

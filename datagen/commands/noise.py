@@ -41,9 +41,8 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Make the copy."""
-    from datagen.structure.noise import add_noise
+    from datagen import add_noise
 
-    manifest = add_noise(
-        options.nodal, options.out, options.seed, options.relative, options.threshold
-    )
+    given = {name: getattr(options, name) for name in ("seed", "relative", "threshold")}
+    manifest = add_noise(options.nodal, options.out, **given)
     print(f"{options.out}: {manifest.samples} samples with noise")

@@ -31,9 +31,10 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Draw the figure."""
-    from datagen.output.dataset_figure import SUFFIXES, plot_dataset
+    from datagen import plot
+    from datagen.output.dataset_figure import SUFFIXES
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
-    numbers = plot_dataset(options.nodal, options.out, options.samples)
+    numbers = plot(options.nodal, options.out, samples=options.samples)
     print(f"{options.out}: samples {', '.join(str(number) for number in numbers)}")

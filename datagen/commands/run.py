@@ -47,23 +47,16 @@ def run(options: argparse.Namespace) -> None:
     """Make the dataset, or resume it (collective)."""
     from mpi4py import MPI
 
-    from datagen.cases.case import read_case
-    from datagen.farm.dry_run import dry_run
-    from datagen.farm.farm import run
+    import datagen
 
-    case = read_case(
-        options.case,
-        options.volumetric,
-        options.samples,
-        options.trust,
-        options.changes,
-        options.loads,
-    )
+    names = "samples", "volumetric", "changes", "loads", "trust", "ranks_per_solve"
+    given = {name: getattr(options, name) for name in names}
+    is_first = MPI.COMM_WORLD.rank == 0
     if options.dry_run:
-        estimate = dry_run(case, MPI.COMM_WORLD, options.ranks_per_solve)
-        if MPI.COMM_WORLD.rank == 0:
+        estimate = datagen.dry_run(options.case, **given)
+        if is_first:
             print(laid_out(estimate.rows()))
         return
-    manifest = run(case, options.out, MPI.COMM_WORLD, options.ranks_per_solve)
-    if MPI.COMM_WORLD.rank == 0:
+    manifest = datagen.run(options.case, options.out, **given)
+    if is_first:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")

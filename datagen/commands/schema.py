@@ -23,7 +23,7 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the keys; behind all of them, what the units are."""
-    from datagen.cases.case_schema import case_keys, case_schema
+    from datagen import case_keys, case_schema
     from shared_schema.common.keys.units import GUIDANCE
 
     print(printed(options, case_keys(), case_schema()))

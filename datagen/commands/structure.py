@@ -47,10 +47,11 @@ def grid_shape(text: str) -> tuple[int, ...]:
 
 def run(options: argparse.Namespace) -> None:
     """Make the structured dataset, and say how large it is."""
-    from datagen.structure.reindexing import structure
+    from datagen import structure
 
-    order = options.order, options.order_seed
-    info = structure(options.nodal, options.out, *order, options.grid).structured
+    names = "order", "order_seed", "grid"
+    given = {name: getattr(options, name) for name in names}
+    info = structure(options.nodal, options.out, **given).structured
     assert info is not None
     shape = " x ".join(str(n) for n in info.grid_shape)
     print(f"{options.out}: {info.train} training and {info.test} test samples on a {shape} grid")

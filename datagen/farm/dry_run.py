@@ -7,19 +7,21 @@ share the machine's memory.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
 from datagen.cases.body import make_body
-from datagen.cases.case import Case
+from datagen.cases.case import CaseSource, read_case
 from datagen.farm.shard_job import ShardJob
 from datagen.farm.work_plan import shard_count
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup
 from datagen.solver.stiffness import stiffness_of
+from shared_schema.material import Volumetric
 
 SECONDS = 10.0  # of solving, if the samples are fast
 MOST = 20  # samples of a group
@@ -70,15 +72,27 @@ class DryRun:
         yield "the dataset", f"{self.bytes / 1e6:.3g} MB"
 
 
-def dry_run(case: Case, comm: MPI.Comm, ranks_per_solve: int = 1) -> DryRun:
-    """Estimate what a run would take (collective).
+def dry_run(
+    case: CaseSource,
+    *,
+    samples: int | None = None,
+    volumetric: Volumetric | None = None,
+    changes: Sequence[str] = (),
+    loads: Path | str | None = None,
+    trust: bool = False,
+    ranks_per_solve: int = 1,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> DryRun:
+    """Estimate what a run would take (collective); nothing is written.
 
     Parameters
     ----------
-    case : Case
-    comm : mpi4py communicator
+    case, samples, volumetric, changes, loads, trust
+        As for `datagen.cases.case.read_case`.
     ranks_per_solve : int
         Ranks that share each solve.
+    comm : mpi4py communicator
+        All ranks that would solve.
 
     Returns
     -------
@@ -91,6 +105,9 @@ def dry_run(case: Case, comm: MPI.Comm, ranks_per_solve: int = 1) -> DryRun:
         On every rank, if the case fits no mesh, its load family draws no load case, or
         `ranks_per_solve` does not divide the number of ranks.
     """
+    case = read_case(
+        case, volumetric=volumetric, samples=samples, trust=trust, changes=changes, loads=loads
+    )
     group = RankGroup.of(comm, ranks_per_solve)
     body = make_body(case, group.comm)
     spread = np.linspace(0, case.dataset.samples - 1, MOST * group.count).round().astype(int)

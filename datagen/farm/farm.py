@@ -9,14 +9,14 @@ samples that are there are not solved again.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mpi4py import MPI
 
 from datagen.cases.body import Body, make_body
-from datagen.cases.case import Case
+from datagen.cases.case import Case, CaseSource, read_case
 from datagen.discretisation.element import element_kind
 from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
@@ -32,9 +32,12 @@ from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.common.progress import Progress
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
+from shared_schema.material import Volumetric
 from shared_schema.shard_reader import read_attributes, read_shard
 from shared_schema.shard_writer import write_shard
 from shared_schema.stiffness import write_stiffness
+
+logger = logging.getLogger(__name__)
 
 
 class NothingSolvedError(WorkError):
@@ -44,19 +47,37 @@ class NothingSolvedError(WorkError):
 BYTES_PER_SAMPLE = 80  # of the plan of a run, on every rank
 
 
-def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> Manifest:
-    """Make the nodal dataset of a case in `folder`, or resume it (collective).
+def run(
+    case: CaseSource,
+    out: Path | str,
+    *,
+    samples: int | None = None,
+    volumetric: Volumetric | None = None,
+    changes: Sequence[str] = (),
+    loads: Path | str | None = None,
+    trust: bool = False,
+    ranks_per_solve: int = 1,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Manifest:
+    """Make the nodal dataset of a case, or resume it (collective over the ranks of `comm`).
+
+    In a program of one process it solves one sample after the other; under ``mpirun`` every rank
+    calls it. Ranks should not compute in threads besides: set ``OMP_NUM_THREADS=1`` before numpy
+    is imported.
 
     Each group of ranks solves on its own mesh, and its leader writes its shards; rank 0
     assembles and writes the stiffness of the undeformed body, and last the manifest.
 
     Parameters
     ----------
-    case : Case
-    folder : Path
-    comm : mpi4py communicator
+    case, samples, volumetric, changes, loads, trust
+        As for `datagen.cases.case.read_case`; ``samples`` is the number of samples.
+    out : Path or str
+        Folder of the dataset.
     ranks_per_solve : int
         Ranks of a group, over which its mesh is distributed.
+    comm : mpi4py communicator
+        All ranks that solve.
 
     Returns
     -------
@@ -73,8 +94,15 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
     StoppedError
         On every rank, after SIGINT or SIGTERM to any of them; solved samples are kept.
     """
-    group = RankGroup.of(comm, ranks_per_solve)
-    settings = case.dataset
+    found = read_case(
+        case, volumetric=volumetric, samples=samples, trust=trust, changes=changes, loads=loads
+    )
+    return _run(found, Path(out), RankGroup.of(comm, ranks_per_solve))
+
+
+def _run(case: Case, folder: Path, group: RankGroup) -> Manifest:
+    """Make or resume the dataset; rank 0 opens and closes the journal."""
+    comm, settings = group.world, case.dataset
     said = f"key 'dataset.samples' = {settings.samples}"
     on_rank_zero(comm, lambda: require_memory(BYTES_PER_SAMPLE * settings.samples, said))
     journal = Journal(folder)
@@ -90,7 +118,7 @@ def run(case: Case, folder: Path, comm: MPI.Comm, ranks_per_solve: int = 1) -> M
         if remaining:
             body = body or _body(case, group)
             if comm.rank == 0 and (warning := body.warning()) is not None:
-                print(f"datagen: warning: {warning}", file=sys.stderr)
+                logger.warning(warning)
             _make_shards(case, journal, remaining, group, body)
             solver = _solver_record(body, comm)
         manifest = on_rank_zero(comm, lambda: _finish(case, journal, solver))

@@ -21,6 +21,7 @@ from shared_schema.common.drawing.figure_style import (
     styled,
 )
 from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
+from shared_schema.common.solution_file import require_suffix
 
 SUFFIXES = (".png", ".svg", ".pdf")
 SHOWN = 4  # number of samples, if none are named
@@ -37,17 +38,20 @@ CELLS = {
 }
 
 
-def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[int]:
+def plot_dataset(
+    nodal: Path | str, out: Path | str, *, samples: str | Sequence[int] | None = None
+) -> list[int]:
     """Draw a nodal dataset.
 
     Parameters
     ----------
-    folder : Path
-        Folder of the dataset.
-    path : Path
+    nodal : Path or str
+        Nodal dataset.
+    out : Path or str
         Figure to write, ending in .png, .svg or .pdf.
-    chosen : str, optional
-        Sample numbers N,N,…; by default four, evenly over the order of largest displacement.
+    samples : str or sequence of int, optional
+        Sample numbers, also as text N,N,…; by default four, evenly over the order of largest
+        displacement.
 
     Returns
     -------
@@ -59,8 +63,14 @@ def plot_dataset(folder: Path, path: Path, chosen: str | None = None) -> list[in
     InputError
         If there is no intact nodal dataset, or it lacks one of the samples.
     """
-    dataset = NodalSamples(folder)
-    numbers = dataset.evenly_by_displacement(SHOWN) if chosen is None else dataset.named(chosen)
+    path = Path(out)
+    require_suffix(path, SUFFIXES)
+    dataset = NodalSamples(Path(nodal))
+    if samples is None:
+        numbers = dataset.evenly_by_displacement(SHOWN)
+    else:
+        text = samples if isinstance(samples, str) else ",".join(map(str, samples))
+        numbers = dataset.named(text)
     save(draw(dataset, [dataset[number] for number in numbers]), path)
     return numbers
 

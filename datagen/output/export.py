@@ -41,19 +41,23 @@ Fields = tuple[dict[str, Any], dict[str, Any]]  # of the nodes, and of the cells
 
 
 def export(
-    folder: Path, path: Path, chosen: str | None = None, stresses: bool = False
+    nodal: Path | str,
+    out: Path | str,
+    *,
+    samples: str | range | None = None,
+    stresses: bool = False,
 ) -> list[int]:
     """Write samples as a time series, whose files appear complete or not at all.
 
     Parameters
     ----------
-    folder : Path
-        Folder of the dataset.
-    path : Path
+    nodal : Path or str
+        Nodal dataset.
+    out : Path or str
         File to write, ending in .xdmf or .pvd.
-    chosen : str, optional
-        Half-open range A:B of sample numbers; otherwise the first 100 samples. Load cases in it
-        that could not be solved are left out.
+    samples : str or range, optional
+        Half-open range of sample numbers, also as text A:B; otherwise the first 100 samples. Load
+        cases in it that could not be solved are left out.
     stresses : bool
         Compute stresses and reactions as well.
 
@@ -66,16 +70,21 @@ def export(
     ------
     InputError
         If there is no intact nodal dataset, it has no such samples, or the file or folder beside
-        `path` would replace something that was not exported before; with `stresses`, if the
+        `out` would replace something that was not exported before; with `stresses`, if the
         material is a user's own class, which a dataset does not import.
     OSError
         If the files cannot be written.
     """
+    folder, path = Path(nodal), Path(out)
     require_suffix(path, SUFFIXES)
     data = path.with_suffix(".h5" if path.suffix == ".xdmf" else "")
     _require_replaceable(path, data)
     dataset = NodalSamples(folder)
-    numbers = dataset.numbers[:FIRST].tolist() if chosen is None else dataset.within(chosen)
+    if samples is None:
+        numbers = [int(number) for number in dataset.numbers[:FIRST]]
+    else:
+        text = samples if isinstance(samples, str) else f"{samples.start}:{samples.stop}"
+        numbers = dataset.within(text)
     write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
     fields = _with_stresses(dataset, folder) if stresses else _fields
     with _both(path, data) as (partial, partial_data):

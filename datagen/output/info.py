@@ -1,4 +1,4 @@
-"""Summary of a dataset as a table of text."""
+"""Summary of a dataset: names and values, all text."""
 
 from __future__ import annotations
 
@@ -18,14 +18,25 @@ Row = tuple[str, str]
 COUNTS = ("load_steps", "cutbacks", "newton_iterations")
 
 
-def summary(folder: Path) -> str:
+def info(dataset: Path | str) -> dict[str, str]:
     """Describe a dataset: samples, failures by reason, solver effort, ranges.
+
+    Parameters
+    ----------
+    dataset : Path or str
+        Folder of a nodal or structured dataset.
+
+    Returns
+    -------
+    dict of str to str
+        Values by their names, in the order of ``datagen info``.
 
     Raises
     ------
     InputError
         If there is no intact dataset.
     """
+    folder = Path(dataset)
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
     rows += _solver(reader.manifest)
@@ -33,8 +44,7 @@ def summary(folder: Path) -> str:
     growth = find_unfinished(folder)
     if growth is not None:
         rows.insert(2, ("unfinished", growing(growth)))
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+    return dict(rows)
 
 
 def _common(manifest: Manifest, body: Arrays) -> list[Row]:
@@ -110,21 +120,21 @@ def _nodal(reader: DatasetReader) -> list[Row]:
 
 
 def _structured(manifest: Manifest) -> list[Row]:
-    info = manifest.structured
-    assert info is not None
-    shape = " x ".join(str(n) for n in info.grid_shape)
+    structured = manifest.structured
+    assert structured is not None
+    shape = " x ".join(str(n) for n in structured.grid_shape)
     grid = [("grid", shape)]
-    if info.embedding is not None:
-        mean, largest = info.embedding.mean_error, info.embedding.max_error
+    if structured.embedding is not None:
+        mean, largest = structured.embedding.mean_error, structured.embedding.max_error
         grid = [
             ("grid", f"{shape}, embedded on the mesh"),
             ("to the grid and back", f"{mean:.2%} in the mean, {largest:.2%} at most"),
         ]
     return [
         *grid,
-        ("split", f"{info.train} train, {info.test} test"),
-        ("std of displacement", ", ".join(f"{s:.4g}" for s in info.displacement.std) + " m"),
-        ("source digest", info.source_digest),
+        ("split", f"{structured.train} train, {structured.test} test"),
+        ("std of displacement", ", ".join(f"{s:.4g}" for s in structured.displacement.std) + " m"),
+        ("source digest", structured.source_digest),
     ]
 
 

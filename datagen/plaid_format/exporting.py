@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.plaid_format.interpreter import require_interpreter, run_script
-from datagen.structure.reindexing import nodal_forces_of, split_of
+from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -28,16 +28,18 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "hexahedron": "HEXA_8",
 }
 NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
+Backend = Literal["hf_datasets", "cgns", "zarr"]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
 
 def export_plaid(
-    folder: Path,
-    out: Path,
-    backend: str = "hf_datasets",
-    python: Path | None = None,
+    nodal: Path | str,
+    out: Path | str,
+    *,
+    backend: Backend = "hf_datasets",
+    python: Path | str | None = None,
     owner: str = "unknown",
-    licence: str = "unknown",
+    license: str = "unknown",
 ) -> tuple[int, int]:
     """Write all solved samples of a nodal dataset as a PLAID dataset, by pyplaid itself.
 
@@ -46,16 +48,16 @@ def export_plaid(
 
     Parameters
     ----------
-    folder : Path
+    nodal : Path or str
         Nodal dataset.
-    out : Path
+    out : Path or str
         New folder; it appears complete, or not at all.
     backend : {"hf_datasets", "cgns", "zarr"}
         pyplaid's storage: the first is for the Hugging Face Hub, and keeps fields in float32; the
         others keep float64.
-    python : Path, optional
+    python : Path or str, optional
         Interpreter of an environment with pyplaid; by default this one.
-    owner, licence : str
+    owner, license : str
         Of the dataset, for its `infos.yaml`.
 
     Returns
@@ -71,6 +73,7 @@ def export_plaid(
     WorkError
         If pyplaid fails.
     """
+    folder, out = Path(nodal), Path(out)
     if out.exists():
         raise InputError(f"--out '{out}': exists, expected a new folder")
     interpreter = require_interpreter(python)
@@ -97,7 +100,7 @@ def export_plaid(
         "train": train.tolist(),
         "test": test.tolist(),
         "owner": owner,
-        "license": licence,
+        "license": license,
         **described(manifest),
     }
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=".partial-") as scratch:

@@ -19,8 +19,8 @@ from datagen.cases.dataset_settings import DatasetSettings
 from datagen.farm.software_versions import software_versions
 from datagen.plaid_format.exporting import CASE, ELEMENTS
 from datagen.plaid_format.interpreter import require_interpreter, run_script
-from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
-from datagen.structure.reindexing import IMPORT
+from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
+from datagen.transforms.reindexing import IMPORT
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
@@ -44,25 +44,26 @@ UNKNOWN = {  # results of a solver that is not known
 
 
 def import_plaid(
-    source: Path,
-    out: Path,
+    source: Path | str,
+    out: Path | str,
+    *,
     inputs: str | None = None,
     outputs: str | None = None,
-    python: Path | None = None,
+    python: Path | str | None = None,
     changes: Sequence[str] = (),
 ) -> Manifest:
     """Make a nodal dataset of a PLAID dataset, with its split.
 
     Parameters
     ----------
-    source : Path
+    source : Path or str
         PLAID dataset.
-    out : Path
+    out : Path or str
         Folder of the nodal dataset: new, or made by this step from the same dataset.
     inputs, outputs : str, optional
         Names of the components of force and displacement, separated by commas; by default
         ``force_x,force_y`` and ``displacement_x,displacement_y``, in space with z.
-    python : Path, optional
+    python : Path or str, optional
         Interpreter of an environment with pyplaid; by default this one.
     changes : sequence of str
         Keys of the case, such as ``material.young_modulus=1e3`` (`changed`).
@@ -75,6 +76,7 @@ def import_plaid(
     WorkError
         If pyplaid fails.
     """
+    source, out = Path(source), Path(out)
     interpreter = require_interpreter(python)
     if not (source / "infos.yaml").is_file():
         raise InputError(f"{source}: no infos.yaml in it, expected a PLAID dataset")

@@ -13,12 +13,12 @@ MODULE = "plaid"
 UNFIT = 3  # exit code of a script that says what is wrong with its input
 
 
-def require_interpreter(python: Path | None) -> str:
+def require_interpreter(python: Path | str | None) -> str:
     """Return the path of a Python that can import pyplaid.
 
     Parameters
     ----------
-    python : Path, optional
+    python : Path or str, optional
         Interpreter of another environment; by default this one.
 
     Raises

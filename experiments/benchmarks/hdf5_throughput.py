@@ -24,7 +24,7 @@ from mpi4py import MPI
 
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 from experiments.benchmarks.publication import (
     Results,
     argument_parser,
@@ -41,7 +41,7 @@ MB = 1e6
 
 def make_shards(case: Case, folder: Path) -> dict[Kind, Path]:
     """Make the first shard of a case, nodal and structured."""
-    run(case, folder / "nodal", MPI.COMM_SELF)
+    run(case, folder / "nodal", comm=MPI.COMM_SELF)
     structure(folder / "nodal", folder / "structured")
     return {kind: folder / kind / "shard-00000.h5" for kind in ("nodal", "structured")}
 

@@ -97,7 +97,7 @@ def reference() -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in CASES:
         for volumetric in VOLUMETRIC_TERMS:
-            case = read_case(name, volumetric)
+            case = read_case(name, volumetric=volumetric)
             body = body_of(case)
             for sample in samples_of(case, body.problem.dimension):
                 load, u = solved(case, body, sample)

@@ -27,7 +27,7 @@ SAMPLES, SHARD = 1600, 20  # seconds of work for two ranks: a kill finds the run
 def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Dataset made by one process, in the folder of its case file."""
     folder = tmp_path_factory.mktemp("serial")
-    run(read_case(str(write_case(folder, SAMPLES, SHARD))), folder / "nodal", MPI.COMM_SELF)
+    run(read_case(str(write_case(folder, SAMPLES, SHARD))), folder / "nodal", comm=MPI.COMM_SELF)
     return folder / "nodal"
 
 

@@ -32,7 +32,7 @@ SLOW = {"beam3d", "beam3d_any", "finger3d"}
     "name", [pytest.param(c, marks=pytest.mark.slow) if c in SLOW else c for c in CASES]
 )
 def test_displacements_are_those_of_every_platform(name: str, volumetric: Volumetric) -> None:
-    case = read_case(name, volumetric)
+    case = read_case(name, volumetric=volumetric)
     body = body_of(case)
     samples = samples_of(case, body.problem.dimension)
     assert len(samples) >= 2

@@ -78,7 +78,7 @@ def test_in_a_case(
 @pytest.fixture(scope="module")
 def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data") / "nodal"
-    run(read_case("beam2d", samples=4), folder, MPI.COMM_SELF)
+    run(read_case("beam2d", samples=4), folder, comm=MPI.COMM_SELF)
     return folder
 
 

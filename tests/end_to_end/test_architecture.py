@@ -15,9 +15,11 @@ ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
 LEARNER = {"jinja2", "safetensors", "torch"}
 DRAWING = {  # modules outside `surrogate` that may import matplotlib
+    "shared_schema/common/drawing/deformed_figure.py",
     "shared_schema/common/drawing/figure_style.py",
     "shared_schema/common/drawing/mesh_drawing.py",
     "datagen/output/dataset_figure.py",
+    "datagen/solution.py",
 }
 FORBIDDEN = {
     "shared_schema": FACTORY | LEARNER | {"datagen", "surrogate", "experiments"},
@@ -39,7 +41,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mesh", "loads", "discretisation", "materials"],
         ["solver"],
         ["cases"],
-        ["farm", "structure", "output", "plaid_format"],
+        ["farm", "transforms", "output", "plaid_format", "solution"],
         ["commands", "command_line"],
     ],
     "surrogate": [

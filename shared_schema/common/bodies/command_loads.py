@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from shared_schema.common.point_load import RELATIVE_TOLERANCE, nodal_forces
 from shared_schema.common.solution_file import read_field
 
 Array = NDArray[np.float64]
+Loads: TypeAlias = str | Sequence[str] | Array
 LARGEST_FILE = 1 << 26  # bytes of a .csv
 MOST = 1e12  # N or Pa in magnitude
 
@@ -148,6 +150,13 @@ class CommandLoads:
         total = np.outer(self._shares(name), numbers)
         self.forces += np.where(self.body.held, 0.0, total)
 
+    def add_forces(self, forces: Array) -> None:
+        """Add nodal forces, (n_nodes, d) in N; InputError if the shape is wrong, or one is held."""
+        if forces.shape != self.forces.shape:
+            raise InputError(f"load of shape {forces.shape}: expected {self.forces.shape}")
+        self._require_free(forces, "load")
+        self.forces += forces
+
     def add_file(self, path: Path, nearest: bool = False) -> None:
         """Add the forces of a file; InputError that names the file, and the line of a ``.csv``."""
         if path.suffix == ".npz":
@@ -219,23 +228,36 @@ class CommandLoads:
 
 def command_loads(
     body: LoadedBody,
-    loads: Sequence[str],
+    loads: Loads,
     files: Sequence[Path] = (),
     moves: Sequence[str] = (),
     nearest: bool = False,
 ) -> CommandLoads:
-    """Collect the loads of a command.
+    """Collect the loads of a command, or of a call.
+
+    Parameters
+    ----------
+    body : LoadedBody
+    loads : str, sequence of str, or array (n_nodes, d)
+        Texts of ``--load``, or nodal forces in N.
+    files, moves
+        Files of ``--forces``, texts of ``--move``.
+    nearest : bool
+        Let a force beside a node act at the nearest one.
 
     Raises
     ------
     InputError
         If one is wrong, or there is none at all.
     """
-    if not (loads or files or moves):
+    given, texts = CommandLoads(body), [loads] if isinstance(loads, str) else loads
+    if len(texts) + len(files) + len(moves) == 0:
         raise InputError("no load, expected --load or --forces")
-    given = CommandLoads(body)
-    for text in loads:
-        given.add(text, nearest)
+    if isinstance(texts, np.ndarray):
+        given.add_forces(texts)
+    else:
+        for text in texts:
+            given.add(text, nearest)
     for path in files:
         given.add_file(path, nearest)
     for text in moves:

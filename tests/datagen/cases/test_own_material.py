@@ -107,7 +107,7 @@ def test_reading_a_dataset_imports_nothing(
 ) -> None:
     """With a file that would leave a trace; stresses need the energy, and are refused."""
     case, nodal = own_case(tmp_path), tmp_path / "nodal"
-    run(read_case(str(case)), nodal, MPI.COMM_SELF)
+    run(read_case(str(case)), nodal, comm=MPI.COMM_SELF)
     assert read_manifest(nodal).case["material"]["model"] == "gel.py:Gel"
     trace = tmp_path / "sprung"
     (tmp_path / "gel.py").write_text(f"open({str(trace)!r}, 'w').close()")
@@ -127,7 +127,7 @@ def test_reading_a_dataset_imports_nothing(
 
 def test_changed_file_is_named(tmp_path: Path) -> None:
     case, nodal = own_case(tmp_path), tmp_path / "nodal"
-    run(read_case(str(case)), nodal, MPI.COMM_SELF)
+    run(read_case(str(case)), nodal, comm=MPI.COMM_SELF)
     (tmp_path / "gel.py").write_text((tmp_path / "gel.py").read_text() + "\n# changed\n")
     with pytest.raises(InputError, match=r"the file of material.model = 'gel.py:Gel' has changed"):
-        run(read_case(str(case)), nodal, MPI.COMM_SELF)
+        run(read_case(str(case)), nodal, comm=MPI.COMM_SELF)

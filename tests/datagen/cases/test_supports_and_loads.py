@@ -150,7 +150,7 @@ PUSH = {"family": "random_nodes", "region": {"y": 0, "x": "> 0"}, "range": [-0.5
 def test_reactions_hold_a_gripped_body(tmp_path: Path) -> None:
     """What a dataset holds as forces brings the free body to the same equilibrium."""
     gripped = case_of(tmp_path, load=GRIP)
-    run(gripped, tmp_path / "nodal", MPI.COMM_SELF)
+    run(gripped, tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert check_dataset(tmp_path / "nodal") == []
     names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
     nodes, force, displacement = DatasetReader(tmp_path / "nodal").joined(names).values()
@@ -177,7 +177,7 @@ def test_only_one_component_is_moved(tmp_path: Path) -> None:
 def test_several_at_once(tmp_path: Path) -> None:
     """Forces of a sample: the push, and those of the pressure at rest, 4 m long; not more."""
     case = case_of(tmp_path, load=[PUSH, PRESS])
-    run(case, tmp_path / "nodal", MPI.COMM_SELF)
+    run(case, tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert check_dataset(tmp_path / "nodal") == []
     alone = make_body(case_of(tmp_path, load=PUSH), MPI.COMM_SELF)
     shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")

@@ -18,12 +18,12 @@ from tests.datagen.refusal import refusal
 
 def test_sizes_are_those_of_the_run(tmp_path: Path) -> None:
     case = read_case(str(write_case(tmp_path, samples=500, shard_size=100)))
-    estimate = dry_run(case, MPI.COMM_SELF)
+    estimate = dry_run(case, comm=MPI.COMM_SELF)
     assert (estimate.nodes, estimate.cells, estimate.dofs) == (64, 45, 128)
     assert (estimate.samples, estimate.groups, estimate.failed) == (500, 1, 0)
     assert 2 <= estimate.timed <= MOST
     assert estimate.hours == pytest.approx(500 * estimate.seconds / 3600)
-    run(case, tmp_path / "nodal", MPI.COMM_SELF)
+    run(case, tmp_path / "nodal", comm=MPI.COMM_SELF)
     found = sum(path.stat().st_size for path in (tmp_path / "nodal").iterdir())
     assert estimate.bytes == pytest.approx(found, rel=0.1)
 
@@ -42,9 +42,9 @@ def test_command_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_few_samples_and_wrong_ranks(tmp_path: Path) -> None:
     case = read_case(str(write_case(tmp_path, samples=1)))
-    assert dry_run(case, MPI.COMM_SELF).timed == 1
+    assert dry_run(case, comm=MPI.COMM_SELF).timed == 1
     with pytest.raises(InputError, match="--ranks-per-solve 2: expected a divisor"):
-        dry_run(case, MPI.COMM_SELF, 2)
+        dry_run(case, comm=MPI.COMM_SELF, ranks_per_solve=2)
 
 
 @pytest.mark.mpi

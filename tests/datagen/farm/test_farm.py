@@ -69,7 +69,7 @@ def case(case_file: Path) -> Case:
 @pytest.fixture(scope="module")
 def serial(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("serial") / "nodal"
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -217,7 +217,7 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
 def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
     before = {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")}
     digest = read_manifest(serial).digest
-    run(case, serial, MPI.COMM_SELF)
+    run(case, serial, comm=MPI.COMM_SELF)
     assert {p.name: p.stat().st_mtime_ns for p in serial.glob("shard-*.h5")} == before
     assert read_manifest(serial).digest == digest
 
@@ -225,12 +225,12 @@ def test_a_complete_dataset_is_left_alone(case: Case, serial: Path) -> None:
 @pytest.mark.faults
 def test_a_damaged_shard_is_made_again(case: Case, serial: Path, tmp_path: Path) -> None:
     folder = tmp_path / "nodal"
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     shard = folder / "shard-00002.h5"
     shard.write_bytes(shard.read_bytes()[:1000])
     (folder / "shard-00003.h5").unlink()
     assert check_dataset(folder) != []
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     assert check_dataset(folder) == []
     assert_same(serial, folder)
 
@@ -249,7 +249,7 @@ def test_a_damaged_stiffness_is_made_again(
     else:
         path.write_bytes(content)
     assert check_dataset(folder) != []
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     assert check_dataset(folder) == []
     assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
     assert_same(serial, folder)
@@ -261,7 +261,7 @@ def test_an_older_dataset_without_stiffness_is_left_alone(
     folder = shutil.copytree(serial, tmp_path / "nodal")
     (folder / STIFFNESS_FILE).unlink()
     older = write_manifest(folder, read_manifest(folder).model_copy(update={"stiffness": None}))
-    assert run(case, folder, MPI.COMM_SELF) == older
+    assert run(case, folder, comm=MPI.COMM_SELF) == older
     assert not (folder / STIFFNESS_FILE).exists()
     assert check_dataset(folder) == []
 
@@ -278,10 +278,10 @@ def test_killed_between_stiffness_and_manifest(
     with monkeypatch.context() as patch:
         patch.setattr("datagen.farm.farm.write_manifest", kill)
         with pytest.raises(KeyboardInterrupt):
-            run(case, folder, MPI.COMM_SELF)
+            run(case, folder, comm=MPI.COMM_SELF)
     assert (folder / STIFFNESS_FILE).is_file()
     before = {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")}
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     assert check_dataset(folder) == []
     assert {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.h5")} == before
     assert_same(serial, folder)
@@ -290,7 +290,7 @@ def test_killed_between_stiffness_and_manifest(
 def test_another_case_is_refused(case: Case, serial: Path) -> None:
     stiffer = case.materials[0].model_copy(update={"young_modulus": 600.0})
     with pytest.raises(InputError, match=r"material.young_modulus = 600.0, the folder has 500.0"):
-        run(case.model_copy(update={"material": stiffer}), serial, MPI.COMM_SELF)
+        run(case.model_copy(update={"material": stiffer}), serial, comm=MPI.COMM_SELF)
     assert check_dataset(serial) == []
 
 
@@ -299,9 +299,9 @@ def test_a_second_run_is_refused(case: Case, tmp_path: Path) -> None:
     first = Journal(folder)
     first.open(case)
     with pytest.raises(InputError, match="another run is working"):
-        run(case, folder, MPI.COMM_SELF)
+        run(case, folder, comm=MPI.COMM_SELF)
     first.close()
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     assert check_dataset(folder) == []
 
 
@@ -309,14 +309,14 @@ def test_wrong_input_writes_nothing(case: Case, tmp_path: Path) -> None:
     """An error that only the mesh shows is found before the folder is made."""
     everywhere = case.loads[0].model_copy(update={"region": Region(y=1.0)})
     with pytest.raises(InputError, match="clamped node at 0,1"):
-        run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", MPI.COMM_SELF)
+        run(case.model_copy(update={"load": everywhere}), tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_of_something_else_is_refused(case: Case, tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(InputError, match="holds something else"):
-        run(case, tmp_path, MPI.COMM_SELF)
+        run(case, tmp_path, comm=MPI.COMM_SELF)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -331,10 +331,10 @@ def test_a_node_that_is_drawn_twice_is_written_once(
         return LoadCase(np.repeat(load.nodes, 2), np.repeat(load.forces / 2, 2, axis=0))
 
     few = case.model_copy(update={"dataset": case.dataset.model_copy(update={"samples": 5})})
-    run(few, tmp_path / "once", MPI.COMM_SELF)
+    run(few, tmp_path / "once", comm=MPI.COMM_SELF)
     monkeypatch.setattr(RandomNode, "draw", draw_halves)
     monkeypatch.setattr(RandomNode, "loads_per_sample", lambda *_: 2)
-    run(few, tmp_path / "twice", MPI.COMM_SELF)
+    run(few, tmp_path / "twice", comm=MPI.COMM_SELF)
     assert check_dataset(tmp_path / "twice") == []
     once, twice = (
         read_shard(tmp_path / name / "shard-00000.h5", "nodal") for name in ("once", "twice")
@@ -349,7 +349,7 @@ def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     """Loads of up to 1 MN have no equilibrium that can be found: none is dropped in silence."""
     path = write_case(tmp_path, samples=6, shard_size=4, range=[-1e6, 1e6])
     with pytest.raises(NothingSolvedError, match="none of the 6 load cases has an equilibrium"):
-        run(read_case(str(path)), tmp_path / "nodal", MPI.COMM_SELF)
+        run(read_case(str(path)), tmp_path / "nodal", comm=MPI.COMM_SELF)
     manifest = read_manifest(tmp_path / "nodal")
     assert (manifest.samples, manifest.failed) == (0, 6)
     assert check_dataset(tmp_path / "nodal") == []

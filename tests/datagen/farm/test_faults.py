@@ -17,7 +17,7 @@ from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError, StoppedError
 from tests.datagen.farm_runs import (
@@ -60,7 +60,7 @@ def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def whole(case_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The dataset of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("whole") / "nodal"
-    run(read_case(str(case_file)), folder, MPI.COMM_SELF)
+    run(read_case(str(case_file)), folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -128,7 +128,7 @@ def test_a_full_disk(make_disk: DiskMaker, case_file: Path, whole: Path, ranks: 
     if ranks:
         assert finish(disk.words(command(ranks, case_file, out))).returncode == 0
     else:  # sooner done
-        run(read_case(str(case_file)), seen, MPI.COMM_SELF)
+        run(read_case(str(case_file)), seen, comm=MPI.COMM_SELF)
     assert_completed(seen, whole, kept)
 
 
@@ -158,7 +158,7 @@ def test_a_disk_without_room_for_one_more_file(
     kept = finished(seen)
     assert len(kept) == done
     disk.remount("nr_inodes=100")
-    run(read_case(str(case_file)), seen, MPI.COMM_SELF)
+    run(read_case(str(case_file)), seen, comm=MPI.COMM_SELF)
     assert_completed(seen, whole, kept)
 
 
@@ -207,7 +207,7 @@ def test_nothing_is_built_for_a_folder_that_cannot_be_made(
     (tmp_path / "file").touch()
     monkeypatch.setattr("datagen.farm.farm.make_body", pytest.fail)
     with pytest.raises(InputError, match=r"file/nodal': cannot be written to \(Not a directory\)"):
-        run(read_case(str(case_file)), tmp_path / "file" / "nodal", MPI.COMM_SELF)
+        run(read_case(str(case_file)), tmp_path / "file" / "nodal", comm=MPI.COMM_SELF)
 
 
 @pytest.mark.mpi
@@ -226,7 +226,7 @@ def test_a_folder_that_becomes_read_only(case_file: Path, whole: Path, tmp_path:
     for folder in folders:
         folder.chmod(0o755)
     kept = finished(out)
-    run(read_case(str(case_file)), out, MPI.COMM_SELF)
+    run(read_case(str(case_file)), out, comm=MPI.COMM_SELF)
     assert_completed(out, whole, kept)
 
 
@@ -258,7 +258,7 @@ def test_a_signal_to_one_process(
     assert all_end(out, within=60)  # mpirun may end before its last process does
     kept = finished(out)
     assert 5 <= len(kept) < 30
-    run(read_case(str(case_file)), out, MPI.COMM_SELF)
+    run(read_case(str(case_file)), out, comm=MPI.COMM_SELF)
     assert_completed(out, whole, kept)
 
 
@@ -269,7 +269,7 @@ def test_a_killed_structure_step(whole: Path, tmp_path: Path) -> None:
     killed = f"""
 import os, pathlib
 os.fsync = lambda _: os.kill(os.getpid(), 9)
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 structure(pathlib.Path({str(whole)!r}), pathlib.Path({str(out)!r}))
 """
     assert finish([sys.executable, "-c", killed]).returncode == -signal.SIGKILL
@@ -290,7 +290,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
 @pytest.fixture(scope="module")
 def small(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("small") / "nodal"
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -308,7 +308,7 @@ def stopped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ShardJob, "solve_next", solve_and_stop)
         with pytest.raises(StoppedError):
-            run(case, folder, MPI.COMM_SELF)
+            run(case, folder, comm=MPI.COMM_SELF)
     assert sorted(path.name for path in (folder / ".journal").iterdir()) == [
         "case.json",
         "part-00003-00000090.h5",
@@ -345,7 +345,7 @@ def test_a_damaged_journal(
     if content is not None:
         damaged.write_bytes(content)
     kept = {path: path.stat().st_mtime_ns for path in folder.glob("*.h5") if path.stem not in name}
-    run(case, folder, MPI.COMM_SELF)
+    run(case, folder, comm=MPI.COMM_SELF)
     assert len(kept) == (2 if name == "shard-00001.json" else 3)
     assert_completed(folder, small, {path.name: time for path, time in kept.items()})
 
@@ -365,5 +365,5 @@ def test_another_case_is_refused_even_if_the_journal_does_not_say_which(
         update={"material": case.materials[0].model_copy(update={"young_modulus": 600.0})}
     )
     with pytest.raises(InputError, match=f"{kept} is made from another case"):
-        run(other, folder, MPI.COMM_SELF)
+        run(other, folder, comm=MPI.COMM_SELF)
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before

@@ -15,8 +15,8 @@ from datagen.cases.case import Case, read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.farm.shard_job import ShardJob
-from datagen.structure.noise import add_noise
-from datagen.structure.reindexing import structure
+from datagen.transforms.noise import add_noise
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -45,13 +45,13 @@ def case_of(file: str, samples: int) -> Case:
 
 @pytest.fixture(scope="module")
 def small(case_file: str, folder: Path) -> Path:
-    run(case_of(case_file, 45), folder / "small", MPI.COMM_SELF)
+    run(case_of(case_file, 45), folder / "small", comm=MPI.COMM_SELF)
     return folder / "small"
 
 
 @pytest.fixture(scope="module")
 def whole(case_file: str, folder: Path) -> Path:
-    run(case_of(case_file, 95), folder / "whole", MPI.COMM_SELF)
+    run(case_of(case_file, 95), folder / "whole", comm=MPI.COMM_SELF)
     return folder / "whole"
 
 
@@ -88,14 +88,14 @@ def test_it_goes_on_and_says_what_it_was(
     case_file: str, small: Path, whole: Path, grown: Path
 ) -> None:
     before = read_manifest(small)
-    manifest = run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+    manifest = run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     assert_grown(grown, small, whole)
     (stage,) = manifest.history
     assert (stage.samples, stage.failed, stage.digest) == (45, 0, before.digest)
     assert (stage.case_digest, stage.software) == (before.case_digest, before.software)
     assert (manifest.samples, manifest.case["dataset"]["samples"]) == (95, 95)
-    assert run(case_of(case_file, 95), grown, MPI.COMM_SELF) == manifest
-    again = run(case_of(case_file, 100), grown, MPI.COMM_SELF)
+    assert run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF) == manifest
+    again = run(case_of(case_file, 100), grown, comm=MPI.COMM_SELF)
     assert [stage.samples for stage in again.history] == [45, 95]
     assert check_dataset(grown) == []
 
@@ -143,13 +143,13 @@ def test_killed_while_it_grows(
     with monkeypatch.context() as patch:
         patch.setattr(ShardJob, "solve_next", solve_or_die)
         with pytest.raises(KeyboardInterrupt):
-            run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+            run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     assert np.array_equal(wall_times(grown), wall_times(small))
     for samples in (45, 100):
         said = f"dataset.samples = {samples}, but a run of 95 samples is unfinished"
         with pytest.raises(InputError, match=said):
-            run(case_of(case_file, samples), grown, MPI.COMM_SELF)
-    run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+            run(case_of(case_file, samples), grown, comm=MPI.COMM_SELF)
+    run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     assert_grown(grown, small, whole)
 
 
@@ -173,29 +173,29 @@ def test_killed_at_the_end(
         original = getattr(Journal, moment.removeprefix("Journal."), pytest.fail)
         patch.setattr(target, die_of_last)
         with pytest.raises(KeyboardInterrupt):
-            run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+            run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     assert calls
-    run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+    run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     assert_same_arrays(whole, grown)
 
 
 def test_damaged_shards_of_a_grown_dataset_are_made_again(
     case_file: str, whole: Path, grown: Path
 ) -> None:
-    first = run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+    first = run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     for name in ("shard-00000.h5", LAST):
         (grown / name).write_bytes(b"")
-    assert run(case_of(case_file, 95), grown, MPI.COMM_SELF).history == first.history
+    assert run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF).history == first.history
     assert_same_arrays(whole, grown)
 
 
 def test_it_cannot_shrink_nor_become_another(case_file: str, grown: Path) -> None:
     with pytest.raises(InputError, match=r"dataset.samples = 44, the folder has 45; .* only grow"):
-        run(case_of(case_file, 44), grown, MPI.COMM_SELF)
+        run(case_of(case_file, 44), grown, comm=MPI.COMM_SELF)
     other = case_of(case_file, 95)
     stiffer = other.materials[0].model_copy(update={"young_modulus": 600.0})
     with pytest.raises(InputError, match=r"young_modulus = 600.0, the folder has 500.0"):
-        run(other.model_copy(update={"material": stiffer}), grown, MPI.COMM_SELF)
+        run(other.model_copy(update={"material": stiffer}), grown, comm=MPI.COMM_SELF)
     assert check_dataset(grown) == []
 
 
@@ -207,7 +207,7 @@ def test_a_dataset_with_noise_is_no_dataset_of_run(
     add_noise(small, noisy, seed=1)
     for samples in (45, 95):
         with pytest.raises(InputError, match=r"changed afterwards \(noise\)"):
-            run(case_of(case_file, samples), noisy, MPI.COMM_SELF)
+            run(case_of(case_file, samples), noisy, comm=MPI.COMM_SELF)
     assert check_dataset(noisy) == []
 
 
@@ -225,7 +225,7 @@ def test_the_steps_after_it(case_file: str, grown: Path, tmp_path: Path) -> None
         return [DatasetReader(grid, "structured").joined(names) for grid in grids]
 
     before = make()
-    run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+    run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     after = make()
     for old, new in zip(before, after, strict=True):
         assert len(new["samples/number"]) == 95
@@ -248,7 +248,7 @@ def test_shards_that_a_killed_step_left_do_not_stay(
 
 
 def test_the_checker_knows_the_history(case_file: str, grown: Path) -> None:
-    manifest = run(case_of(case_file, 95), grown, MPI.COMM_SELF)
+    manifest = run(case_of(case_file, 95), grown, comm=MPI.COMM_SELF)
     (stage,) = manifest.history
     lie = stage.model_copy(update={"samples": 46})
     write_manifest(grown, manifest.model_copy(update={"history": (lie,)}))

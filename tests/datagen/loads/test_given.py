@@ -35,7 +35,7 @@ def file(beam: Body, tmp_path: Path) -> Path:
 def test_loads_of_a_file_are_solved(file: Path, beam: Body, tmp_path: Path) -> None:
     case = read_case("beam2d", loads=file)
     assert case.dataset.samples == 2
-    manifest = run(case, tmp_path / "nodal", MPI.COMM_SELF)
+    manifest = run(case, tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert (manifest.samples, manifest.failed) == (2, 0)
     assert check_dataset(tmp_path / "nodal") == []
     shard = read_shard(tmp_path / "nodal" / "shard-00000.h5", "nodal")

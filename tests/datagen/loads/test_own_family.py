@@ -14,7 +14,7 @@ from datagen.cases.case import SHIPPED, read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.loads import DrawnLoads
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
@@ -73,7 +73,7 @@ def test_the_path_is_that_from_the_case_file(elsewhere: Path) -> None:
     write_family(elsewhere)
     Path("push.py").write_text("raise SystemExit('the one in the working folder')")
     case = read_case(str(write_case(elsewhere)))
-    run(case, elsewhere / "nodal", MPI.COMM_SELF)
+    run(case, elsewhere / "nodal", comm=MPI.COMM_SELF)
     shard = read_shard(elsewhere / "nodal" / "shard-00000.h5", "nodal")
     assert np.all(shard["samples/force"] == 0.1)
     assert shard["samples/loaded_nodes"].shape == (2, 4)
@@ -151,7 +151,7 @@ def test_files_that_are_no_family(
 def test_a_node_twice_is_the_sum_everywhere(elsewhere: Path) -> None:
     """Solver, dataset and grid get the same forces: 0.1 + 0.2 N at one node."""
     write_family(elsewhere, "return LoadCase(nodes[[0, 0]], forces[:2] * [[1.0], [2.0]])")
-    run(read_case(str(write_case(elsewhere))), elsewhere / "nodal", MPI.COMM_SELF)
+    run(read_case(str(write_case(elsewhere))), elsewhere / "nodal", comm=MPI.COMM_SELF)
     structure(elsewhere / "nodal", elsewhere / "grid")
     shard = read_shard(elsewhere / "nodal" / "shard-00000.h5", "nodal")
     assert shard["samples/force"][0, 0] == pytest.approx([0.3, 0.3])
@@ -160,7 +160,7 @@ def test_a_node_twice_is_the_sum_everywhere(elsewhere: Path) -> None:
     assert grid["samples/force"][0].sum(axis=(1, 2)) == pytest.approx([0.3, 0.3])
     write_family(elsewhere, "return LoadCase(nodes[:1], forces[:1] * 3)")
     other = elsewhere / "once"
-    run(read_case(str(write_case(elsewhere))), other, MPI.COMM_SELF)
+    run(read_case(str(write_case(elsewhere))), other, comm=MPI.COMM_SELF)
     once = read_shard(other / "shard-00000.h5", "nodal")
     difference = once["samples/displacement"] - shard["samples/displacement"]
     assert np.abs(difference).max() < 1e-12
@@ -180,7 +180,7 @@ def test_a_wrong_load_later_on_keeps_what_is_solved(elsewhere: Path, ranks: int)
     assert list(out.glob("shard-*.h5"))
     write_family(elsewhere)
     with pytest.raises(InputError, match=r"the file of load.family = 'push.py:Push' has changed"):
-        run(read_case(str(case_file)), out, MPI.COMM_SELF)
+        run(read_case(str(case_file)), out, comm=MPI.COMM_SELF)
 
 
 def test_the_case_may_name_the_checksum(elsewhere: Path) -> None:

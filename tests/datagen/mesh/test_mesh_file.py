@@ -296,12 +296,12 @@ def test_a_file_that_ends_gmsh(script: str, said: str, tmp_path: Path) -> None:
 def test_a_dataset_belongs_to_one_mesh(tmp_path: Path) -> None:
     """The checksum of the file is part of the case: another mesh is another case."""
     path = write_case(tmp_path, SQUARE)
-    run(read_case(path), tmp_path / "nodal", MPI.COMM_SELF)
+    run(read_case(path), tmp_path / "nodal", comm=MPI.COMM_SELF)
     write_case(tmp_path, SQUARE + "// a word\n")
     with pytest.raises(
         InputError, match=r"another case: the file of mesh.path = 'own.geo' has changed"
     ):
-        run(read_case(path), tmp_path / "nodal", MPI.COMM_SELF)
+        run(read_case(path), tmp_path / "nodal", comm=MPI.COMM_SELF)
 
 
 def test_the_case_may_name_the_checksum(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_the_shipped_plate() -> None:
 def test_two_ranks_share_a_mesh_from_a_file(cell_type: str, tmp_path: Path) -> None:
     """On two ranks groups and sample numbers are the same; displacements agree to 1e-10 m."""
     path = write_case(tmp_path, SCRIPTS[cell_type])
-    run(read_case(path), tmp_path / "one", MPI.COMM_SELF)
+    run(read_case(path), tmp_path / "one", comm=MPI.COMM_SELF)
     result = execute(2, Path(path), tmp_path / "two", "--ranks-per-solve", "2")
     assert result.returncode == 0, result.stderr
     assert_near(tmp_path / "one", tmp_path / "two")

@@ -23,7 +23,7 @@ STARTS = {"png": b"\x89PNG\r\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 @pytest.fixture(scope="module")
 def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("figure") / "nodal"
-    run(read_case("beam2d", samples=10), folder, MPI.COMM_SELF)
+    run(read_case("beam2d", samples=10), folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -91,7 +91,7 @@ def test_in_space(tmp_path: Path) -> None:
     """A 3D dataset with fewer samples than the default number of panels."""
     case = read_case("beam3d", samples=2)
     geometry = case.mesh.model_copy(update={"elements": (4, 2, 2)})
-    run(case.model_copy(update={"mesh": geometry}), tmp_path / "nodal", MPI.COMM_SELF)
+    run(case.model_copy(update={"mesh": geometry}), tmp_path / "nodal", comm=MPI.COMM_SELF)
     out = tmp_path / "a.png"
     assert main(["plot", str(tmp_path / "nodal"), "--out", str(out)]) == 0
     assert len(np.unique(imread(out).reshape(-1, 4), axis=0)) > 50

@@ -40,7 +40,7 @@ def beam_in_shards_of_five() -> Case:
 def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """12 samples in three shards."""
     folder = tmp_path_factory.mktemp("export") / "beam"
-    run(beam_in_shards_of_five(), folder, MPI.COMM_SELF)
+    run(beam_in_shards_of_five(), folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -104,7 +104,7 @@ def test_in_space(tmp_path: Path) -> None:
     case = read_case("beam3d", samples=1)
     geometry = case.mesh.model_copy(update={"elements": (4, 1, 1)})
     folder = tmp_path / "nodal"
-    run(case.model_copy(update={"mesh": geometry}), folder, MPI.COMM_SELF)
+    run(case.model_copy(update={"mesh": geometry}), folder, comm=MPI.COMM_SELF)
     for suffix in (".xdmf", ".pvd"):
         export(folder, tmp_path / f"beam{suffix}")
         _, cells, steps = read_series(tmp_path / f"beam{suffix}")
@@ -118,8 +118,8 @@ def test_in_space(tmp_path: Path) -> None:
 def test_range_of_samples(beam: Path, tmp_path: Path, suffix: str) -> None:
     """A half-open range over two shards; a second export replaces the files of the first."""
     path = tmp_path / f"beam{suffix}"
-    export(beam, path, "0:12")
-    export(beam, path, "3:7")
+    export(beam, path, samples="0:12")
+    export(beam, path, samples="3:7")
     _, _, steps = read_series(path)
     assert list(steps) == [3, 4, 5, 6]
     expected = {
@@ -141,7 +141,7 @@ def test_series_can_be_moved(beam: Path, tmp_path: Path, monkeypatch: pytest.Mon
     """The names in a file are relative to that file, whatever the working folder was."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    export(beam, Path("../a.xdmf"), "0:2")
+    export(beam, Path("../a.xdmf"), samples="0:2")
     assert everything_in(tmp_path) == ["a.h5", "a.xdmf", "here"]
     (tmp_path / "there").mkdir()
     for name in ("a.h5", "a.xdmf"):
@@ -208,7 +208,7 @@ def test_failure_leaves_the_old_series(
 ) -> None:
     """An export that fails at its third sample leaves the old files as they were, and no others."""
     path = tmp_path / f"beam{suffix}"
-    export(beam, path, "0:5")
+    export(beam, path, samples="0:5")
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     original = module._fields
 
@@ -219,7 +219,7 @@ def test_failure_leaves_the_old_series(
 
     monkeypatch.setattr(module, "_fields", fields)
     with pytest.raises(kind, match="no space left"):
-        export(beam, path, "6:11")
+        export(beam, path, samples="6:11")
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
     assert list(read_series(path)[2]) == [0, 1, 2, 3, 4]
 

@@ -12,20 +12,20 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from datagen.output.export import export
-from datagen.output.info import summary
+from datagen.output.info import info
 from datagen.output.nodal_samples import NodalSamples
-from datagen.structure.noise import add_noise
-from datagen.structure.reindexing import structure
+from datagen.transforms.noise import add_noise
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from tests.datagen.farm_runs import write_case
 
 Reader = Callable[[Path, Path], object]
 READERS: dict[str, Reader] = {
-    "info": lambda folder, _: summary(folder),
+    "info": lambda folder, _: info(folder),
     "check": lambda folder, _: check_dataset(folder),
     "structure": lambda folder, out: structure(folder, out / "grid"),
     "noise": lambda folder, out: add_noise(folder, out / "noisy", seed=0),
-    "export": lambda folder, out: export(folder, out / "a.pvd", "0:20"),
+    "export": lambda folder, out: export(folder, out / "a.pvd", samples="0:20"),
     "samples": lambda folder, _: NodalSamples(folder).evenly_by_displacement(3),
 }
 
@@ -46,7 +46,7 @@ def datasets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("memory")
     for samples in (400, 4000):
         case = read_case(str(write_case(folder, samples=samples, shard_size=200)))
-        run(case, folder / str(samples), MPI.COMM_SELF)
+        run(case, folder / str(samples), comm=MPI.COMM_SELF)
     return folder / "400", folder / "4000"
 
 

@@ -30,5 +30,5 @@ def plaid() -> Path:
 def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Thirty samples in two shards."""
     folder = tmp_path_factory.mktemp("plaid")
-    run(read_case(str(write_case(folder, 30, 20))), folder / "nodal", MPI.COMM_SELF)
+    run(read_case(str(write_case(folder, 30, 20))), folder / "nodal", comm=MPI.COMM_SELF)
     return folder / "nodal"

@@ -12,7 +12,7 @@ import yaml
 
 from datagen.command_line import main
 from datagen.plaid_format import exporting
-from datagen.structure.reindexing import nodal_forces_of, structure
+from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from tests.datagen.refusal import refusal

@@ -11,7 +11,7 @@ import pytest
 from datagen.command_line import main
 from datagen.plaid_format.exporting import export_plaid
 from datagen.plaid_format.importing import import_plaid
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -33,7 +33,7 @@ def foreign(tmp_path_factory: pytest.TempPathFactory, plaid: Path) -> Path:
 @pytest.mark.slow
 def test_there_and_back_is_the_same_dataset(nodal: Path, tmp_path: Path, plaid: Path) -> None:
     """Bit for bit with CGNS, and with the same split; only what a solver says is lost."""
-    export_plaid(nodal, tmp_path / "plaid", "cgns", plaid)
+    export_plaid(nodal, tmp_path / "plaid", backend="cgns", python=plaid)
     back = tmp_path / "nodal"
     import_plaid(tmp_path / "plaid", back, python=plaid)
     assert check_dataset(back) == []

@@ -18,7 +18,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from datagen.solver.stiffness import stiffness_of
-from datagen.structure.reindexing import structure
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader
@@ -127,7 +127,7 @@ def test_tiny_load_is_linear(beam: Body) -> None:
 @pytest.mark.parametrize("case", ["beam2d", "plate2d"])
 def test_in_the_nodal_dataset(tmp_path: Path, case: str) -> None:
     """The file holds what is assembled on the mesh of the shards, to the last bit."""
-    manifest = run(read_case(case, samples=4), tmp_path / "nodal", MPI.COMM_SELF)
+    manifest = run(read_case(case, samples=4), tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert check_dataset(tmp_path / "nodal") == []
     reader = DatasetReader(tmp_path / "nodal")
     mesh = RawMesh(reader.body["mesh/coordinates"], reader.body["mesh/cells"], reader.cell_type)
@@ -140,7 +140,7 @@ def test_in_the_nodal_dataset(tmp_path: Path, case: str) -> None:
 
 def test_in_the_structured_dataset(tmp_path: Path) -> None:
     """The mesh's own, whatever the order of the nodes on the grid; found damaged by the checker."""
-    run(read_case("beam2d", samples=4), tmp_path / "nodal", MPI.COMM_SELF)
+    run(read_case("beam2d", samples=4), tmp_path / "nodal", comm=MPI.COMM_SELF)
     folder = tmp_path / "structured"
     structure(tmp_path / "nodal", folder, order="random")
     assert check_dataset(folder) == []

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.quantities import LARGEST_SEED
-from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
+from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
@@ -26,9 +26,10 @@ RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
 
 
 def add_noise(
-    source: Path,
-    folder: Path,
-    seed: int,
+    nodal: Path | str,
+    out: Path | str,
+    *,
+    seed: int = 0,
     relative: float = RELATIVE,
     threshold: float = THRESHOLD,
 ) -> Manifest:
@@ -36,9 +37,9 @@ def add_noise(
 
     Parameters
     ----------
-    source : Path
+    nodal : Path or str
         Nodal dataset.
-    folder : Path
+    out : Path or str
         Folder of the noisy dataset.
     seed : int
         Seed of γ, together with the sample number.
@@ -59,7 +60,7 @@ def add_noise(
         raise InputError(f"--threshold {threshold}: expected a positive number of newtons")
     if not 0 <= seed <= LARGEST_SEED:
         raise InputError(f"--seed {seed}: expected a number from 0 to {LARGEST_SEED}")
-    reader = DatasetReader(source, "nodal")
+    folder, reader = Path(out), DatasetReader(Path(nodal), "nodal")
     manifest = reader.manifest
     step: dict[str, Any] = {
         "name": "noise",

@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.structure.noise import add_noise
-from datagen.structure.reindexing import structure
+from datagen.transforms.noise import add_noise
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
@@ -23,7 +23,7 @@ SHARD = "shard-00000.h5"
 @pytest.fixture(scope="module")
 def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("noise") / "nodal"
-    run(read_case("beam2d_f1", samples=200), folder, MPI.COMM_SELF)
+    run(read_case("beam2d_f1", samples=200), folder, comm=MPI.COMM_SELF)
     return folder
 
 

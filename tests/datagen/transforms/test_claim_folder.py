@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.structure.noise import add_noise
-from datagen.structure.reindexing import structure
+from datagen.transforms.noise import add_noise
+from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import FolderLock
@@ -22,7 +22,7 @@ def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """40 shards, so that a step takes a while."""
     folder = tmp_path_factory.mktemp("data")
     case = read_case(str(write_case(folder, samples=400, shard_size=10)))
-    run(case, folder / "nodal", MPI.COMM_SELF)
+    run(case, folder / "nodal", comm=MPI.COMM_SELF)
     return folder / "nodal"
 
 

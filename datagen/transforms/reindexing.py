@@ -15,8 +15,8 @@ from datagen.discretisation.element import Element, element_kind
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
 from datagen.solver.stiffness import stiffness_of
-from datagen.structure.claim_folder import claim_folder, locked, remove_other_shards
-from datagen.structure.embedding import embed
+from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
+from datagen.transforms.embedding import embed
 from shared_schema.checker import require_intact
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
@@ -47,11 +47,12 @@ SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loa
 
 
 def structure(
-    source: Path,
-    folder: Path,
+    nodal: Path | str,
+    out: Path | str,
+    *,
     order: NodeOrder = "preferred",
     order_seed: int = 0,
-    shape: tuple[int, ...] | None = None,
+    grid: Sequence[int] | None = None,
 ) -> Manifest:
     """Lay a nodal dataset on the grid of its mesh, or on a grid embedded on the mesh.
 
@@ -61,17 +62,17 @@ def structure(
 
     Parameters
     ----------
-    source : Path
+    nodal : Path or str
         Nodal dataset.
-    folder : Path
+    out : Path or str
         Folder of the structured dataset: new, or written by this step from the same source.
     order : {"preferred", "gmsh", "random"}
         Order of the nodes on the grid points. Convolutions need the preferred order, in which
         neighbours in space are neighbours on the grid; the others are for the study of it.
     order_seed : int
         Seed of the random order.
-    shape : tuple of d ints, optional
-        Number of grid points along each axis; a shape embeds a grid on any mesh, even on one that
+    grid : sequence of d ints, optional
+        Number of grid points along each axis; it embeds a grid on any mesh, even on one that
         has a structured order.
 
     Raises
@@ -82,18 +83,19 @@ def structure(
     """
     if not 0 <= order_seed <= LARGEST_SEED:
         raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
+    source, folder = Path(nodal), Path(out)
     reader = DatasetReader(source, "nodal")
     manifest = reader.manifest
     settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    grid = _grid_of(reader, shape, order, order_seed)
-    made = _already_made(folder, manifest, grid, order, order_seed)
+    points = _grid_of(reader, None if grid is None else tuple(grid), order, order_seed)
+    made = _already_made(folder, manifest, points, order, order_seed)
     if made is not None:
         return made
     with locked(folder):
-        made = _already_made(folder, manifest, grid, order, order_seed)  # by a run just before
-        return made or _make(reader, folder, grid, order, order_seed, settings)
+        made = _already_made(folder, manifest, points, order, order_seed)  # by a run just before
+        return made or _make(reader, folder, points, order, order_seed, settings)
 
 
 def _settings(manifest: Manifest, source: str) -> DatasetSettings:

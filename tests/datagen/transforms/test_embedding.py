@@ -16,8 +16,8 @@ from datagen.farm.farm import run
 from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
-from datagen.structure.embedding import element_size, embed, locate, multilinear, shape_functions
-from datagen.structure.reindexing import nodal_forces_of, structure
+from datagen.transforms.embedding import element_size, embed, locate, multilinear, shape_functions
+from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.errors import InputError
@@ -166,7 +166,7 @@ def test_positions_are_found_in_their_cell(mesh: RawMesh) -> None:
 @pytest.fixture(scope="module")
 def plate_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plate") / "nodal"
-    run(read_case("plate2d", samples=24), folder, MPI.COMM_SELF)
+    run(read_case("plate2d", samples=24), folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -194,11 +194,11 @@ def test_structured_dataset_of_a_mesh_without_order(plate_dataset: Path, tmp_pat
 
 def test_a_grid_of_ones_own(plate_dataset: Path, tmp_path: Path) -> None:
     """Another shape is made again, the same is left alone."""
-    first = structure(plate_dataset, tmp_path / "grid", shape=(20, 9))
+    first = structure(plate_dataset, tmp_path / "grid", grid=(20, 9))
     assert first.structured is not None
     assert first.structured.grid_shape == (20, 9)
     before = (tmp_path / "grid" / "shard-00000.h5").stat().st_mtime_ns
-    assert structure(plate_dataset, tmp_path / "grid", shape=(20, 9)) == first
+    assert structure(plate_dataset, tmp_path / "grid", grid=(20, 9)) == first
     assert (tmp_path / "grid" / "shard-00000.h5").stat().st_mtime_ns == before
     assert structure(plate_dataset, tmp_path / "grid").structured != first.structured
     assert check_dataset(tmp_path / "grid") == []
@@ -207,9 +207,9 @@ def test_a_grid_of_ones_own(plate_dataset: Path, tmp_path: Path) -> None:
 def test_what_fits_no_embedded_grid(plate_dataset: Path, tmp_path: Path) -> None:
     for wrong, words in (
         ({"order": "random"}, "--order random: 302 nodes on a grid of"),
-        ({"order": "gmsh", "shape": (20, 9)}, "an embedded grid"),
-        ({"shape": (20,)}, "expected 2 numbers of grid points"),
-        ({"shape": (20, 1)}, "at least 2"),
+        ({"order": "gmsh", "grid": (20, 9)}, "an embedded grid"),
+        ({"grid": (20,)}, "expected 2 numbers of grid points"),
+        ({"grid": (20, 1)}, "at least 2"),
     ):
         with pytest.raises(InputError, match=words):
             structure(plate_dataset, tmp_path / "grid", **wrong)

@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.structure.noise import add_noise
-from datagen.structure.reindexing import nodal_forces_of, split, structure
+from datagen.transforms.noise import add_noise
+from datagen.transforms.reindexing import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
@@ -31,7 +31,7 @@ def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data") / "nodal"
     case = read_case("beam2d", samples=SAMPLES)
     small = case.dataset.model_copy(update={"shard_size": 20})
-    run(case.model_copy(update={"dataset": small}), folder, MPI.COMM_SELF)
+    run(case.model_copy(update={"dataset": small}), folder, comm=MPI.COMM_SELF)
     return folder
 
 
@@ -98,7 +98,7 @@ def test_split_and_statistics(structured: Path) -> None:
 def test_other_orders_are_exact_too(nodal: Path, tmp_path: Path, order: NodeOrder) -> None:
     """Other nodes on the grid points; back at the nodes the values are the same."""
     folder = tmp_path / order
-    info = structure(nodal, folder, order, 3).structured
+    info = structure(nodal, folder, order=order, order_seed=3).structured
     assert info is not None
     assert (info.order, info.order_seed) == (order, 3)
     assert check_dataset(folder) == []
@@ -153,7 +153,7 @@ def test_again_changes_nothing(nodal: Path, tmp_path: Path) -> None:
     shard.write_bytes(shard.read_bytes()[:-1])
     assert structure(nodal, folder).structured == first.structured
     assert check_dataset(folder) == []
-    assert structure(nodal, folder, "random", 1).structured != first.structured
+    assert structure(nodal, folder, order="random", order_seed=1).structured != first.structured
     assert check_dataset(folder) == []
 
 
@@ -221,7 +221,7 @@ def test_failed_load_cases_are_counted(tmp_path: Path) -> None:
     """They have no row, but the load cases of both datasets are the same number."""
     case = read_case("beam2d", samples=20)
     load = case.loads[0].model_copy(update={"range": (-300.0, 300.0)})
-    made = run(case.model_copy(update={"load": load}), tmp_path / "nodal", MPI.COMM_SELF)
+    made = run(case.model_copy(update={"load": load}), tmp_path / "nodal", comm=MPI.COMM_SELF)
     assert made.failed
     found = structure(tmp_path / "nodal", tmp_path / "structured")
     assert (found.samples, found.failed) == (made.samples, made.failed)

@@ -1,0 +1,247 @@
+"""One load case: solved, kept with all that is known of it, written to a file, drawn."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from datagen.cases.body import Body, make_body
+from datagen.cases.case import CaseSource, read_case
+from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.given_start import read_start, solve_from
+from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.stresses import CellStresses, reactions_of_supports
+from shared_schema.common.bodies.command_loads import (
+    CommandLoads,
+    LoadedBody,
+    Loads,
+    command_loads,
+)
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.solution_file import write_solution
+from shared_schema.material import Volumetric
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Solution:
+    """Equilibrium of a body under one load case.
+
+    Attributes
+    ----------
+    case : str
+        Name of the case.
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+        meshio's name.
+    force : array, (n_nodes, d)
+        Nodal forces in N, with those of pressures on the undeformed body and of moved groups.
+    displacement : array, (n_nodes, d)
+        In m.
+    reactions : array, (n_nodes, d)
+        Forces of the supports on the body in N, 0 elsewhere.
+    stresses : mapping of str to array, (n_cells, …)
+        Stresses and strain energy of the cells (`shared_schema.common.bodies.stress_fields`);
+        empty unless they were asked for.
+    report : SolveReport
+        Converged reason, load steps, Newton iterations and residual.
+    tolerance : float
+        On the norm of the residual, in N.
+    origin : str
+        Where Newton's method began: ``""`` without a given start, ``start``, or ``rest`` if the
+        start did not lead to the equilibrium.
+    unknowns : int
+        Number of unknowns.
+    linear_solver : str
+        Its name.
+    seconds : float
+        Time of the solve.
+    notes : tuple of str
+        Which nodes loads were moved to (`nearest`).
+    """
+
+    case: str
+    coordinates: Array
+    cells: NDArray[np.int64]
+    cell_type: str
+    force: Array
+    displacement: Array
+    reactions: Array
+    stresses: Mapping[str, Array]
+    report: SolveReport
+    tolerance: float
+    origin: str
+    unknowns: int
+    linear_solver: str
+    seconds: float
+    notes: tuple[str, ...]
+
+    @property
+    def largest_displacement(self) -> float:
+        """Largest displacement of a node in m."""
+        return float(np.linalg.norm(self.displacement, axis=1).max())
+
+    def __repr__(self) -> str:
+        """Say what was solved, and how."""
+        report = self.report
+        return (
+            f"<Solution of {self.case}: {len(self.coordinates)} nodes, largest displacement "
+            f"{self.largest_displacement:.6g} m, {report.load_steps} load steps, "
+            f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N>"
+        )
+
+    def save(self, path: Path | str) -> None:
+        """Write the fields to a file ``.npz``, ``.vtu`` or ``.xdmf``, as ``datagen solve`` does.
+
+        With stresses, the file holds the reactions and the fields of the cells as well.
+
+        Raises
+        ------
+        InputError
+            If the file name has another ending, or there is no such folder.
+        """
+        fields = {"force": self.force, "displacement": self.displacement}
+        if self.stresses:
+            fields["reaction"] = self.reactions
+        mesh = self.coordinates, self.cells, self.cell_type
+        write_solution(Path(path), *mesh, fields, self.stresses)
+
+    def plot(self) -> Figure:
+        """Draw the deformed body with its displacement and forces, over the undeformed one."""
+        from shared_schema.common.drawing.deformed_figure import deformed_figure
+
+        return deformed_figure(self, self.displacement, self.force)
+
+
+def solve(
+    case: CaseSource,
+    load: Loads = (),
+    *,
+    forces: Sequence[Path | str] = (),
+    move: Sequence[str] = (),
+    nearest: bool = False,
+    start: Path | str | Array | None = None,
+    stresses: bool = False,
+    volumetric: Volumetric | None = None,
+    changes: Sequence[str] = (),
+    trust: bool = False,
+) -> Solution:
+    """Solve one load case; every rank that calls it solves for itself.
+
+    Parameters
+    ----------
+    case, volumetric, changes, trust
+        As for `datagen.cases.case.read_case`.
+    load : str, sequence of str, or array (n_nodes, d)
+        Loads as ``--load`` takes them (`shared_schema.common.bodies.command_loads`), or nodal
+        forces in N.
+    forces : sequence of paths
+        Files of forces, ``.npz`` or ``.csv``, which act as well.
+    move : sequence of str
+        Prescribed displacements of groups, such as ``tip:0,-0.1``; ``-`` is a free component.
+    nearest : bool
+        Let forces beside a node act at the nearest one; the solution's `notes` say which.
+    start : path or array (n_nodes, d), optional
+        Displacement in m to start from, also of a file ``.npz``; by default the load is stepped up
+        from rest.
+    stresses : bool
+        Compute stresses as well.
+
+    Raises
+    ------
+    InputError
+        If the case, a load or the start is wrong or does not fit the mesh.
+    WorkError
+        If no equilibrium is found.
+    """
+    found = read_case(case, volumetric=volumetric, trust=trust, changes=changes)
+    given: CommandLoads | None = None
+
+    def driven(mesh: Mesh, held: NDArray[np.bool_]) -> CommandLoads:
+        nonlocal given
+        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, held, mesh.node_sets)
+        given = command_loads(body, load, [Path(path) for path in forces], move, nearest)
+        return given
+
+    body = make_body(found, MPI.COMM_SELF, driven)
+    assert given is not None
+    try:
+        return _solved(body, given, start, stresses)
+    finally:
+        body.problem.close()
+
+
+def _solved(
+    body: Body, given: CommandLoads, start: Path | str | Array | None, stresses: bool
+) -> Solution:
+    """Solve the body's problem, and collect the fields."""
+    problem, case, mesh = body.problem, body.case, body.mesh
+    said = "" if isinstance(start, np.ndarray) else f" '{start}'"
+    if start is not None and (given.surfaces or given.moved.any()):
+        raise InputError(f"--start{said}: expected forces only, no pressure or --move")
+    if stresses and case.element != "linear":
+        raise InputError(
+            f"--stresses: key 'element' = '{case.element}': expected 'linear', the only elements "
+            "whose stresses are computed"
+        )
+    if (warning := body.warning()) is not None:
+        logger.warning(warning)
+    nodes = np.flatnonzero(given.forces.any(axis=1))
+    load, origin = (nodes, given.forces[nodes]), ""
+    began = time.perf_counter()
+    if start is None:
+        drive = np.array(given.pressures), given.displacement
+        report = solve_load_case(problem, *load, case.solver, *drive)
+    else:
+        report, used = solve_from(_start(start, mesh), problem, *load, case.solver)
+        origin = "start" if used else "rest"
+    seconds = time.perf_counter() - began
+    if not report.solved:
+        raise WorkError(
+            f"no equilibrium found beyond {report.load_factor:.1%} of the load "
+            f"({report.explanation}; {report.cutbacks} cutbacks)"
+        )
+    displacement, tolerance = problem.displacement(), problem.tolerance()
+    grip = np.where(given.moved, problem.reactions(), 0.0)
+    return Solution(
+        case=case.name,
+        coordinates=mesh.coordinates,
+        cells=mesh.cells,
+        cell_type=mesh.cell_type,
+        force=given.at_rest + grip,
+        displacement=displacement,
+        reactions=reactions_of_supports(problem, body.held),
+        stresses=CellStresses(problem, case.materials, body.parts).fields() if stresses else {},
+        report=report,
+        tolerance=tolerance,
+        origin=origin,
+        unknowns=problem.size,
+        linear_solver=problem.linear_solver,
+        seconds=seconds,
+        notes=tuple(given.notes),
+    )
+
+
+def _start(start: Path | str | Array, mesh: Mesh) -> Array:
+    """Displacement to start from, (n_nodes, d)."""
+    if not isinstance(start, np.ndarray):
+        return read_start(Path(start), mesh.coordinates)
+    if start.shape != mesh.coordinates.shape:
+        raise InputError(f"start of shape {start.shape}: expected {mesh.coordinates.shape}")
+    return np.asarray(start, dtype=np.float64)
