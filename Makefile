@@ -130,8 +130,9 @@ dist: .venv-surrogate/.installed ## build wheels of the three distributions in d
 docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links
 	.venv-datagen/bin/python -m website.reference datagen
 	.venv-surrogate/bin/python -m website.reference surrogate
-	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --config-file website/mkdocs.yml
-	@echo "open build/site/index.html; with search: python3 -m http.server --directory build/site"
+	.venv-docs/bin/sphinx-build --quiet --fail-on-warning --keep-going -d build/doctrees \
+		-c website . build/site
+	@echo "open build/site/index.html"
 
 images: ## build the container images with Docker
 	REVISION=$$(git rev-parse HEAD) $(COMPOSE) build

@@ -16,7 +16,7 @@ PRINTED = (
     "`datagen schema` prints this list, and with `--format json` a JSON Schema for editors, which "
     "complete and check keys with it."
 )
-OUT = Path(__file__).parents[1] / "build" / "reference"
+OUT = Path(__file__).parents[1] / "docs" / "reference"
 
 
 def commands_page(program: str) -> str:

@@ -94,7 +94,7 @@ def table(results: Results) -> str:
     parts = [
         "# The load series without a network",
         "",
-        "Mean errors of the [load series](background/networks.md#load-series) in 10⁻³ m under "
+        "Mean errors of the [load series](../background/networks.md#load-series) in 10⁻³ m under "
         "loads of the test split, in parentheses\nthe median, by the order of the last term: of "
         "the sum of the terms, and of their combination with the least potential\nenergy. The "
         "time is that of "

@@ -138,7 +138,7 @@ def of_two_nodes() -> str:
     )
     return (
         f"Two nodes with a rank each reach {ratios} the rate of two ranks on one\nnode, without "
-        "options, over TCP ([two nodes](benchmark-two-nodes.md)).\n\n"
+        "options, over TCP ([two nodes](two-nodes.md)).\n\n"
     )
 
 

@@ -91,7 +91,7 @@ def table(results: Results) -> str:
     return (
         "# Two nodes\n\n"
         "`mpirun --hostfile` over two nodes, which are network namespaces of one machine joined by "
-        "a virtual cable\n([`tools/two_nodes.py`](../tools/two_nodes.py)), without options, "
+        "a virtual cable\n([`tools/two_nodes.py`](../../tools/two_nodes.py)), without options, "
         "compared with two ranks on one node. Rates are slopes\nbetween two numbers of samples, "
         f"timed alternately; medians of {results['rounds']} rounds, and the ratio of each round.\n"
         f"\n{rows}\n{footer(results)}"

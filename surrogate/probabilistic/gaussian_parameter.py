@@ -80,7 +80,7 @@ class GaussianParameter(nn.Module):
         return (0.5 * (offset.square() - noise.square()) - ratio.log()).sum()
 
     def draw(self, generators: Sequence[torch.Generator]) -> Tensor:
-        """Draw independent weights, one sample for each generator of the CPU: (passes, *shape)."""
+        """Draw independent weights, one sample for each generator of the CPU, (passes, …)."""
         noise = torch.empty(len(generators), *self.mean.shape)
         for sample, generator in zip(noise, generators, strict=True):
             sample.normal_(generator=generator)

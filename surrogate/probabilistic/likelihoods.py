@@ -9,8 +9,8 @@ variational_bayes   the same with probabilistic weights: negative evidence lower
 ==================  ===============================================================================
 
 Beyond the paper, the errors of the last two may have Laplace's distribution of standard deviation σ
-in place of the Gaussian: its logarithm grows with |u − μ|, as the mean absolute error does, so that
-a few large errors do not outweigh all others.
+in place of the Gaussian: its logarithm grows with the size of u − μ, as the mean absolute error
+does, so that a few large errors do not outweigh all others.
 
 Every loss is divided by the number of data (samples times components), and displacements are
 divided by their root mean square, so that losses of different cases are comparable; the minimiser
@@ -52,7 +52,7 @@ def output_channels(likelihood: Likelihood, dimension: int) -> int:
 
 
 def deterministic_loss(loss: Loss, predicted: Tensor, reference: Tensor, unit: Tensor) -> Tensor:
-    """Mean over samples and components of ((U − u) / unit)² or |U − u| / unit.
+    """Mean over samples and components of ((U − u) / unit)² or ``|U − u|`` / unit.
 
     Parameters
     ----------

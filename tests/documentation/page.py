@@ -80,6 +80,8 @@ def blocks_of(path: Path) -> Document:
 
 def _regions(document: Document) -> Iterator[Region]:
     for region in RawFencedCodeBlockLexer(INFO)(document):
+        if region.lexemes["info"].startswith("{"):
+            continue  # a directive for Sphinx
         info = TITLE.match(region.lexemes["info"].strip())
         assert info is not None, f"{document.path}: {region.lexemes['info']}"
         before = COMMENTS.search(document.text[: region.start])

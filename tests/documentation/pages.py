@@ -17,7 +17,13 @@ ELSEWHERE = (
     "docker/README.md",
     "shared_schema/README.md",
 )
-PAGES = sorted([*(ROOT / name for name in ELSEWHERE), *(ROOT / "docs").rglob("*.md")])
+MADE = ("-commands.md", "-keys.md")  # by `make docs`, from the programs
+PAGES = sorted(
+    [
+        *(ROOT / name for name in ELSEWHERE),
+        *(path for path in (ROOT / "docs").rglob("*.md") if not path.name.endswith(MADE)),
+    ]
+)
 
 
 def runnable() -> list[Any]:

@@ -92,7 +92,7 @@ def cell_gradients(
     gradients : array, (n_cells, n_points, n_corners, d)
         ∂N_b/∂x_j in 1/m.
     volumes : array, (n_cells, n_points)
-        Quadrature weight times |det ∂x/∂ξ|, in m³ (in the plane m², per m of thickness).
+        Quadrature weight times ``|det ∂x/∂ξ|``, in m³ (in the plane m², per m of thickness).
     """
     points, weights = quadrature(cell_type)
     gradients, determinants = gradients_at(coordinates, cells, cell_type, points)
