@@ -69,7 +69,7 @@ def _parser() -> Parser:
 
 def _config_names() -> list[str]:
     from shared_schema.common.shipped_files import names_in
-    from surrogate.runs.run_config import SHIPPED
+    from surrogate.runs.recipes import SHIPPED
 
     return names_in(SHIPPED)
 

@@ -36,7 +36,6 @@ from experiments.benchmarks.publication import (
 )
 from experiments.framework.scale import merged
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.configuration import read_named
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.certify.fast_certificate import fast_estimate
 from surrogate.certify.proposal import farthest
@@ -47,7 +46,8 @@ from surrogate.inference.prediction import Surrogate
 from surrogate.models.model import TrainedModel
 from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import SHIPPED, run_config
+from surrogate.runs.recipes import read_recipe
+from surrogate.runs.run_config import run_config
 from surrogate.training.refine import refine
 from surrogate.training.train import train
 
@@ -146,7 +146,7 @@ def trained(
     options: argparse.Namespace, dataset: Dataset, seed: int, name: str, rows: Rows
 ) -> Results:
     """Train a network on some samples, unless that has been done."""
-    content, _ = read_named(options.config, SHIPPED, "config")
+    content, _ = read_recipe(options.config, dataset)
     training: dict[str, float] = {"validation_fraction": 0.0, "calibration_fraction": 0.0}
     if "epochs" in content["training"]:  # else it is fitted directly
         training["epochs"] = max(1, round(options.sample_epochs / len(rows)))

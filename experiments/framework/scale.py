@@ -17,7 +17,8 @@ from shared_schema.manifest import NodeOrder
 from surrogate.inference.prediction import MOST_PASSES, PASSES
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.run_config import SHIPPED, run_config
+from surrogate.runs.recipes import read_recipe
+from surrogate.runs.run_config import run_config
 
 SCALES = Path(__file__).parents[1] / "scales"
 
@@ -173,7 +174,7 @@ class Scale(Frozen):
             If there is no such configuration, or a change does not fit into it.
         """
         spec = self.runs[run]
-        content, source = read_named(spec.config, SHIPPED, "config")
+        content, source = read_recipe(spec.config)
         content["case"] = self.case_of(spec.data)
         if spec.change:
             content = merged(content, {"name": run, "recipe": "custom", **spec.change})

@@ -22,7 +22,7 @@ def add_to(commands: Commands) -> None:
         "surrogate learn-curve beam2d_any-det-fast --data data/beam2d_any/structured "
         "--samples 500,1000,2000 --goal 1e-4 --out runs/curve",
     )
-    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
+    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a recipe")
     parser.add_argument(
         "--data", type=Path, required=True, metavar="DIR", help="structured dataset"
     )
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.figures.learning_curve_figure import learning_curve_figure
     from surrogate.runs.run_config import read_config
 
-    config, out = read_config(options.config, options.changes), options.out
+    config, out = read_config(options.config, options.changes, options.data), options.out
     require_writable(out)
     device = choose_device(options.device)
     points = learning_curve(config, options.data, out, options.samples, device)

@@ -22,7 +22,7 @@ def add_to(commands: Commands) -> None:
         "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d "
         "--set training.epochs=100",
     )
-    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a shipped one")
+    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a recipe")
     parser.add_argument(
         "--data",
         type=Path,
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.training.dry_run import dry_run
     from surrogate.training.train import stays_on_disk, train
 
-    config = read_config(options.config, options.changes)
+    config = read_config(options.config, options.changes, options.data)
     if options.dry_run:
         data = read_datasets(options.data, on_disk=stays_on_disk(config))
         print(laid_out(dry_run(config, data, choose_device(options.device)).rows()))

@@ -1,15 +1,17 @@
-"""The table of the configurations that come with the package."""
+"""The table of the recipes that come with the package."""
 
 from __future__ import annotations
 
 from shared_schema.common.shipped_files import shipped_files
 from shared_schema.common.text_table import laid_out
-from surrogate.runs.run_config import SHIPPED, run_config
+from surrogate.runs.recipes import SHIPPED, named
+from surrogate.runs.run_config import run_config
 
 
 def config_list() -> str:
-    """Lay out name, architecture and one line of every shipped configuration."""
+    """Lay out name, architecture and one line of every recipe."""
     rows = [("configuration", "model", "")]
     for name, content, line in shipped_files(SHIPPED):
-        rows.append((name, run_config(content, name).architecture, line))
+        config = run_config(named(content, "CASE", name), name)
+        rows.append((name, config.architecture, line))
     return laid_out(rows)

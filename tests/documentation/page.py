@@ -30,6 +30,7 @@ import yaml
 from sybil import Document, Example, Region
 from sybil.parsers.markdown.lexers import RawFencedCodeBlockLexer
 
+from surrogate.runs.recipes import read_recipe
 from surrogate.runs.run_config import run_config
 from tests.end_to_end.commands import DATAGEN, ENVIRONMENT, ROOT, SURROGATE
 
@@ -39,7 +40,7 @@ COMMENT = re.compile(
     r"<!-- (?P<name>not run|shortened|prepared|merged into|exit code): (?P<value>.+?) -->"
 )
 TITLE = re.compile(r'^(?P<language>\w*)(?: title="(?P<title>[^"]+)")?$')
-CONFIGS = (ROOT / "surrogate" / "configs", ROOT / "datagen" / "configs")
+CASES = ROOT / "datagen" / "configs"
 
 
 @dataclass(frozen=True)
@@ -125,10 +126,11 @@ def _shell(commands: str, code: int) -> None:
 
 def _merged(source: str, name: str) -> str:
     """Put keys into a shipped configuration or case; a configuration is validated."""
-    path = next(folder / f"{name}.yaml" for folder in CONFIGS if (folder / f"{name}.yaml").exists())
-    content = _updated(yaml.safe_load(path.read_text()), yaml.safe_load(source))
-    if path.parent == CONFIGS[0]:
-        run_config(content, source)
+    case = CASES / f"{name}.yaml"
+    if case.is_file():
+        return yaml.safe_dump(_updated(yaml.safe_load(case.read_text()), yaml.safe_load(source)))
+    content = _updated(read_recipe(name)[0], yaml.safe_load(source))
+    run_config(content, source)
     return yaml.safe_dump(content)
 
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from shared_schema.stiffness import STIFFNESS_FILE
+from surrogate.runs.recipes import read_recipe
 from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 
 
@@ -21,7 +22,7 @@ def test_tiny_loads_are_linear_elasticity(tmp_path: Path) -> None:
     case["solver"] = {"tolerance": 1e-10}
     case["dataset"] |= {"samples": 40}
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(case))
-    config = yaml.safe_load((ROOT / "surrogate/configs/beam2d-linear-fast.yaml").read_text())
+    config, _ = read_recipe("beam2d-linear-fast")
     config["training"] = {"epochs": 1, "optimiser": {"learning_rate": 1e-12}}
     (tmp_path / "linear.yaml").write_text(yaml.safe_dump(config))
     nodal, grid, run = tmp_path / "nodal", tmp_path / "grid", tmp_path / "run"

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.end_to_end.commands import DATAGEN, MPIRUN, ROOT, SURROGATE, execute
+from surrogate.runs.recipes import read_recipe
+from tests.end_to_end.commands import DATAGEN, MPIRUN, SURROGATE, execute
 
 
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_plate_with_holes(tmp_path: Path) -> None:
     """After a short training, a prediction differs from the solution by less than 15 %."""
-    config = yaml.safe_load((ROOT / "surrogate" / "configs" / "plate2d-det-fast.yaml").read_text())
+    config, _ = read_recipe("plate2d-det-fast")
     config["network"] |= {"channels": 12}
     config["training"] |= {"epochs": 30}
     (tmp_path / "short.yaml").write_text(yaml.safe_dump(config))

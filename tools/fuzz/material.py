@@ -193,7 +193,8 @@ def make_material(folder: Path, workers: dict[str, Worker]) -> Material:
     case = yaml.safe_load((ROOT / "datagen/configs/beam2d.yaml").read_text())
     case["dataset"] |= {"samples": 12, "shard_size": 5, "test_fraction": 0.25}
     (folder / "case.yaml").write_text(yaml.safe_dump(case))
-    config = yaml.safe_load((ROOT / "surrogate/configs/beam2d-det-fast.yaml").read_text())
+    config = yaml.safe_load((ROOT / "surrogate/configs/det-fast.yaml").read_text())
+    config |= {"name": "fuzz", "case": "beam2d"}
     config["network"] |= {"levels": 2, "channels": 2}
     config["training"] |= {"epochs": 3, "batch_size": 4, "validation_fraction": 0.2}
     config["training"] |= {"calibration_fraction": 0.2}

@@ -17,7 +17,7 @@ from experiments.framework.scale import Scale, read_scale
 from experiments.framework.studies_report import PAGE
 from experiments.framework.study_record import Claim
 from shared_schema.common.errors import InputError
-from surrogate.runs.run_config import SHIPPED
+from surrogate.runs.recipes import read_recipe
 
 
 @pytest.mark.parametrize("name", ["smoke", "plane", "space", "laptop", "day"])
@@ -107,7 +107,7 @@ def test_the_whole_report(resources: Resources, tmp_path: Path) -> None:
         record = json.loads((tmp_path / f"{study.name}.json").read_text())
         assert record["findings"]["tables"], study.name
         for run in record["runs"].values():
-            assert (SHIPPED / f"{run['config']}.yaml").is_file()
+            assert read_recipe(run["config"])
             assert run["seed"] == 0
             assert len(run["fingerprint"]) == 64
         for figure in record["findings"]["captions"]:

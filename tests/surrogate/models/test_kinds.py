@@ -9,7 +9,8 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.models.kinds import KINDS
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.run_config import SHIPPED, read_config, run_config
+from surrogate.runs.run_config import read_config, run_config
+from tests.surrogate.recipe_names import NAMES
 from tests.surrogate.unet_configs import shipped_unet
 
 BASELINES = ("linear", "pod", "gp", "dropout", "ensemble")
@@ -70,7 +71,7 @@ def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
 
 
 def test_every_kind_is_chosen_by_a_shipped_configuration() -> None:
-    configs = [read_config(path.stem) for path in SHIPPED.glob("*.yaml")]
+    configs = [read_config(name) for name in NAMES]
     assert {type(config) for config in configs} == set(KINDS.values())
 
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from shared_schema.common.configuration import read_yaml
 from surrogate.command_line import main
 from surrogate.runs.config_schema import config_keys, config_schema
-from surrogate.runs.run_config import SHIPPED
+from surrogate.runs.recipes import SHIPPED, named, read_recipe
 
 SCHEMA = config_schema()
 KEYS = config_keys()
@@ -37,11 +37,11 @@ def test_kinds_of_model_are_named() -> None:
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_configurations_are_valid(path: Path) -> None:
-    Draft202012Validator(SCHEMA).validate(read_yaml(path))
+    Draft202012Validator(SCHEMA).validate(named(read_yaml(path), "case", path.stem))
 
 
 def test_wrong_configurations_are_not() -> None:
-    validator, content = Draft202012Validator(SCHEMA), read_yaml(SHIPPED / "beam2d-det-fast.yaml")
+    validator, (content, _) = Draft202012Validator(SCHEMA), read_recipe("beam2d-det-fast")
     for change in (
         {"seed": -1},
         {"seeds": 1},

@@ -8,19 +8,12 @@ import yaml
 from shared_schema.common.errors import InputError
 from surrogate.models.training_config import DeterministicTraining
 from surrogate.probabilistic.flipout import VariationalConvolutions
-from surrogate.runs.run_config import SHIPPED, read_config, run_config
+from surrogate.runs.run_config import read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
 PLAIN = "name: a\ncase: b\n"
 MLE = "name: a\ncase: b\nlikelihood: maximum_likelihood"
 BAYES = "name: a\ncase: b\nlikelihood: variational_bayes\nvariational"
-
-
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
-def test_shipped_configurations_are_valid_and_named_as_their_files(path: Path) -> None:
-    config = read_config(path.stem)
-    assert config.name == path.stem
-    assert config.case == path.stem.split("-")[0]
 
 
 def test_recipe_of_the_paper() -> None:

@@ -20,7 +20,7 @@ from surrogate.command_line import main
 from surrogate.figures.trained_list import Row
 from surrogate.runs import shelf
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import SHIPPED
+from surrogate.runs.recipes import SHIPPED
 from surrogate.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
 
 PACKAGE = Path(surrogate.__file__).parent
@@ -118,7 +118,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert f"{evaluation['test']['mean_error']:.2e} m" in line
     _, *lines = configurations.splitlines()
     assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
-    (line,) = (line for line in lines if line.startswith("beam2d-det-fast "))
+    (line,) = (line for line in lines if line.startswith("det-fast "))
     assert "U-Net, 3 levels, c = 32" in line
     assert line.endswith("Our recipe for two CPU cores")
 
