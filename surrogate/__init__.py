@@ -3,11 +3,65 @@
 >>> import surrogate
 >>> model = surrogate.load("beam2d_any")  # or a run folder  # doctest: +SKIP
 >>> displacement = model.predict(forces)                # doctest: +SKIP
+>>> solution = model.solve("4,1:0,-1.5", certify="full", tolerance=1e-3)  # doctest: +SKIP
+>>> solution.save("beam.vtu")                           # doctest: +SKIP
+
+Names are imported at their first use, so that a prediction loads no code of the training.
 """
 
-from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
-from surrogate.inference.training_range import OutsideTrainingWarning
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from surrogate.figures.config_list import config_list
+    from surrogate.figures.trained_list import trained_list
+    from surrogate.inference.export import export
+    from surrogate.inference.loading import load
+    from surrogate.inference.proposal import Proposal, propose
+    from surrogate.inference.solution import Solution
+    from surrogate.inference.surrogate import Surrogate
+    from surrogate.inference.training_range import OutsideTrainingWarning
+    from surrogate.page.page import write_page
+    from surrogate.runs.shelf import shelve, shelved
 
 __version__ = "0.2.0"
-__all__ = ["OutsideTrainingWarning", "Surrogate", "load"]
+__all__ = [
+    "OutsideTrainingWarning",
+    "Proposal",
+    "Solution",
+    "Surrogate",
+    "config_list",
+    "export",
+    "load",
+    "propose",
+    "shelve",
+    "shelved",
+    "trained_list",
+    "write_page",
+]
+_MODULES = {  # where each name is
+    "OutsideTrainingWarning": "inference.training_range",
+    "Proposal": "inference.proposal",
+    "Solution": "inference.solution",
+    "Surrogate": "inference.surrogate",
+    "config_list": "figures.config_list",
+    "export": "inference.export",
+    "load": "inference.loading",
+    "propose": "inference.proposal",
+    "shelve": "runs.shelf",
+    "shelved": "runs.shelf",
+    "trained_list": "figures.trained_list",
+    "write_page": "page.page",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name at its first use."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'surrogate' has no attribute '{name}'")
+    return getattr(import_module(f"surrogate.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """Public names, for completion."""
+    return sorted({*globals(), *__all__})

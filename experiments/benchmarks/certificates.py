@@ -37,13 +37,10 @@ from experiments.beyond.certified_samples import SETTLED, settled
 from shared_schema.common.drawing.figure_style import make_figure, save, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.certify.certificate import Certificate
-from surrogate.certify.fast_certificate import fit_fast_certificate, load_fast_certificate
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.random_loads import random_loads
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
-from surrogate.figures.field_figures import add_field
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.shelf import find_run
+from surrogate.inference.calibration import fit_fast_certificate
 
 Array = NDArray[np.float64]
 LOADS = 300  # of every kind
@@ -152,9 +149,8 @@ def fast(
 
     The certificate is that of the run's folder, or fitted where there is none.
     """
-    kept = RunFolder(find_run(run)).fast_certificate
-    if kept.is_file():
-        found = load_fast_certificate(model, kept)
+    if model.run.fast_certificate.is_file():
+        found = model.fast_certificate
     else:
         found = fit_fast_certificate(model, dataset, 1, 0)
     predicted = model.predict(force)
@@ -199,7 +195,7 @@ def draw(
     }
     for position, (label, values) in zip((131, 132, 133), fields.items(), strict=True):
         drawing = make_drawing(figure, model.geometry, position)
-        add_field(drawing, x + predicted[shown], values, label)
+        drawing.coloured(x + predicted[shown], values, label)
         drawing.finish()
     save(figure, path)
 

@@ -37,12 +37,11 @@ from experiments.benchmarks.publication import (
 from experiments.framework.scale import merged
 from shared_schema.common.atomic_file import write_text
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.certify.fast_certificate import fast_estimate
-from surrogate.certify.proposal import farthest
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.proposal import farthest
+from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import TrainedModel
 from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder
@@ -176,7 +175,7 @@ def worst(surrogate: Surrogate, dataset: Dataset, rows: Rows, count: int) -> Row
     """Choose places among some rows of the training split, as `surrogate propose` does."""
     force = dataset.nodal_train(torch.from_numpy(rows)).force
     predicted = surrogate.predict_distribution(force).mean
-    error = fast_estimate(surrogate)(force, predicted)
+    error = surrogate.fast_estimate(force, predicted)
     error = np.where(np.isfinite(error), error, predicted)
     return farthest(error.reshape(len(rows), -1).astype(np.float32), count)
 

@@ -42,9 +42,10 @@ from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import NodalFunction, export
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import PASSES, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.unet import UNetConfig, parameter_count
 from surrogate.probabilistic.likelihoods import Likelihood
+from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.description import DataFingerprint, RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
@@ -188,7 +189,7 @@ def by_onnx(run: RunFolder, passes: int | None, force: Array) -> Work:
     import onnxruntime
 
     path = run.folder / "model.onnx"
-    export(run.folder, "onnx", path, passes)
+    export(run.folder, path, format="onnx", passes=passes)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = torch.get_num_threads()
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])

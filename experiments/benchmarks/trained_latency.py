@@ -61,7 +61,7 @@ def solve(case: str, samples: int, folder: Path) -> tuple[Array, Array]:
 def by_onnx(run: Path, folder: Path) -> Predict:
     """Make a function that predicts one load with the exported file."""
     path = folder / "model.onnx"
-    export(run, "onnx", path)
+    export(run, path, format="onnx")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = torch.get_num_threads()
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])

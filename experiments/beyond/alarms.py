@@ -21,9 +21,8 @@ from shared_schema.common.errors import WorkError
 from shared_schema.material import NeoHookean
 from surrogate.certify.certificate import Certificate, certify
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_certificate import fast_estimate
 from surrogate.data.random_loads import RandomLoads
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -84,7 +83,7 @@ def judge(
         "out-of-balance force over load": found.out_of_balance,
     }
     if equilibrium is None:
-        scores["fast estimate over displacement"] = norms(fast_estimate(surrogate)(force, u)) / (
+        scores["fast estimate over displacement"] = norms(surrogate.fast_estimate(force, u)) / (
             norms(u)
         )
     if surrogate.is_probabilistic:

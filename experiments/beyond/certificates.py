@@ -31,8 +31,8 @@ from experiments.framework.timing import median_seconds
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.common.errors import InputError
 from surrogate.certify.certificate import certify
-from surrogate.certify.fast_certificate import fit_fast_certificate
 from surrogate.evaluation.error_metrics import sample_errors
+from surrogate.inference.calibration import fit_fast_certificate
 from surrogate.inference.training_range import OutsideTrainingWarning
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from experiments.framework.study_record import Claim, Table
 from surrogate.certify.certificate import certify
 from surrogate.certify.correction import correct
 from surrogate.evaluation.error_metrics import sample_errors
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 
 Array = NDArray[np.float64]
 SAMPLES = {2: 300, 3: 60}  # of the test split, by the dimension of the body

@@ -14,8 +14,8 @@ from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.evaluation.extrapolation import BAND
-from surrogate.inference.prediction import Distribution
 from surrogate.probabilistic.calibration import half_width
+from surrogate.probabilistic.distribution import Distribution
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,13 +14,15 @@ from experiments.framework.study_record import DatasetRecord, RunRecord
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Kind
 from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
-from surrogate.certify.fast_certificate import FastCertificate, fit_fast_certificate
+from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
+from surrogate.inference.calibration import fit_fast_certificate
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.unet import parameter_count
+from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 

@@ -14,9 +14,9 @@ from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import NodeOrder
-from surrogate.inference.prediction import MOST_PASSES, PASSES
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
+from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES
 from surrogate.runs.recipes import read_recipe
 from surrogate.runs.run_config import run_config
 

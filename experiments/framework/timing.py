@@ -14,7 +14,7 @@ from pydantic import Field
 
 from shared_schema.common.configuration import Frozen
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 
 Array = NDArray[np.float64]
 

@@ -33,9 +33,10 @@ from surrogate.data.dataset import Dataset
 from surrogate.device import Precision, convolutions
 from surrogate.inference.export import NodalFunction
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import PASSES, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.likelihoods import Likelihood
+from surrogate.probabilistic.stochastic_passes import PASSES
 
 BATCHES = (1, 4, 16, 64, 256, 1024, 4096)
 LARGEST_IN_SPACE = 256

@@ -20,7 +20,7 @@ from surrogate.evaluation.error_metrics import measure as measure_errors
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.figures.mesh_figures import meshes_and_errors
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"

@@ -24,7 +24,7 @@ from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.shown_sample import find_example
 from surrogate.figures.field_figures import error_beside_uncertainty
-from surrogate.inference.prediction import Distribution
+from surrogate.probabilistic.distribution import Distribution
 
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"

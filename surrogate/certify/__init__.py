@@ -1,1 +1,33 @@
-"""Calibration of predicted uncertainty: scores, conformal intervals, recalibration."""
+"""Certification of predictions: how wrong one is, and the equilibrium nearby.
+
+==================  ===========================================================================
+`certificate`       the full certificate: the error by Newton steps from the prediction
+`fast_certificate`  the fast one: a bound that holds with some probability, in real time
+`fast_estimate`     the estimate that the fast certificate calibrates: conjugate gradients
+`conformal`         intervals of every component that hold with some probability
+`correction`        Newton's method from the prediction to the equilibrium
+==================  ===========================================================================
+
+Both certificates of one prediction are an `ErrorCertificate`: an estimated error, a summary, and
+the reason why a tolerance is not kept.
+"""
+
+from surrogate.certify.certificate import Certificate, certify
+from surrogate.certify.conformal import ConformalCalibration, Intervals
+from surrogate.certify.correction import Correction, correct
+from surrogate.certify.error_certificate import ErrorCertificate
+from surrogate.certify.fast_certificate import Bounds, FastCertificate
+from surrogate.certify.fast_estimate import FastEstimate
+
+__all__ = [
+    "Bounds",
+    "Certificate",
+    "ConformalCalibration",
+    "Correction",
+    "ErrorCertificate",
+    "FastCertificate",
+    "FastEstimate",
+    "Intervals",
+    "certify",
+    "correct",
+]

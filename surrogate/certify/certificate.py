@@ -1,4 +1,4 @@
-r"""Certificates: how wrong a predicted displacement is, computed without the true one.
+r"""Full certificates: the error of a predicted displacement, computed without the true one.
 
 The forces of a prediction u are out of balance by r(u), and one step of Newton's method with one
 simplified step after it estimate its error to third order:
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.certify.correction import searched
+from surrogate.certify.error_certificate import millimetres
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -58,14 +59,12 @@ class Certificate:
     @property
     def mean_error(self) -> Array:
         """Mean absolute component of the estimated error in m, as the paper's measure e_m."""
-        result: Array = np.abs(self.error).mean(axis=(-2, -1))
-        return result
+        return np.asarray(np.abs(self.error).mean(axis=(-2, -1)))
 
     @property
     def max_error(self) -> Array:
         """Largest length of the estimated error of a node in m."""
-        result: Array = np.linalg.norm(self.error, axis=-1).max(axis=-1)
-        return result
+        return np.asarray(np.linalg.norm(self.error, axis=-1).max(axis=-1))
 
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
         """True where `max_error` is at most `tolerance` in m, and `settled`."""
@@ -103,7 +102,8 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
         wholly an error.
     """
     shape = predicted.shape
-    f, u = (field.reshape(-1, *shape[-2:]) for field in (forces, predicted))
+    f = forces.reshape(-1, *shape[-2:])
+    u = predicted.reshape(-1, *shape[-2:])
     held = np.where(equilibrium.free, u, 0.0)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
@@ -147,10 +147,5 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
 
 def _ratio(part: Array, whole: Array) -> Array:
     """Quotient of non-negative numbers, 0 if both are 0."""
-    result: Array = np.where(part == 0, 0.0, np.inf)
-    return np.divide(part, whole, out=result, where=whole > 0)
-
-
-def millimetres(metres: float) -> str:
-    """Write a length."""
-    return f"{metres * 1e3:.3g} mm"
+    limit = np.where(part == 0, 0.0, np.inf)
+    return np.divide(part, whole, out=limit, where=whole > 0)

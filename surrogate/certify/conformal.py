@@ -31,15 +31,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
 
+from shared_schema.common.errors import InputError, first_line
 from surrogate.probabilistic.calibration import require_positive
+from surrogate.runs.tensor_file import load_tensors, serialised
 
 Array = NDArray[np.float64]
 Kind = Literal["marginal", "simultaneous"]
+KINDS: tuple[Kind, ...] = ("marginal", "simultaneous")
 
 ROUNDING = 1e-9  # (n + 1)(1 − α) above a whole number by less than this is taken as that number
 
@@ -65,8 +70,7 @@ def conformal_quantile(scores: Array, level: float) -> Array:
         raise ValueError(
             f"{n} calibration samples, expected at least {samples_needed(level)} for level {level}"
         )
-    result: Array = np.partition(scores, k - 1, axis=0)[k - 1]
-    return result
+    return np.asarray(np.partition(scores, k - 1, axis=0)[k - 1])
 
 
 @dataclass(frozen=True)
@@ -129,3 +133,87 @@ class ConformalCalibration:
         """Return both ends μ ∓ qσ of the intervals in m, (..., n_nodes, d); `std` as in `fit`."""
         half = self.factor * np.asarray(std, dtype=np.float64)
         return mean - half, mean + half
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Conformal intervals of one level, of both kinds.
+
+    Attributes
+    ----------
+    level : float
+        Nominal coverage 1 − α.
+    samples : int
+        Number of calibration samples.
+    calibrations : dict
+        Fitted factors by kind.
+    """
+
+    level: float
+    samples: int
+    calibrations: dict[Kind, ConformalCalibration]
+
+    def bounds(self, kind: Kind, mean: Array, std: ArrayLike) -> tuple[Array, Array]:
+        """Return both ends of the intervals in m, (..., n_nodes, d); `std` as in their fit."""
+        return self.calibrations[kind].interval(mean, std)
+
+    def measures(
+        self, mean: Array, std: ArrayLike, reference: Array, free: NDArray[np.bool_]
+    ) -> dict[str, Any]:
+        """Measure coverage and mean width on other samples.
+
+        Parameters
+        ----------
+        mean, reference : array, (M, n_nodes, d)
+            Predicted and true displacements in m.
+        std : array, (M, n_nodes, d), or 1.0
+            As in `ConformalCalibration.fit`.
+        free : array of bool, (n_nodes,)
+            Nodes that are not clamped.
+
+        Returns
+        -------
+        dict
+            Plain data, by kind: ``width`` is the mean width in m; ``coverage`` is the share of the
+            free components for marginal intervals, of whole samples for simultaneous ones.
+        """
+        content: dict[str, Any] = {"level": self.level, "samples": self.samples}
+        for kind in KINDS:
+            lower, upper = self.bounds(kind, mean, std)
+            inside = ((lower <= reference) & (reference <= upper))[:, free]
+            covered = inside if kind == "marginal" else inside.all(axis=(1, 2))
+            content[kind] = {
+                "coverage": float(covered.mean()),
+                "width": float((upper - lower)[:, free].mean()),
+            }
+        return content
+
+    def serialised(self) -> bytes:
+        """Content of a file of the intervals, which `read` reads."""
+        factors = {str(kind): fitted.factor for kind, fitted in self.calibrations.items()}
+        tensors = {kind: torch.from_numpy(factor) for kind, factor in factors.items()}
+        return serialised(tensors, {"level": repr(self.level), "samples": str(self.samples)})
+
+    @classmethod
+    def read(cls, path: Path) -> Intervals:
+        """Read a file of `serialised`.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or damaged.
+        """
+        if not path.is_file():
+            raise InputError(
+                f"{path}: no conformal intervals in the run, expected them from 'surrogate "
+                "evaluate RUN --data DIR --conformal LEVEL'"
+            )
+        tensors, metadata = load_tensors(path)
+        try:
+            level, samples = float(metadata["level"]), int(metadata["samples"])
+            calibrations = {
+                kind: ConformalCalibration(level, kind, tensors[kind].numpy()) for kind in KINDS
+            }
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path}: not conformal intervals ({first_line(error)})") from None
+        return cls(level, samples, calibrations)

@@ -34,13 +34,9 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from surrogate.certify.certificate import millimetres
 from surrogate.certify.conformal import conformal_quantile
+from surrogate.certify.error_certificate import millimetres
 from surrogate.certify.fast_estimate import FastEstimate
-from surrogate.data.dataset import Dataset
-from surrogate.data.elements_of_case import require_linear_elements
-from surrogate.inference.prediction import Surrogate
-from surrogate.runs.split import split_training
 from surrogate.runs.tensor_file import load_tensors, serialised
 
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
@@ -63,12 +59,15 @@ class Bounds:
         Probability 1 − α.
     mean, largest : float
         Bounds of the mean absolute component and of the largest error of a node in m.
+    half_width : array, (n_nodes, d), or None
+        Half widths in m of the intervals of all components, which hold the share `level`.
     """
 
     error: Array
     level: float
     mean: float
     largest: float
+    half_width: Array | None = None
 
     def summary(self) -> str:
         """Describe the bounds in a line."""
@@ -147,8 +146,7 @@ class FastCertificate:
         Components that cannot move are left out.
         """
         half, moves = self.half_widths(self.estimate(force, predicted), std, level), std.any(axis=0)
-        inside: Array = (np.abs(predicted - truth) <= half)[:, moves].mean(axis=1)
-        return inside
+        return np.asarray((np.abs(predicted - truth) <= half)[:, moves].mean(axis=1))
 
     def factor(self, level: float, measure: str = "mean") -> float:
         """Return q of a level 1 − α.
@@ -176,8 +174,19 @@ class FastCertificate:
         """
         return {name: self.factor(level, name) * e for name, e in sizes(error).items()}
 
-    def certify(self, forces: Array, predicted: Array, level: float) -> Bounds:
-        """Bound the error of one prediction, (n_nodes, d) in N and m.
+    def certify(
+        self, forces: Array, predicted: Array, level: float, std: Array | None = None
+    ) -> Bounds:
+        """Bound the error of one prediction.
+
+        Parameters
+        ----------
+        forces, predicted : array, (n_nodes, d)
+            In N and m.
+        level : float
+            Probability 1 − α of each bound.
+        std : array, (n_nodes, d), optional
+            Predicted standard deviations in m, which intervals of single components need.
 
         Raises
         ------
@@ -186,7 +195,10 @@ class FastCertificate:
         """
         error = self.estimate(forces[None], predicted[None])
         found = {name: float(bound[0]) for name, bound in self.bounds(error, level).items()}
-        return Bounds(error[0], level, **found)
+        half = None
+        if std is not None and self.knows_components:
+            half = self.half_widths(error, std[None], level)[0]
+        return Bounds(error[0], level, **found, half_width=half)
 
     def measures(
         self, force: Array, predicted: Array, truth: Array, std: Array | None = None
@@ -218,7 +230,7 @@ class FastCertificate:
         return content
 
     def serialised(self) -> bytes:
-        """Content of a file of the ratios, which `load_fast_certificate` reads."""
+        """Content of a file of the ratios, which `read_ratios` reads."""
         ratios = {name: torch.from_numpy(np.sort(r)) for name, r in self.ratios.items()}
         return serialised(ratios, ESTIMATE)
 
@@ -235,52 +247,10 @@ def with_size(std: Array, size: Array) -> Array:
     """Scale standard deviations (N, n_nodes, d) to mean sizes (N,), in m."""
     mean = std.mean(axis=(1, 2))
     factor = np.divide(size, mean, out=np.zeros(len(mean)), where=mean > 0)[:, None, None]
-    result: Array = np.multiply(std, factor, out=np.zeros_like(std), where=std > 0)
-    return result
+    return np.asarray(np.multiply(std, factor, out=np.zeros_like(std), where=std > 0))
 
 
-def fast_estimate(surrogate: Surrogate) -> FastEstimate:
-    """Estimate of the errors of a network; InputError if its equilibria are not known for it."""
-    require_linear_elements(surrogate.description.data.case, "bounds and proposed loads")
-    return FastEstimate(
-        surrogate.geometry, surrogate.description.data.material, surrogate.balanced()
-    )
-
-
-def fit_fast_certificate(
-    surrogate: Surrogate, dataset: Dataset, passes: int, seed: int
-) -> FastCertificate:
-    """Calibrate on the held-out samples of a run.
-
-    Raises
-    ------
-    InputError
-        If the run has no held-out samples, does not name its material, or was trained on another
-        dataset.
-    """
-    description = surrogate.description
-    if dataset.manifest.digest != description.data.digest:
-        raise InputError(
-            "--certify: not the dataset that the run was trained on, which holds its calibration "
-            "split"
-        )
-    split = split_training(dataset.training, description.run)
-    rows = split.calibration_rows
-    if "early_stopping" not in description.run.training.validation_users:
-        rows = torch.cat([rows, split.validation_rows])
-    if len(rows) == 0:
-        raise InputError(
-            "--certify: the run has no held-out samples, 'training.calibration_fraction' = "
-            f"{description.run.training.calibration_fraction}, expected above 0"
-        )
-    samples = dataset.nodal_train(rows)
-    predicted = surrogate.predict_distribution(samples.force, passes, seed)
-    std = predicted.std if surrogate.is_probabilistic else None
-    fields = samples.force, predicted.mean, samples.displacement, std
-    return FastCertificate.fit(fast_estimate(surrogate), *fields)
-
-
-def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
+def read_ratios(path: Path) -> dict[str, Array]:
     """Read a file of `FastCertificate.serialised`.
 
     Raises
@@ -301,5 +271,4 @@ def load_fast_certificate(surrogate: Surrogate, path: Path) -> FastCertificate:
             f"{path}: calibrated for the estimate of another version, expected it from 'surrogate "
             "evaluate RUN --data DIR --certify' of this one"
         )
-    ratios = {name: ratio.double().numpy() for name, ratio in tensors.items()}
-    return FastCertificate(fast_estimate(surrogate), ratios)
+    return {name: ratio.double().numpy() for name, ratio in tensors.items()}

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN, add_device, add_passes, given_passes, warn_unsealed
+from surrogate.commands.options import RUN, add_device, add_passes, given_passes
 
 
 def add_to(commands: Commands) -> None:
@@ -67,7 +67,6 @@ def run(options: argparse.Namespace) -> None:
 
     device = choose_device(options.device).type
     require_changeable(options.run, options.out)
-    warn_unsealed(options.run)
     published = read_published(options.beside) if options.beside else Published()
     evaluation = evaluate(
         options.run,

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN, add_passes, given_passes, warn_unsealed
+from surrogate.commands.options import add_out, add_passes, add_run, given_passes
 
 
 def add_to(commands: Commands) -> None:
@@ -18,25 +16,22 @@ def add_to(commands: Commands) -> None:
         "write the network as a file that needs no code of this project",
         "surrogate export beam2d_any --format onnx --out beam2d_any.onnx",
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    add_run(parser)
     parser.add_argument(
         "--format",
         choices=("onnx", "pt2"),
         required=True,
         help="ONNX, or a program of `torch.export`",
     )
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.(onnx|pt2)", help="file to write"
-    )
+    add_out(parser, "FILE.(onnx|pt2)", "file to write")
     add_passes(parser, "number of passes in the file (default: mean weights, without passes)")
     parser.set_defaults(command=run)
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the file, and say how much it differs from the network."""
-    from surrogate.inference.export import export
+    import surrogate
 
-    require_writable(options.out)
-    warn_unsealed(options.run)
-    difference = export(options.run, options.format, options.out, **given_passes(options))
+    passes = given_passes(options)
+    difference = surrogate.export(options.run, options.out, format=options.format, **passes)
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")

@@ -1,4 +1,4 @@
-"""Arguments that several commands have, and the warning that all of them give."""
+"""Arguments that several commands have, and a warning that some of them give."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ from pathlib import Path
 from shared_schema.common.command_line import Parser
 
 RUN = "run folder, or a trained network of the package (surrogate list)"
+
+
+def add_run(parser: Parser) -> None:
+    """Add RUN."""
+    parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
+
+
+def add_out(parser: Parser, file: str, what: str) -> None:
+    """Add --out, which is required."""
+    parser.add_argument("--out", type=Path, required=True, metavar=file, help=what)
 
 
 def add_device(parser: Parser) -> None:
@@ -92,7 +102,7 @@ def share(text: str) -> float:
 
 
 def warn_unsealed(folder: Path) -> None:
-    """Warn if a run folder has no manifest."""
+    """Warn if a run folder has no manifest, as `surrogate.load` does."""
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.shelf import find_run
 

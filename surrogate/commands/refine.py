@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN, add_device, add_family, positive, warn_unsealed, whole
+from surrogate.commands.options import RUN, add_device, add_family, positive, whole
 
 
 def add_to(commands: Commands) -> None:
@@ -43,7 +43,6 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.training.refine import refine
 
     require_writable(options.out)
-    warn_unsealed(options.run)
     given = {name: getattr(options, name) for name in ("family", "steps", "learning_rate", "seed")}
     refinement = validate(Refinement, given, "options")
     device = choose_device(options.device)

@@ -31,15 +31,15 @@ def add_to(commands: Commands) -> None:
 
 def run_list(options: argparse.Namespace) -> None:
     """Print a line for each network, and one for each configuration."""
-    from surrogate.figures.config_list import config_list
-    from surrogate.figures.trained_list import trained_list
+    import surrogate
 
-    print(f"{trained_list()}\n\n{config_list()}")
+    print(f"{surrogate.trained_list()}\n\n{surrogate.config_list()}")
 
 
 def run_shelve(options: argparse.Namespace) -> None:
     """Copy a run into the package."""
-    from surrogate.runs.shelf import shelve, size_of
+    import surrogate
+    from surrogate.runs.shelf import size_of
 
-    folder = shelve(options.run, options.name)
+    folder = surrogate.shelve(options.run, options.name)
     print(f"{folder}: {size_of(folder) / 1e6:.1f} MB")

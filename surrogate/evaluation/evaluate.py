@@ -13,18 +13,21 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from surrogate.certify.fast_certificate import FastCertificate, fit_fast_certificate
-from surrogate.certify.intervals import Intervals, fit_intervals
+from surrogate.certify.conformal import Intervals
+from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_errors
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.evaluation.stress_errors import StressMeasures, measure_stresses
+from surrogate.inference.calibration import fit_fast_certificate, fit_intervals
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import PASSES, Distribution, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.calibration import CalibrationMeasures, measure_calibration
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 
@@ -200,10 +203,12 @@ def evaluate(
     if evaluation.extrapolation is not None:
         content["extrapolation"] = evaluation.extrapolation.plain()
     if intervals is not None:
-        content["conformal"] = intervals.measures(surrogate, distribution, reference)
+        free = ~surrogate.geometry.clamped
+        std = surrogate.score_scale(distribution)
+        content["conformal"] = intervals.measures(distribution.mean, std, reference, free)
     if fast is not None:
-        std = distribution.std
-        content["fast_certificate"] = fast.measures(force, distribution.mean, reference, std)
+        spread = distribution.std
+        content["fast_certificate"] = fast.measures(force, distribution.mean, reference, spread)
         if evaluation.extrapolation is not None:
             others, theirs = evaluation.extrapolation.samples, evaluation.extrapolation.predicted
             measures = fast.measures(others.force, theirs.mean, others.displacement, theirs.std)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
 from surrogate.evaluation.error_metrics import sample_errors
-from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.probabilistic.calibration import half_width
+from surrogate.probabilistic.distribution import Distribution
 
 Array = NDArray[np.float64]
 BAND = 0.95

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from surrogate.evaluation.evaluate import evaluate
-from surrogate.inference.prediction import PASSES
+from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 
 Array = NDArray[np.float64]
 AT_ONCE = 2**18  # cells of all samples that are held at once

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.common.drawing.figure_style import REFERENCE, legend_below, make_figure, styled
-from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
+from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.error_metrics import node_errors
 
@@ -31,7 +31,7 @@ def nodal_field(geometry: Geometry, displacement: Array, values: Array, label: s
     """
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
-    add_field(drawing, geometry.coordinates + displacement, values, label)
+    drawing.coloured(geometry.coordinates + displacement, values, label)
     drawing.finish()
     return figure
 
@@ -72,41 +72,11 @@ def error_beside_uncertainty(
     figure = make_figure(10.0, 3.2)
     x = geometry.coordinates
     left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
-    add_field(left, x + mean, node_errors(mean, reference) * 1e3, NODAL_ERROR)
+    left.coloured(x + mean, node_errors(mean, reference) * 1e3, NODAL_ERROR)
     left.mesh(x + reference, REFERENCE, "finite elements", linewidth=0.6)
     left.forces(x + mean, force)
-    add_field(right, x + mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
+    right.coloured(x + mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
     left.finish()
     right.finish(left.extent())
     legend_below(figure, columns=1)
     return figure
-
-
-def add_field(
-    drawing: Drawing,
-    x: Array,
-    values: Array,
-    label: str,
-    limits: tuple[float, float] | None = None,
-) -> None:
-    """Draw nodal values, interpolated over the elements, with a colour bar beside them.
-
-    Parameters
-    ----------
-    drawing : Drawing
-    x : array, (n_nodes, d)
-        Drawn positions of the nodes in m.
-    values : array, (n_nodes,)
-    label : str
-        Name and unit of the values.
-    limits : tuple of 2 floats, optional
-        Values of the first and the last colour.
-    """
-    image = drawing.field(x, values)
-    if limits is not None:
-        image.set_clim(*limits)
-    drawing.mesh(x, "white", None, linewidth=0.3)
-    figure = drawing.axes.figure
-    bar = figure.colorbar(image, ax=drawing.axes, shrink=0.8, pad=0.02)
-    bar.set_label(label)
-    bar.outline.set_visible(False)

@@ -20,7 +20,7 @@ from shared_schema.common.drawing.figure_style import (
 from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.error_metrics import node_errors
-from surrogate.figures.field_figures import NODAL_ERROR, add_field
+from surrogate.figures.field_figures import NODAL_ERROR
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def meshes_and_errors(
     left.forces(geometry.coordinates + reference, force)
     left.finish()
     errors = node_errors(predicted, reference) * 1e3
-    add_field(right, geometry.coordinates + predicted, errors, NODAL_ERROR)
+    right.coloured(geometry.coordinates + predicted, errors, NODAL_ERROR)
     right.finish(left.extent() if geometry.dimension == 2 else None)
     legend_below(figure, columns=3)
     return figure

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.data.geometry import Geometry
-from surrogate.figures.field_figures import add_field
 
 Array = NDArray[np.float64]
 
@@ -38,7 +37,7 @@ def von_mises_beside_reference(
     for drawing, u, values, name in zip(
         (left, right), (predicted, reference), nodal, names, strict=True
     ):
-        add_field(drawing, x + u, values, f"von Mises stress, {name} [Pa]", limits)
+        drawing.coloured(x + u, values, f"von Mises stress, {name} [Pa]", limits)
     left.finish()
     right.finish(left.extent() if geometry.dimension == 2 else None)
     return figure

@@ -1,1 +1,14 @@
-"""Prediction with a trained network, and export of the network to a single file."""
+"""Use of a trained network: load it, predict, certify and correct one load, export it.
+
+=====================  ========================================================================
+`loading`              a network from a run folder, or from the package
+`surrogate`            the network with its body: `Surrogate.predict`, `Surrogate.solve`
+`given_load`           the load that `solve` takes: arrays, or texts and files of a command
+`batched_prediction`   distributions under any number of loads
+`solution`             what `solve` returns; its figure is `solution_figure`
+`training_range`       warnings about forces unlike those of the training
+`calibration`          intervals and bounds of a run, on its held-out samples
+`proposal`             load cases that a network predicts worst
+`export`               a file for other programs: ONNX or ``.pt2``
+=====================  ========================================================================
+"""

@@ -21,19 +21,20 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
-from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.atomic_file import complete_or_absent, require_writable
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
 from surrogate.data.random_loads import random_loads
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate, require_passes
+from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
+from surrogate.probabilistic.stochastic_passes import require_passes
 
 Format = Literal["onnx", "pt2"]
 Fields = dict[str, Tensor]
@@ -82,17 +83,23 @@ class NodalFunction(nn.Module):
 
 
 def export(
-    run: Path, kind: Format, path: Path, passes: int | None = None, seed: int | None = None
+    run: str | Path,
+    out: str | Path,
+    *,
+    format: Format,
+    passes: int | None = None,
+    seed: int | None = None,
 ) -> float:
     """Write the network of a run to a file, and compare the file's results with the network's.
 
     Parameters
     ----------
-    run : Path
-        Run folder.
-    kind : {"onnx", "pt2"}
-    path : Path
-        Path of the file; it ends in .onnx or .pt2.
+    run : str or Path
+        Run folder, or the name of a network that comes with the package.
+    out : str or Path
+        File to write; it ends in .onnx or .pt2, as its format.
+    format : {"onnx", "pt2"}
+        ONNX, or a program of `torch.export`.
     passes : int, optional
         Number of passes T. The weights of the passes become constants of the file, and its result
         equals that of `Surrogate.predict_distribution`. None for the mean weights.
@@ -113,11 +120,13 @@ def export(
         If the format cannot express the network, or the file's result differs from the network's.
         The file is then removed.
     """
-    require_suffix(path, (f".{kind}",))
-    require_packages(kind)
+    path = Path(out)
+    require_suffix(path, (f".{format}",))
+    require_writable(path)
+    require_packages(format)
     if seed is not None and passes is None:
         raise InputError(f"--seed {seed}: expected beside --passes")
-    return export_network(load(run), kind, path, passes, seed)
+    return export_network(load(run), format, path, passes, seed)
 
 
 def export_network(
@@ -193,8 +202,7 @@ def _make_exportable(surrogate: Surrogate) -> None:
 def load_exported(path: Path) -> Callable[..., Fields]:
     """Load an exported file as a user does; return a function of forces (samples, n_nodes, d)."""
     if path.suffix == ".pt2":
-        program: Callable[..., Fields] = torch.export.load(path).module()
-        return program
+        return torch.export.load(path).module()
     import onnxruntime
 
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])

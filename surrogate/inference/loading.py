@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,11 +12,14 @@ from torch import Tensor
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.elements_of_case import with_elements
 from surrogate.data.geometry import PREFIX, Geometry
+from surrogate.device import choose_device
 from surrogate.hardware import memory_errors
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
+
+logger = logging.getLogger(__name__)
 
 
 def make_surrogate(
@@ -40,11 +44,14 @@ def make_surrogate(
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
     """Load a trained network; nothing is unpickled.
 
+    Logs a warning if an earlier version made the run folder, so that nothing in it can be checked.
+
     Parameters
     ----------
     run : str or Path
         Run folder, or the name of a network that comes with the package.
-    device : str
+    device : {"cpu", "cuda", "auto"}
+        Processor; "auto" takes a GPU if there is one.
 
     Raises
     ------
@@ -52,6 +59,8 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         If there is no finished run, its files are damaged, or a weight is not finite.
     """
     folder = RunFolder(find_run(run))
+    if folder.unsealed:
+        logger.warning(folder.unsealed)
     description = folder.description()
     tensors = folder.read_tensors()
     for name, tensor in tensors.items():
@@ -59,10 +68,11 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
             raise InputError(f"{folder.model}: '{name}' holds a NaN or an infinity")
     try:
         with memory_errors():
-            surrogate = make_surrogate(tensors, description, device)
+            surrogate = make_surrogate(tensors, description, choose_device(device).type)
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
         ) from None
+    surrogate.folder = folder.folder
     surrogate.mean_error = folder.mean_error()
     return surrogate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Iterator
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.grid import Grid
 from surrogate.data.load_range import LoadRange
 
+logger = logging.getLogger(__name__)
 MARGIN = 1 + 1e-6  # of rounding
 Array = NDArray[np.float64]
 
@@ -61,10 +63,19 @@ class TrainingRange:
 
     def warn(self, forces: Array) -> None:
         """Issue an `OutsideTrainingWarning` for every kind that has not been warned of yet."""
-        for kind, text in self.exceeded(forces).items():
-            if kind not in self._warned:
-                self._warned.add(kind)
-                warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
+        for text in self._new(forces):
+            warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
+
+    def log(self, forces: Array) -> None:
+        """Log a warning of every kind that there has been none of yet."""
+        for text in self._new(forces):
+            logger.warning(text)
+
+    def _new(self, forces: Array) -> list[str]:
+        exceeded = self.exceeded(forces)
+        new = [text for kind, text in exceeded.items() if kind not in self._warned]
+        self._warned.update(exceeded)
+        return new
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
         some = np.flatnonzero(forces.any(axis=(0, 2)))
@@ -92,8 +103,7 @@ class TrainingRange:
 def _on_grid(forces: Array, grid: Grid) -> Array:
     """(N, n_nodes, d) → (N, n_grid_points, d)."""
     on_grid = grid.forces_to_grid(forces)
-    values: Array = on_grid.reshape(*on_grid.shape[:2], -1).swapaxes(1, 2)
-    return values
+    return np.asarray(on_grid.reshape(*on_grid.shape[:2], -1).swapaxes(1, 2))
 
 
 def _pm(limit: Array) -> str:

@@ -15,12 +15,12 @@ from typing import Any
 import torch
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from shared_schema.common.atomic_file import write_text
+from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.export import require_packages
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.page.body import drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
@@ -53,16 +53,22 @@ class Written:
     passes: int | None
     estimates: bool
 
+    def summary(self) -> str:
+        """Describe the page in a line."""
+        passes = "" if self.passes is None else f", {self.passes} passes of the network"
+        estimates = "" if self.estimates else ", no estimated errors"
+        return f"{self.size / 1e6:.1f} MB{passes}{estimates}"
 
-def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
-    """Write the page of a run.
+
+def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> Written:
+    """Write the page of a run: one HTML file, on which the body follows a dragged load.
 
     Parameters
     ----------
-    run : Path
+    run : str or Path
         Run folder, or the name of a network that comes with the package.
-    path : Path
-        Ending in .html.
+    out : str or Path
+        File to write; it ends in .html.
     largest : int
         Bytes that the page may have.
 
@@ -72,7 +78,9 @@ def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
         If there is no finished run, the file's name is wrong, the page's script is not built, the
         mesh has no surface, or body or network are too large for a page.
     """
+    path = Path(out)
     require_suffix(path, (".html",))
+    require_writable(path)
     require_packages("onnx")
     bundle, surrogate = read_bundle(), load(run)
     mechanics = mechanics_of(surrogate)
@@ -101,7 +109,7 @@ def write_page(run: Path, path: Path, largest: int = LARGEST) -> Written:
     return Written(size, network.passes, mechanics.certified)
 
 
-def described(surrogate: Surrogate, run: Path) -> dict[str, Any]:
+def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
     """Names, kinds and training range, as plain data."""
     config, data = surrogate.description.run, surrogate.description.data
     return {

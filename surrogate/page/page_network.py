@@ -10,7 +10,7 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.inference.export import export_network
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.compliance import DENSE
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.series.series_response import SeriesResponse

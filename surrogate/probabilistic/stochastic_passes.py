@@ -12,11 +12,14 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import nn
 
+from shared_schema.common.errors import InputError
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.seeds import PASS, stream
 
 DRAWN = 2**28  # weights drawn at once: a gigabyte
 PART_OF_FREE_MEMORY = 0.25  # what they may take of a GPU's, if that is more
+PASSES = 300  # of a prediction, as the paper's
+MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
 
 
 @runtime_checkable
@@ -85,3 +88,13 @@ def most_weights(device: torch.device) -> int:
         return DRAWN
     free, _ = torch.cuda.mem_get_info(device)
     return max(DRAWN, int(PART_OF_FREE_MEMORY * free) // torch.float32.itemsize)
+
+
+def require_passes(passes: int, seed: int) -> None:
+    """Raise InputError unless number of passes and seed can be meant."""
+    for name, value, least, most in (
+        ("passes", passes, 1, MOST_PASSES),
+        ("seed", seed, 0, MOST_SEED),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value}, expected {least} at least and {most} at most")

@@ -77,12 +77,13 @@ def require_changeable(run: Path, copy: Path | None) -> None:
         require_writable(folder, "RUN")
 
 
-def shelve(run: Path, name: str) -> Path:
+def shelve(run: str | Path, name: str) -> Path:
     """Put a trained and evaluated run among the networks of the package, or replace one.
 
     Parameters
     ----------
-    run : Path
+    run : str or Path
+        Run folder.
     name : str
         Name by which commands and `surrogate.load` find it.
 
@@ -99,13 +100,13 @@ def shelve(run: Path, name: str) -> Path:
     """
     if not name.isidentifier():
         raise InputError(f"NAME '{name}': expected letters, digits and underscores")
-    source = RunFolder(run)
+    source = RunFolder(Path(run))
     source.description()
     source.read_tensors()
     if not source.read_evaluation().get("trained_on_this_data"):
         raise InputError(f"{run}: evaluated on another dataset, expected that of its training")
     others = sum(size_of(SHELF / other) for other in shelved() if other != name)
-    with _copied(run, SHELF / name) as copy:
+    with _copied(Path(run), SHELF / name) as copy:
         if size_of(copy) > LARGEST:
             _halve_large_matrices(RunFolder(copy))
         size = size_of(copy)

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from surrogate.data.samples import Samples
-from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.load_count_factor import KNOTS
 from surrogate.probabilistic.calibration import half_width, negative_log_likelihood
+from surrogate.probabilistic.distribution import Distribution
 
 BOUNDS = (-6.0, 6.0)  # bounds of ln a and ln b
 LEAST = 30  # samples of a group

@@ -26,7 +26,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from surrogate.data.random_loads import RandomLoads, random_loads
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.models.model import TrainedModel
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate

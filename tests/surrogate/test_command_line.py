@@ -460,7 +460,7 @@ def test_lack_of_memory_is_failed_work(
     for place in (
         "surrogate.inference.loading.make_surrogate",
         "surrogate.runs.tensor_file.safe_open",
-        "surrogate.inference.prediction.Surrogate.predict_distribution",
+        "surrogate.inference.surrogate.Surrogate.predict_distribution",
     ):
         with monkeypatch.context() as patch:
             patch.setattr(place, fail)

@@ -131,6 +131,33 @@ class Drawing(ABC):
     def _label_axes(self) -> None:
         """Show the directions of the coordinates and the length of a metre."""
 
+    def coloured(
+        self,
+        x: Array,
+        values: Array,
+        label: str,
+        limits: tuple[float, float] | None = None,
+    ) -> None:
+        """Draw a nodal field with the mesh's edges, and a colour bar beside it.
+
+        Parameters
+        ----------
+        x : array, (n_nodes, d)
+            Drawn positions of the nodes in m.
+        values : array, (n_nodes,)
+        label : str
+            Name and unit of the values.
+        limits : tuple of 2 floats, optional
+            Values of the first and the last colour.
+        """
+        image = self.field(x, values)
+        if limits is not None:
+            image.set_clim(*limits)
+        self.mesh(x, "white", None, linewidth=0.3)
+        bar = self.axes.figure.colorbar(image, ax=self.axes, shrink=0.8, pad=0.02)
+        bar.set_label(label)
+        bar.outline.set_visible(False)
+
     def mesh(self, x: Array, color: str, label: str | None, **style: Any) -> None:
         """Draw every edge that can be seen of the mesh, its nodes at `x` (n_nodes, d) in m."""
         lines = self._seen(x)[self._edges(x)]

@@ -29,7 +29,7 @@ from experiments.framework.resources import Resources
 from experiments.framework.study import StudyResult
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
-from surrogate.inference.prediction import Distribution
+from surrogate.probabilistic.distribution import Distribution
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import Model
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import describe

@@ -19,7 +19,7 @@ from surrogate.data.samples import Samples
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig

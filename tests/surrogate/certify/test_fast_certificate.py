@@ -10,11 +10,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_certificate import (
-    FastCertificate,
-    load_fast_certificate,
-    sizes,
-)
+from surrogate.certify.fast_certificate import FastCertificate, read_ratios, sizes
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
@@ -115,14 +111,14 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
     folder = make_run(epochs=8, calibration_fraction=0.25)
     run, surrogate, dataset = RunFolder(folder), load(folder), read_dataset(data)
     with pytest.raises(InputError, match="no fast certificate in the run"):
-        load_fast_certificate(surrogate, run.fast_certificate)
+        surrogate.fast_certificate  # noqa: B018
     evaluation = evaluate(folder, data, certify=True)
     write_evaluation(evaluation, run)
     run.seal.require_intact(run.fast_certificate)
     content = evaluation.content["fast_certificate"]
     assert content["samples"] == 17
     assert [entry["level"] for entry in content["mean"]] == [0.9]
-    fast = load_fast_certificate(surrogate, run.fast_certificate)
+    fast = surrogate.fast_certificate
     split = split_training(dataset.train, surrogate.description.run)
     largest = []
     for rows in (split.validation_rows, split.calibration_rows):
@@ -134,7 +130,7 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
     assert fast.factor(0.9) == pytest.approx(max(largest), rel=1e-4)
     run.fast_certificate.write_bytes(serialised(load_tensors(run.fast_certificate)[0]))
     with pytest.raises(InputError, match="calibrated for the estimate of another version"):
-        load_fast_certificate(surrogate, run.fast_certificate)
+        read_ratios(run.fast_certificate)
 
 
 def test_early_stopping_has_seen_the_validation_samples(

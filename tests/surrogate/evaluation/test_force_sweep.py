@@ -12,7 +12,7 @@ from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.evaluation.force_sweep import force_sweep
 from surrogate.figures.sweep_curves import scale_from_zero, sweep_curves
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Distribution
+from surrogate.probabilistic.distribution import Distribution
 from tests.surrogate.force_sweeps import hand_made
 
 

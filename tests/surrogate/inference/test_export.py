@@ -22,7 +22,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.inference.export import Format, export
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
@@ -120,7 +120,7 @@ def assert_same(found: dict[str, Array], expected: dict[str, Array]) -> None:
 def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> None:
     """The grid is permuted and padded; the batch sizes differ from that of the export."""
     path = tmp_path / f"model.{kind}"
-    assert export(deterministic, kind, path) < 1e-5
+    assert export(deterministic, path, format=kind) < 1e-5
     model = load(deterministic)
     for samples in (1, 2, 33):
         forces = some_forces(model, samples)
@@ -132,7 +132,7 @@ def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> Non
 def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
     """The file gives the distribution of the same seed's passes, on an embedded grid."""
     path = tmp_path / f"model.{kind}"
-    assert export(bayes, kind, path, passes=6, seed=3) < 1e-4
+    assert export(bayes, path, format=kind, passes=6, seed=3) < 1e-4
     model = load(bayes)
     for samples in (1, 5):
         forces = some_forces(model, samples)
@@ -145,7 +145,7 @@ def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
 def test_mean_weights(bayes: Path, tmp_path: Path) -> None:
     """The file gives the means and standard deviations of the network with mean weights."""
     path = tmp_path / "model.pt2"
-    export(bayes, "pt2", path)
+    export(bayes, path, format="pt2")
     model = load(bayes)
     forces = some_forces(model, 3)
     with torch.no_grad():
@@ -159,7 +159,7 @@ def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset, kind: Format) -> 
     geometry = permuted(dataset_3d.geometry)
     run = untrained(tmp_path / "run", dataset_3d, "maximum_likelihood", geometry, activation="silu")
     path = tmp_path / f"model.{kind}"
-    export(run, kind, path)
+    export(run, path, format=kind)
     model = load(run)
     forces = some_forces(model, 2)
     fields = model.predict_distribution(forces).fields()
@@ -179,7 +179,7 @@ def test_a_file_that_gives_something_else_is_not_left(
 
     monkeypatch.setattr(surrogate.inference.export, "load_exported", wrongly)
     with pytest.raises(WorkError, match=r"differs from the network by 1\.0e-03, expected 1e-04"):
-        export(deterministic, "pt2", tmp_path / "model.pt2")
+        export(deterministic, tmp_path / "model.pt2", format="pt2")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -187,23 +187,23 @@ def test_refusals(
     deterministic: Path, bayes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "model.onnx"
-    cases: list[tuple[str, tuple[Any, ...]]] = [
-        ("expected a file name ending in .onnx", (deterministic, "onnx", tmp_path / "a.pt2")),
-        ("expected a file name ending in .pt2", (deterministic, "pt2", out)),
-        ("no such folder", (deterministic, "onnx", tmp_path / "nowhere" / "a.onnx")),
-        ("no run there", (tmp_path, "onnx", out)),
-        ("--passes 3: passes of this network do not differ", (deterministic, "onnx", out, 3)),
-        ("passes = 0, expected 1", (bayes, "onnx", out, 0)),
-        ("seed = -1, expected 0", (bayes, "onnx", out, 3, -1)),
-        ("--seed 3: expected beside --passes", (bayes, "onnx", out, None, 3)),
+    cases: list[tuple[str, tuple[Path, Path], dict[str, Any]]] = [
+        ("expected a file name ending in .onnx", (deterministic, tmp_path / "a.pt2"), {}),
+        ("expected a file name ending in .pt2", (deterministic, out), {"format": "pt2"}),
+        ("no such folder", (deterministic, tmp_path / "nowhere" / "a.onnx"), {}),
+        ("no run there", (tmp_path, out), {}),
+        ("--passes 3: passes of this network do not", (deterministic, out), {"passes": 3}),
+        ("passes = 0, expected 1", (bayes, out), {"passes": 0}),
+        ("seed = -1, expected 0", (bayes, out), {"passes": 3, "seed": -1}),
+        ("--seed 3: expected beside --passes", (bayes, out), {"seed": 3}),
     ]
-    for message, arguments in cases:
+    for message, paths, options in cases:
         with pytest.raises(InputError, match=message):
-            export(*arguments)
+            export(*paths, **{"format": "onnx", **options})
     monkeypatch.setattr(surrogate.inference.export, "ONNX_LIMIT", 1000)
     with pytest.raises(InputError, match="expected fewer passes, or 'pt2'"):
-        export(bayes, "onnx", out, 2)
+        export(bayes, out, format="onnx", passes=2)
     monkeypatch.setattr(surrogate.inference.export, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="needs onnx, onnxscript, onnxruntime, expected pip"):
-        export(deterministic, "onnx", out)
+        export(deterministic, out, format="onnx")
     assert list(tmp_path.iterdir()) == []

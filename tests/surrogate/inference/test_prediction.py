@@ -14,8 +14,8 @@ from safetensors.torch import load_file
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.inference.prediction import Distribution
 from surrogate.models.unet_model import UNetModel
+from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder
 from surrogate.training.train import train
 

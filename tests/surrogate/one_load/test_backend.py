@@ -14,7 +14,7 @@ from torch import nn
 from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import Model
 from surrogate.one_load import backend
 from surrogate.one_load.embedded_response import EmbeddedResponse

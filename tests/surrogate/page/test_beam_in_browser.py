@@ -12,7 +12,7 @@ import pytest
 
 from surrogate.command_line import main
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.page.page import write_page
 from tests.surrogate.page.browser import OpenPage
 

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Surrogate
+from surrogate.inference.surrogate import Surrogate
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.ensemble import Ensemble

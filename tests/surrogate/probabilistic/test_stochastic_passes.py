@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
-from surrogate.inference import prediction
-from surrogate.inference.prediction import Distribution, Surrogate
+from surrogate.inference import batched_prediction
+from surrogate.inference.surrogate import Surrogate
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
+from surrogate.probabilistic.distribution import Distribution
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
@@ -148,7 +149,7 @@ def test_distribution_does_not_depend_on_chunks(
     """11 passes of 3 samples at once, or as few at a time as the batch has room for."""
     model, forces = untrained(samples), nodal(samples, 3)
     expected = model.predict_distribution(forces, passes=11)
-    monkeypatch.setattr(prediction, "BATCH", batch)
+    monkeypatch.setattr(batched_prediction, "BATCH", batch)
     assert_close(model.predict_distribution(forces, passes=11), expected)
 
 

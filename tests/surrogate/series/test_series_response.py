@@ -153,7 +153,7 @@ def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None
     force = np.random.default_rng(0).normal(size=(3, *dataset.geometry.coordinates.shape))
     force[:, dataset.geometry.clamped] = 0
     expected = model.predict_distribution(force).fields()
-    export(run.folder, "onnx", tmp_path / "a.onnx")
+    export(run.folder, tmp_path / "a.onnx", format="onnx")
     exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
     for name in {"displacement", "std"} & set(exported):
         scale = np.abs(expected[name]).max()
@@ -210,7 +210,7 @@ def test_large_bodies_and_their_exported_files(
     model = load(run.folder)
     force = 0.2 * np.random.default_rng(0).normal(size=(2, *dataset_3d.geometry.coordinates.shape))
     force[:, dataset_3d.geometry.clamped] = 0
-    export(run.folder, "onnx", tmp_path / "a.onnx")
+    export(run.folder, tmp_path / "a.onnx", format="onnx")
     exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
     expected = model.predict(force)
     found = exported["displacement"].numpy()

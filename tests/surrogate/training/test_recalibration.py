@@ -11,10 +11,10 @@ from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.inference.loading import load
-from surrogate.inference.prediction import Distribution
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.probabilistic.calibration import half_width, measure_calibration
+from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.training.recalibration import (

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from shared_schema.load_cases import read_load_cases
-from surrogate.certify.fast_certificate import fast_estimate
-from surrogate.certify.proposal import farthest, propose
 from surrogate.command_line import main
 from surrogate.data.random_loads import random_loads
 from surrogate.inference.loading import load
+from surrogate.inference.proposal import farthest, propose
 
 
 def test_farthest_points() -> None:
@@ -26,9 +25,9 @@ def test_proposed_loads_are_predicted_worse(trained: Path) -> None:
     surrogate = load(trained)
     data = surrogate.description.data
     family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
-    found = propose(surrogate, family, 10, 200, seed=3)
+    found = propose(surrogate, 10, among=200, seed=3)
     assert np.median(found.errors) > 1.5 * found.median
-    estimated = fast_estimate(surrogate)(found.forces, surrogate.predict(found.forces))
+    estimated = surrogate.fast_estimate(found.forces, surrogate.predict(found.forces))
     np.testing.assert_allclose(found.errors, np.abs(estimated).mean(axis=(1, 2)), rtol=1e-4)
     length = np.linalg.norm(estimated.reshape(10, -1), axis=1)
     assert length.argmax() == 0

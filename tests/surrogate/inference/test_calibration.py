@@ -1,3 +1,5 @@
+"""Conformal intervals of a run, fitted to its calibration split."""
+
 from __future__ import annotations
 
 import shutil
@@ -10,11 +12,12 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.certify.intervals import fit_intervals, load_intervals
+from surrogate.certify.conformal import Intervals
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation
+from surrogate.inference.calibration import fit_intervals
 from surrogate.inference.loading import load
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
@@ -39,7 +42,7 @@ def test_scores_of_the_calibration_split(run: Path, data: Path, content: dict[st
     """⌈13 · 0.9⌉ = 12: with 12 samples the factors are their largest scores."""
     assert (content["conformal"]["level"], content["conformal"]["samples"]) == (0.9, 12)
     surrogate, dataset = load(run), read_dataset(data)
-    intervals = load_intervals(run / "intervals.safetensors")
+    intervals = Intervals.read(run / "intervals.safetensors")
     again = fit_intervals(surrogate, dataset, 0.9, passes=10, seed=0)
     for kind, calibration in again.calibrations.items():
         np.testing.assert_allclose(intervals.calibrations[kind].factor, calibration.factor)
@@ -75,9 +78,9 @@ def test_predict_writes_the_ends(tmp_path: Path, run: Path, content: dict[str, A
     assert main([*arguments, "--conformal", "marginal"]) == 0
     fields = np.load(out)
     surrogate = load(run)
-    intervals = load_intervals(run / "intervals.safetensors")
+    intervals = Intervals.read(run / "intervals.safetensors")
     predicted = surrogate.predict_distribution(fields["force"])
-    lower, upper = intervals.bounds("marginal", surrogate, predicted)
+    lower, upper = intervals.bounds("marginal", predicted.mean, surrogate.score_scale(predicted))
     np.testing.assert_allclose(fields["lower"], lower)
     np.testing.assert_allclose(fields["upper"], upper)
     assert (fields["lower"] <= fields["displacement"]).all()
@@ -123,7 +126,7 @@ def test_damaged_file(tmp_path: Path) -> None:
     path = tmp_path / "intervals.safetensors"
     path.write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged"):
-        load_intervals(path)
+        Intervals.read(path)
 
 
 def test_nodal_samples_of_the_training_split(dataset: Dataset) -> None:

@@ -1,0 +1,27 @@
+"""What the certificates of one prediction have in common."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ErrorCertificate(Protocol):
+    """Estimated error of one prediction: `Certificate` (full) or `Bounds` (fast)."""
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Estimate of the predicted minus the true displacement in m, (n_nodes, d)."""
+
+    def summary(self) -> str:
+        """Describe the error in a line."""
+
+    def refusal(self, tolerance: float) -> str | None:
+        """Say why no node's error is certified to be at most `tolerance` in m; None if it is."""
+
+
+def millimetres(metres: float) -> str:
+    """Write a length."""
+    return f"{metres * 1e3:.3g} mm"

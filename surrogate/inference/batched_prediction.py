@@ -1,0 +1,99 @@
+"""Distributions under any number of loads: passes of the network, in batches that fit memory."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.func import functional_call
+
+from surrogate.device import convolutions
+from surrogate.models.model import Model
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.likelihoods import Prediction
+from surrogate.probabilistic.moments import Moments
+from surrogate.probabilistic.stochastic_passes import Passes
+
+BATCH = 4096  # largest product of samples and passes that are computed at once
+VALUES = 2**25  # largest number of values in a layer
+Array = NDArray[np.float64]
+
+
+class BatchedPrediction:
+    """Predicts with a network, in as few batches as memory allows.
+
+    Parameters
+    ----------
+    network : NodalNetwork
+    passes : Passes
+        Its passes; the drawn weights of the last prediction are kept.
+    config : Model
+        Configuration of the run, which says what the passes' moments mean.
+    points : int
+        Number of grid points.
+    """
+
+    def __init__(self, network: NodalNetwork, passes: Passes, config: Model, points: int) -> None:
+        self.network, self.passes, self.config = network, passes, config
+        self._values = config.values_per_point * points
+
+    def distribution(self, forces: Array, passes: int, seed: int) -> Distribution:
+        """Predict means and standard deviations in m from forces in N, (N, n_nodes, d) each."""
+        passes = passes if self.passes.differ else 1
+        parts = [
+            self._distribution(forces[start : start + self._batch], passes, seed)
+            for start in range(0, max(len(forces), 1), self._batch)
+        ]
+        return Distribution(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+
+    @convolutions("float32")
+    def mean(self, force: Tensor, passes: int, seed: int) -> Tensor:
+        """Predict means in m from forces in N, (N, n_nodes, d), differentiable by the forces.
+
+        All samples are one batch, since their intermediate values are kept.
+        """
+        self.passes.forget()  # weights drawn without gradients cannot take part in any
+        weights = {name: value.detach() for name, value in self.network.named_parameters()}
+        passes = passes if self.passes.differ else 1
+        single, total = force.float(), torch.zeros_like(force)
+        for chunk in self._chunks(passes, len(force)):
+            self.passes.draw(seed, chunk)
+            predicted: Prediction = functional_call(self.network, weights, (single, len(chunk)))
+            part = predicted.mean.to(total.dtype).mean(dim=0)
+            total = total + part * (len(chunk) / passes)
+        self.passes.forget()
+        return total
+
+    @property
+    def _batch(self) -> int:
+        return max(1, min(BATCH, VALUES // self._values))
+
+    def _chunks(self, passes: int, samples: int) -> list[range]:
+        """Passes that are done at once."""
+        at_once = min(self.passes.at_once, max(1, self._batch // max(samples, 1)))
+        return [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
+
+    @torch.inference_mode()
+    @convolutions("float32")
+    def _distribution(self, forces: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
+        """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
+        force = torch.from_numpy(forces.astype(np.float32)).to(self.network.network.free.device)
+        chunks = self._chunks(passes, len(forces))
+        moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
+        moments = moments.scaled(self.network.factors(force)[1].double())
+        found = self.config.distribution(moments)
+        return (
+            found.mean.cpu().numpy(),
+            found.std_epistemic.cpu().numpy(),
+            found.std_aleatoric.cpu().numpy(),
+        )
+
+    def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
+        """Return the moments of some passes in double precision."""
+        self.passes.draw(seed, passes)
+        mean, std = self.network(force, len(passes))
+        return Moments.of(Prediction(mean.double(), None if std is None else std.double()))

@@ -1,0 +1,119 @@
+"""Calibration of a run's intervals and bounds, on samples that its training has held out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from shared_schema.common.errors import InputError, first_line
+from surrogate.certify.conformal import KINDS, ConformalCalibration, Intervals
+from surrogate.certify.fast_certificate import FastCertificate
+from surrogate.data.dataset import Dataset
+from surrogate.inference.surrogate import Surrogate
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.runs.split import split_training
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Samples that were not trained on, and their predictions.
+
+    Attributes
+    ----------
+    force, truth : array, (n, n_nodes, d)
+        In N and m.
+    predicted : Distribution
+    """
+
+    force: Array
+    truth: Array
+    predicted: Distribution
+
+    @classmethod
+    def of(
+        cls, surrogate: Surrogate, dataset: Dataset, rows: Tensor, passes: int, seed: int
+    ) -> HeldOut:
+        """Predict some samples of the training split, by their rows in it."""
+        samples = dataset.nodal_train(rows)
+        predicted = surrogate.predict_distribution(samples.force, passes, seed)
+        return cls(samples.force, samples.displacement, predicted)
+
+
+def fit_intervals(
+    surrogate: Surrogate, dataset: Dataset, level: float, passes: int, seed: int
+) -> Intervals:
+    """Fit conformal intervals to the calibration split of a run's training samples.
+
+    Raises
+    ------
+    InputError
+        If the run has no calibration split, the split is too small for the level, the level is not
+        between 0 and 1, or the run was trained on another dataset.
+    """
+    description = surrogate.description
+    fraction = description.run.training.calibration_fraction
+    if dataset.manifest.digest != description.data.digest:
+        raise InputError(
+            f"--conformal {level}: not the dataset that the run was trained on, which holds its "
+            "calibration split"
+        )
+    rows = split_training(dataset.training, description.run).calibration_rows
+    if len(rows) == 0:
+        raise InputError(
+            f"--conformal {level}: the run has no calibration split, "
+            f"'training.calibration_fraction' = {fraction}, expected above 0"
+        )
+    samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
+    mean, std = samples.predicted.mean, surrogate.score_scale(samples.predicted)
+    free = ~surrogate.geometry.clamped
+    try:
+        calibrations = {
+            kind: ConformalCalibration.fit(level, kind, mean, std, samples.truth, free)
+            for kind in KINDS
+        }
+    except ValueError as error:
+        raise InputError(f"--conformal {level}: {first_line(error)}") from None
+    return Intervals(level, len(rows), calibrations)
+
+
+def fit_fast_certificate(
+    surrogate: Surrogate, dataset: Dataset, passes: int, seed: int
+) -> FastCertificate:
+    """Calibrate the fast certificate on the held-out samples of a run.
+
+    They are the calibration and the validation samples; the latter are left out if the training
+    looked at them, to stop early.
+
+    Raises
+    ------
+    InputError
+        If the run has no held-out samples, does not name its material, or was trained on another
+        dataset.
+    """
+    description = surrogate.description
+    if dataset.manifest.digest != description.data.digest:
+        raise InputError(
+            "--certify: not the dataset that the run was trained on, which holds its calibration "
+            "split"
+        )
+    split = split_training(dataset.training, description.run)
+    rows = split.calibration_rows
+    if "early_stopping" not in description.run.training.validation_users:
+        rows = torch.cat([rows, split.validation_rows])
+    if len(rows) == 0:
+        raise InputError(
+            "--certify: the run has no held-out samples, 'training.calibration_fraction' = "
+            f"{description.run.training.calibration_fraction}, expected above 0"
+        )
+    samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
+    predicted = samples.predicted
+    std = predicted.std if surrogate.is_probabilistic else None
+    return FastCertificate.fit(
+        surrogate.fast_estimate, samples.force, predicted.mean, samples.truth, std
+    )

@@ -1,0 +1,87 @@
+"""The load of a prediction, as nodal forces: given as such, or in the words of a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
+from shared_schema.common.errors import InputError, first_line
+from surrogate.data.geometry import Geometry
+
+LARGEST_FORCE = float(np.finfo(np.float32).max)
+Array = NDArray[np.float64]
+Load: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
+
+
+def checked_forces(geometry: Geometry, forces: ArrayLike) -> Array:
+    """Return nodal forces in N in double precision, (n_nodes, d) or (N, n_nodes, d).
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong, a force is not finite, or one acts on a held component.
+    """
+    try:
+        nodal = np.asarray(forces, dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"forces are no array of numbers ({first_line(error)})") from None
+    expected = geometry.coordinates.shape
+    if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
+        raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
+    if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
+        raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+    held = np.flatnonzero(geometry.held)  # degrees of freedom, node · d + component
+    at_held = nodal.reshape(-1, geometry.held.size)[:, held]
+    if at_held.any():
+        node = held[at_held.any(axis=0)][0] // nodal.shape[-1]
+        how = "clamped" if geometry.clamped[node] else "held in this component"
+        raise InputError(f"forces at node {node}: the node is {how}, expected a free one")
+    return nodal
+
+
+def checked_force(geometry: Geometry, forces: ArrayLike) -> Array:
+    """Return the nodal forces of one load case, (n_nodes, d) in N; InputError as above."""
+    nodal = checked_forces(geometry, forces)
+    if nodal.ndim != 2:
+        raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
+    return nodal
+
+
+def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> CommandLoads:
+    """Return a load as forces and pressures on the body.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    load : array (n_nodes, d), Tensor, str, Path or sequence of str and Path
+        Nodal forces in N; or texts as ``--load`` takes them, and files as ``--forces`` does
+        (`shared_schema.common.bodies.command_loads`).
+    nearest : bool
+        Let forces at other places act at the nearest node.
+
+    Raises
+    ------
+    InputError
+        If the load is wrong, or has a pressure that the body's training had none of.
+    """
+    body = geometry.loaded_body
+    parts = [load] if isinstance(load, str | Path) else load
+    if isinstance(parts, list | tuple) and all(isinstance(part, str | Path) for part in parts):
+        texts = [part for part in parts if isinstance(part, str)]
+        files = [part for part in parts if isinstance(part, Path)]
+        given = command_loads(body, texts, files, nearest=nearest)
+        if given.surfaces and geometry.pressed is None:
+            raise InputError(
+                "--load: a pressure, expected forces; the network was trained on these"
+            )
+        return given
+    forces = load.numpy(force=True) if isinstance(load, Tensor) else load
+    given = CommandLoads(body)
+    given.forces = checked_force(geometry, forces)  # type: ignore[arg-type]  # no texts are left
+    return given

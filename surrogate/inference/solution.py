@@ -1,0 +1,196 @@
+"""The solution of one load case, as `Surrogate.solve` returns it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.solution_file import write_solution
+from surrogate.certify.correction import Correction
+from surrogate.certify.error_certificate import ErrorCertificate, millimetres
+from surrogate.data.geometry import Geometry
+from surrogate.probabilistic.distribution import Distribution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+FIELDS = (  # in the order of a solution file; those that are None are left out
+    "displacement",
+    "std",
+    "std_epistemic",
+    "std_aleatoric",
+    "lower",
+    "upper",
+    "estimated_error",
+    "half_width",
+    "reaction",
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Solution:
+    """Displacement of a body under one load, with what is known of its error.
+
+    Attributes
+    ----------
+    geometry : Geometry
+        Mesh and supports.
+    case : str
+        Name of the body.
+    force : array, (n_nodes, d)
+        Nodal forces in N; of pressures, those on the undeformed body.
+    displacement : array, (n_nodes, d)
+        In m; the equilibrium of the finite elements if the prediction is corrected.
+    predicted : array, (n_nodes, d)
+        The network's displacement in m.
+    distribution : Distribution or None
+        The network's standard deviations in m; None if it predicts none, or is corrected.
+    interval : tuple of two arrays (n_nodes, d), or None
+        Lower and upper ends of conformal intervals in m.
+    correction : Correction or None
+    certificate : ErrorCertificate or None
+        `Certificate` (full) or `Bounds` (fast) of the displacement.
+    half_width : array, (n_nodes, d), or None
+        Half widths in m of the intervals of all components, of the fast certificate.
+    tolerance : float or None
+        Largest error of a node in m that is to be certified.
+    stresses : dict of str to array, (n_cells, …)
+        By the names of `shared_schema.common.bodies.stress_fields`; empty if not asked for.
+    reaction : array, (n_nodes, d), or None
+        Forces of the supports on the body in N.
+    notes : tuple of str
+        Nodes that forces were moved to.
+    outside_training : tuple of str
+        What is unlike the forces of the training, so that the prediction may be wrong.
+    """
+
+    geometry: Geometry
+    case: str
+    force: Array
+    displacement: Array
+    predicted: Array
+    distribution: Distribution | None
+    interval: tuple[Array, Array] | None
+    correction: Correction | None
+    certificate: ErrorCertificate | None
+    half_width: Array | None
+    tolerance: float | None
+    stresses: dict[str, Array]
+    reaction: Array | None
+    notes: tuple[str, ...]
+    outside_training: tuple[str, ...]
+
+    @property
+    def std(self) -> Array | None:
+        """Total standard deviation in m, (n_nodes, d)."""
+        return None if self.distribution is None else self.distribution.std
+
+    @property
+    def std_epistemic(self) -> Array | None:
+        """Standard deviation in m that random weights cause, (n_nodes, d)."""
+        return None if self.distribution is None else self.distribution.std_epistemic
+
+    @property
+    def std_aleatoric(self) -> Array | None:
+        """Standard deviation in m that noise of the data causes, (n_nodes, d)."""
+        return None if self.distribution is None else self.distribution.std_aleatoric
+
+    @property
+    def lower(self) -> Array | None:
+        """Lower ends of conformal intervals in m, (n_nodes, d)."""
+        return None if self.interval is None else self.interval[0]
+
+    @property
+    def upper(self) -> Array | None:
+        """Upper ends of conformal intervals in m, (n_nodes, d)."""
+        return None if self.interval is None else self.interval[1]
+
+    @property
+    def estimated_error(self) -> Array | None:
+        """Estimate of the displacement minus the true one in m, (n_nodes, d)."""
+        return None if self.certificate is None else self.certificate.error
+
+    @property
+    def refusal(self) -> str | None:
+        """Why the displacement is not certified within `tolerance`; None if it is, or not asked."""
+        if self.certificate is None or self.tolerance is None:
+            return None
+        return self.certificate.refusal(self.tolerance)
+
+    @property
+    def verdict(self) -> Literal["certified", "not certified"] | None:
+        """Whether no node's error is above `tolerance`; None if there is no tolerance."""
+        if self.certificate is None or self.tolerance is None:
+            return None
+        return "certified" if self.refusal is None else "not certified"
+
+    def fields(self) -> dict[str, Array]:
+        """Fields at the nodes by their names in a solution file, (n_nodes, d) each."""
+        found = {"force": self.force}
+        for name in FIELDS:
+            values = getattr(self, name)
+            if values is not None:
+                found[name] = values
+            if name == "displacement" and self.correction is not None:
+                found["predicted"] = self.predicted
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write the fields of nodes and cells to a file that ends in .npz, .vtu or .xdmf.
+
+        Raises
+        ------
+        InputError
+            If the file's name has another end, or its folder does not exist.
+        """
+        mesh = self.geometry.coordinates, self.geometry.cells, self.geometry.cell_type
+        write_solution(Path(path), *mesh, self.fields(), self.stresses)
+
+    def plot(self) -> Figure:
+        """Draw the deformed body over the undeformed one, with the forces.
+
+        Colours show, at the nodes, the estimated error; the standard deviation if there is no
+        certificate; or the displacement.
+        """
+        from surrogate.inference.solution_figure import solution_figure
+
+        return solution_figure(self)
+
+    def summary(self) -> str:
+        """Describe in a line what was done, and with what result."""
+        parts = ["predicted"]
+        if self.correction is not None:
+            parts.append(self.correction.summary())
+        if self.certificate is not None:
+            parts.append(self.certificate.summary())
+        if self.verdict is not None:
+            parts.append(self.verdict)
+        if self.stresses:
+            mises = self.stresses["von_mises"][self.stresses["jacobian"] > 0]
+            parts.append(f"largest von Mises stress {mises.max(initial=0.0):.4g} Pa")
+        return ", ".join(parts)
+
+    def __repr__(self) -> str:
+        """Describe body, load, displacement, error and verdict in a few lines."""
+        loaded = int(self.force.any(axis=1).sum())
+        total = ", ".join(f"{component:.4g}" for component in self.force.sum(axis=0))
+        length = np.linalg.norm(self.displacement, axis=1)
+        at = ", ".join(f"{x:.4g}" for x in self.geometry.coordinates[length.argmax()])
+        lines = [
+            f"Solution({self.case}, {len(self.force)} nodes)",
+            f"load: {loaded} loaded {'node' if loaded == 1 else 'nodes'}, resultant ({total}) N",
+            f"largest displacement: {millimetres(length.max())} at ({at}) m",
+            self.summary(),
+        ]
+        if self.std is not None:
+            largest = np.linalg.norm(self.std, axis=1).max()
+            lines.append(f"largest standard deviation: {millimetres(largest)}")
+        if self.refusal is not None:
+            lines.append(f"not certified: {self.refusal}")
+        lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
+        return "\n  ".join(lines)

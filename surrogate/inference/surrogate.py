@@ -1,0 +1,494 @@
+"""A trained network with its body: predictions, their certificates, corrections and stresses."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, overload
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.errors import InputError
+from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
+from surrogate.data.geometry import Geometry
+from surrogate.inference.batched_prediction import BatchedPrediction
+from surrogate.inference.given_load import Load, checked_force, checked_forces, given_load
+from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.unet import parameter_count
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
+from surrogate.runs.description import RunDescription
+from surrogate.runs.folder import RunFolder
+
+if TYPE_CHECKING:
+    from surrogate.certify import (
+        Certificate,
+        Correction,
+        ErrorCertificate,
+        FastCertificate,
+        FastEstimate,
+        Intervals,
+    )
+    from surrogate.inference.solution import Solution
+    from surrogate.mechanics.solids.solid import Solid
+    from surrogate.one_load.backend import OneLoad
+
+Array = NDArray[np.float64]
+LEVEL = 0.95  # probability of fast bounds
+
+
+class Surrogate:
+    """A trained network with the mesh that it predicts on.
+
+    Attributes
+    ----------
+    network : FieldNetwork
+    nodal_network : NodalNetwork
+        The same network as a map between fields at the nodes of the mesh.
+    passes : Passes
+        Passes of the network; the drawn weights of the last prediction are kept.
+    geometry : Geometry
+        Mesh, supports and grid; its node numbers are those of forces and displacements.
+    description : RunDescription
+        Configuration and dataset of the run.
+    training_range : TrainingRange
+        Forces of the training data; `predict` warns of others.
+    folder : Path or None
+        Run folder that the network was loaded from.
+    mean_error : float or None
+        ē on the test split of its training's dataset, in m; None if the run is not evaluated.
+    """
+
+    def __init__(
+        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+    ) -> None:
+        self.network = network.eval()
+        self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
+        self.geometry = geometry
+        self.description = description
+        data = description.data
+        self.training_range = TrainingRange(
+            data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
+        )
+        self.passes = Passes(network)
+        self._batched = BatchedPrediction(
+            self.nodal_network, self.passes, description.run, geometry.grid.mask.size
+        )
+        self.folder: Path | None = None
+        self.mean_error: float | None = None
+
+    def __repr__(self) -> str:
+        """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
+        run = self.description.run
+        size = f"{run.title} {parameter_count(self.network) / 1e6:.2f} M"
+        parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
+        if run.likelihood != "deterministic":
+            parts.append(run.likelihood.replace("_", " "))
+        if self.mean_error is not None:
+            parts.append(f"ē {1e3 * self.mean_error:.2g} mm")
+        return f"Surrogate({', '.join(parts)})"
+
+    @property
+    def is_probabilistic(self) -> bool:
+        """True if the network predicts standard deviations."""
+        return self.is_stochastic or self.description.run.predicts_std
+
+    @property
+    def is_stochastic(self) -> bool:
+        """True if passes differ from each other."""
+        return self.passes.differ
+
+    # --- prediction -------------------------------------------------------------------------------
+
+    @overload
+    def predict(self, forces: Tensor) -> Tensor: ...
+    @overload
+    def predict(self, forces: ArrayLike) -> Array: ...
+    def predict(self, forces: ArrayLike | Tensor) -> Array | Tensor:
+        """Predict displacements, the means of `predict_distribution`.
+
+        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
+        a CPU, a load series by code that Numba compiles, in some seconds, at the first prediction
+        after an installation (`surrogate.one_load.backend`). Rounding of single precision is all
+        that differs from `predict_distribution`.
+
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
+
+        Parameters
+        ----------
+        forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N. A tensor that requires gradients gives displacements that are
+            differentiable by the forces; the network's weights get no gradients.
+
+        Returns
+        -------
+        array, or Tensor if the forces are one, of the same shape
+            Nodal displacements in m; those of a tensor have its precision and device.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a force is not finite, or one acts at a clamped node.
+        """
+        if isinstance(forces, Tensor):
+            return self._predicted_tensor(forces)
+        nodal = checked_forces(self.geometry, forces)
+        self.training_range.warn(nodal)
+        return self._mean(nodal)
+
+    def _predicted_tensor(self, forces: Tensor) -> Tensor:
+        nodal = checked_forces(self.geometry, forces.numpy(force=True))
+        self.training_range.warn(nodal)
+        kind = forces.dtype if forces.is_floating_point() else torch.float64
+        if not (forces.requires_grad and torch.is_grad_enabled()):
+            return torch.from_numpy(self._mean(nodal)).to(forces.device, kind)
+        samples = forces.reshape(-1, *nodal.shape[-2:]).to(self.network.free.device)
+        found = self._batched.mean(samples, PASSES, 0)
+        return found.reshape(forces.shape).to(forces.device)
+
+    def _mean(self, nodal: Array) -> Array:
+        """Predict without warnings."""
+        if nodal.size == self.geometry.coordinates.size and self._one_load is not None:
+            return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
+        return self._predicted(nodal, PASSES, 0).mean
+
+    @cached_property
+    def _one_load(self) -> OneLoad | None:
+        """The network in NumPy, for one load; None if it is stochastic or has no such form."""
+        if self.is_stochastic or self.network.free.device.type != "cpu":
+            return None
+        from surrogate.one_load.backend import OneLoad, in_numpy
+
+        outputs = len(self.network.displacement_scale)
+        members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
+        return None if members is None else OneLoad(self.nodal_network, members)
+
+    def predict_distribution(
+        self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Predict means and standard deviations of displacements.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        passes : int
+            Number of passes T of every member of an ensemble; a network that is not stochastic
+            makes a single pass.
+        seed : int
+            Seed of the passes, 0 or more. All samples use the same passes.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a force is not finite or acts at a clamped node, `passes` is
+            below 1 or `seed` below 0.
+        """
+        require_passes(passes, seed)
+        return self._predicted(checked_forces(self.geometry, forces), passes, seed)
+
+    def _predicted(self, nodal: Array, passes: int, seed: int) -> Distribution:
+        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
+        return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
+
+    def require_stochastic(self, **options: int | None) -> None:
+        """Raise InputError if pass options are given for a network that is not stochastic."""
+        for name, value in options.items():
+            if value is not None and not self.is_stochastic:
+                raise InputError(
+                    f"--{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout"
+                )
+
+    def solve(
+        self,
+        load: Load,
+        *,
+        certify: Literal["fast", "full"] | None = None,
+        correct: bool = False,
+        tolerance: float | None = None,
+        level: float | None = None,
+        conformal: Literal["marginal", "simultaneous"] | None = None,
+        stresses: bool = False,
+        nearest: bool = False,
+        passes: int | None = None,
+        seed: int | None = None,
+    ) -> Solution:
+        """Predict one load case; certify or correct it.
+
+        Parameters
+        ----------
+        load : array (n_nodes, d), Tensor, str, Path or sequence of str and Path
+            Nodal forces in N; or texts as ``--load`` takes them, such as "4,1:0,-1.5" (a force in N
+            at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a pressure in Pa),
+            and files as ``--forces`` takes them. All act together.
+        certify : {"full", "fast"}, optional
+            Estimate the error: by Newton steps; or in real time, with bounds that hold with some
+            probability, which `surrogate evaluate --certify` calibrates.
+        correct : bool
+            Go on from the prediction to the equilibrium of the finite elements.
+        tolerance : float, optional
+            Largest error of a node in m that is certified; it needs `certify`.
+        level : float, optional
+            Probability of each fast bound; 0.95 by default.
+        conformal : {"marginal", "simultaneous"}, optional
+            Add the bounds of the run's conformal intervals.
+        stresses : bool
+            Compute stresses of the cells and reactions of the supports.
+        nearest : bool
+            Let forces at other places act at the nearest node; the solution's notes say which.
+        passes, seed : int, optional
+            Number of passes of a stochastic network and their seed; 300 and 0 by default.
+
+        Raises
+        ------
+        InputError
+            If the load is wrong, an option needs another one, or the run lacks what it needs.
+        WorkError
+            If no equilibrium is found.
+        """
+        from surrogate.inference.solution import Solution
+
+        require_options_fit(certify, correct, tolerance, level)
+        level = LEVEL if level is None else level
+        intervals = self.intervals if conformal else None
+        fast = self._fast_of_level(level) if certify == "fast" else None
+        self.require_stochastic(passes=passes, seed=seed)
+        given = given_load(self.geometry, load, nearest)
+        force = given.at_rest
+        passes = PASSES if passes is None else passes
+        network = self.predict_distribution(force, passes, seed or 0)
+        self.training_range.log(force)
+        interval = None
+        if intervals is not None and conformal is not None:
+            interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
+        correction = self.correct(force, network.mean) if correct else None
+        displacement = network.mean if correction is None else correction.displacement
+        certificate: ErrorCertificate | None = None
+        half_width = None
+        if fast is not None:
+            std = network.std if self.is_probabilistic else None
+            certificate = bounds = fast.certify(force, displacement, level, std)
+            half_width = bounds.half_width
+        elif certify:
+            certificate = self.certify(force, displacement)
+        return Solution(
+            geometry=self.geometry,
+            case=self.description.run.case,
+            force=force,
+            displacement=displacement,
+            predicted=network.mean,
+            distribution=network if self.is_probabilistic and not correct else None,
+            interval=None if correct else interval,
+            correction=correction,
+            certificate=certificate,
+            half_width=half_width,
+            tolerance=tolerance,
+            stresses=self.stresses(displacement) if stresses else {},
+            reaction=self.reactions(displacement, given.pushed(displacement)) if stresses else None,
+            notes=tuple(given.notes),
+            outside_training=tuple(self.training_range.exceeded(force).values()),
+        )
+
+    # --- certificates and corrections -------------------------------------------------------------
+
+    def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
+        """Estimate the errors of predictions from their out-of-balance forces.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run does not name its material.
+        """
+        from surrogate.certify.certificate import certify
+
+        equilibrium = self.balanced()
+        nodal = checked_forces(self.geometry, forces)
+        return certify(equilibrium, nodal, self._displacement(nodal, predicted))
+
+    def correct(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Correction:
+        """Go on from a prediction to the finite elements' equilibrium.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m, which may be wrong; by default those of `predict`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found.
+        """
+        from surrogate.certify.correction import correct
+
+        equilibrium = self.balanced()
+        nodal = checked_force(self.geometry, forces)
+        return correct(equilibrium, nodal, self._displacement(nodal, predicted))
+
+    def _displacement(self, nodal: Array, predicted: ArrayLike | None) -> Array:
+        """Return given displacements, checked; predict them if they are not given."""
+        if predicted is None:
+            return self._mean(nodal)
+        displacement = np.asarray(predicted, dtype=np.float64)
+        if displacement.shape != nodal.shape:
+            raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
+        return displacement
+
+    @property
+    def run(self) -> RunFolder:
+        """The run folder; InputError if the network was not loaded from one."""
+        if self.folder is None:
+            raise InputError("the network was not loaded from a run folder, expected a saved run")
+        return RunFolder(self.folder)
+
+    @cached_property
+    def fast_estimate(self) -> FastEstimate:
+        """Estimate of errors without a factorisation; InputError if it is not for this body."""
+        from surrogate.certify.fast_estimate import FastEstimate
+
+        case, material = self.description.data.case, self.description.data.material
+        require_linear_elements(case, "bounds and proposed loads")
+        return FastEstimate(self.geometry, material, self.balanced())
+
+    @cached_property
+    def fast_certificate(self) -> FastCertificate:
+        """The calibrated bounds of the run; InputError if it has none."""
+        from surrogate.certify.fast_certificate import FastCertificate, read_ratios
+
+        run = self.run
+        run.seal.require_intact(run.fast_certificate)
+        ratios = read_ratios(run.fast_certificate)
+        return FastCertificate(self.fast_estimate, ratios)
+
+    def _fast_of_level(self, level: float) -> FastCertificate:
+        """Return the calibrated bounds; InputError if they have no such level."""
+        fast = self.fast_certificate
+        try:
+            fast.factor(level)
+        except ValueError as error:
+            raise InputError(f"--level {level:g}: {error}") from None
+        return fast
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """The conformal intervals of the run; InputError if it has none."""
+        from surrogate.certify.conformal import Intervals
+
+        run = self.run
+        run.seal.require_intact(run.intervals)
+        return Intervals.read(run.intervals)
+
+    def score_scale(self, predicted: Distribution) -> ArrayLike:
+        """Divisor of errors in conformal scores: σ in m, or 1 m if the network predicts none."""
+        return predicted.std if self.is_probabilistic else 1.0
+
+    # --- mechanics --------------------------------------------------------------------------------
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or the learner does not compute the
+            equilibria of its elements.
+        """
+        require_known_elements(self.description.data.case, self.geometry)
+        whole = self.geometry.mean_dilation
+        for module in self.network.modules():
+            if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
+                return module.equilibrium
+        return Equilibrium(self.geometry, self.description.data.material)
+
+    def balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
+        if self.geometry.pressed is not None:
+            raise InputError(
+                "the loads of the case have a pressure that follows the surface, so that the "
+                "forces of a prediction cannot be balanced; expected dead loads"
+            )
+        return self.equilibrium
+
+    @property
+    def stressed(self) -> Solid:
+        """The solid whose stresses are known.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or its elements are not linear.
+        """
+        require_linear_elements(self.description.data.case, "stresses and reactions")
+        return self.equilibrium.solid
+
+    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+
+        Returns
+        -------
+        dict of array, (n_cells, …) or (N, n_cells, …)
+            By the names of `shared_schema.common.bodies.stress_fields`.
+
+        Raises
+        ------
+        InputError
+            If the material is none of the shipped ones.
+        """
+        from surrogate.mechanics.stresses import cell_stresses
+
+        u = np.asarray(displacement, dtype=np.float64)
+        samples = u.reshape(-1, *self.geometry.coordinates.shape)
+        fields = cell_stresses(self.stressed, self.geometry, samples)
+        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
+
+    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
+        """Compute the forces of the supports on the body, (n_nodes, d) in N.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d)
+            In m.
+        pushed : array, (n_nodes, d), optional
+            Forces in N of pressures on the deformed body; none by default.
+        """
+        from surrogate.mechanics.stresses import reactions
+
+        u = np.asarray(displacement, dtype=np.float64)
+        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
+        return np.asarray(reactions(self.stressed, self.geometry, u[None], forces[None])[0])
+
+
+def require_options_fit(
+    certify: str | None, correct: bool, tolerance: float | None, level: float | None
+) -> None:
+    """Raise InputError if an option of `Surrogate.solve` lacks one that it needs."""
+    if tolerance is not None and not certify:
+        raise InputError(f"--tolerance {tolerance}: expected beside --certify")
+    if level is not None and certify != "fast":
+        raise InputError(f"--level {level}: expected beside --certify fast")
+    if correct and certify == "fast":
+        raise InputError("--certify fast: bounds predictions, expected 'full' beside --correct")
