@@ -58,6 +58,30 @@ class NodeNumbering:
         positions = np.flatnonzero(blocks >= 0)
         return positions, blocks[positions]
 
+    def gathered(
+        self, comm: Any, local: NDArray[np.float64], add: bool = False
+    ) -> NDArray[np.float64]:
+        """Collect values at this rank's nodes by node number: (n_nodes, d) on every rank.
+
+        Parameters
+        ----------
+        comm : mpi4py communicator
+            Of the mesh; the call is collective.
+        local : array, (n_local_blocks, d)
+            Values of owned nodes, then of ghosts.
+        add : bool
+            Add the values of ghosts to those of the nodes; otherwise they are left out.
+        """
+        count = len(local) if add else self.owned
+        part, numbers = local[:count], self.node_of_block[:count]
+        result = np.zeros((self.total, local.shape[1]))
+        if comm.size == 1:
+            result[numbers] = part
+        else:
+            for some_numbers, values in comm.allgather((numbers, part)):
+                result[some_numbers] += values
+        return result
+
 
 def node_numbering(mesh: Mesh, blocks: NDArray[np.integer[Any]], owned: int) -> NodeNumbering:
     """Number the blocks of the cells' corners by the nodes of the mesh, on this rank.

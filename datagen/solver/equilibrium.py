@@ -1,4 +1,4 @@
-r"""Equilibrium of one body under nodal loads, by Newton's method (PETSc SNES).
+r"""Equilibrium of one body under nodal loads.
 
 The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the residual vanishes
 (Deshpande et al. 2022, Eq. res):
@@ -7,15 +7,11 @@ The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the
           u = 0 \quad \text{at clamped nodes}, \qquad u = s \bar u \quad \text{where prescribed},
 
 with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the nodal load :math:`f` in
-N, the forces :math:`f_p` of pressures that follow the surface (`datagen.solver.follower_pressure`),
-and the load factor :math:`s`, the part of the load that acts. Step k of Newton's method is
-
-.. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂f_{int}/∂u,
-
-and the iteration ends when :math:`‖R‖_2` is at most the tolerance (`datagen.solver.tolerance`). In
-the rows of the clamped degrees of freedom the residual is u and the tangent is the identity. Where
-a displacement is prescribed the residual is :math:`u - s \bar u`; the first step moves the rest of
-the body with it.
+N, the forces :math:`f_p` of pressures that follow the surface (`datagen.solver.acting_load`), and
+the load factor :math:`s`, the part of the load that acts. Newton's method (`datagen.solver.newton`)
+finds u with the tangent :math:`K = ∂f_{int}/∂u - s \, ∂f_p/∂u`. In the rows of known displacements
+(`datagen.solver.supports`) the residual is u, or :math:`u - s \bar u`, and the tangent is the
+identity; the first step moves the rest of the body with a prescribed displacement.
 
 Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
 triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
@@ -31,7 +27,6 @@ summed, and before the rows of the clamped nodes are replaced.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,60 +37,23 @@ from datagen.discretisation.unknowns import Unknowns, mean_edge
 from datagen.dolfinx_versions import create_vector
 from datagen.materials import OwnMaterial
 from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.acting_load import ActingLoad
+from datagen.solver.assembly import DistributedAssembly, SerialAssembly
 from datagen.solver.corotation import Corotation
-from datagen.solver.distributed_assembly import DistributedAssembly
-from datagen.solver.follower_pressure import FollowerPressure
-from datagen.solver.linear_solver import (
-    INEXACT_TOLERANCE,
-    Solver,
-    chosen_solver,
-    set_up_direct,
-    set_up_multigrid,
-    set_up_preconditioned,
-)
+from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.minimum_jacobian import MinimumJ
-from datagen.solver.serial_assembly import SerialAssembly
+from datagen.solver.newton import Newton, NewtonResult, reason_name
 from datagen.solver.settings import SolverSettings
+from datagen.solver.supports import Supports
 from datagen.solver.tolerance import RoundOff
 from datagen.solver.weak_form import weak_form
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import sum_per_node
 from shared_schema.material import Material
 
 INVERTED = "inverted element (J <= 0)"
 STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
-EXACT = 1e-10  # relative tolerance of Krylov iterations under such loads
-FORETELLING = 1e-4  # of those of nearly incompressible cells
-
-
-@dataclass(frozen=True)
-class NewtonResult:
-    """Outcome of one Newton solve.
-
-    Attributes
-    ----------
-    converged : bool
-    reason : int
-        PETSc's SNESConvergedReason: positive if converged.
-    explanation : str
-        The reason in words.
-    iterations : int
-        Number of Newton iterations.
-    residual_norm : float
-        2-norm of the last residual, in N.
-    """
-
-    converged: bool
-    reason: int
-    explanation: str
-    iterations: int
-    residual_norm: float
-
-    @property
-    def linear_solve_failed(self) -> bool:
-        """True if Newton's method stopped because the linear solver failed."""
-        return bool(self.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
+Array = NDArray[np.float64]
 
 
 class EquilibriumProblem:
@@ -129,6 +87,8 @@ class EquilibriumProblem:
         Number of space dimensions d.
     kind : ElementKind
         The element on the cells of the mesh.
+    points : array, (n_owned_points, d)
+        Positions in m of the points that this rank owns, in the order of their degrees of freedom.
     unknowns : Unknowns
     numbering : NodeNumbering
         Node numbers of the cells' corners on this rank.
@@ -136,14 +96,20 @@ class EquilibriumProblem:
         Strain energy, internal forces and tangent at `u`.
     u : dolfinx.fem.Function
         The current state of the body in m: displacements, and other unknowns if there are any.
-    snes : petsc4py.PETSc.SNES
-        The Newton solver.
+    supports : Supports
+        Held and moved degrees of freedom.
+    load : ActingLoad
+        Dead forces and pressures.
+    residual : petsc4py.PETSc.Vec
+        R; overwritten by most methods.
+    matrix : petsc4py.PETSc.Mat
+        K.
+    newton : Newton
+        Newton's method.
     linear_solver : str
-        Name of the linear solver that `snes` uses.
+        Name of the linear solver that it uses.
     corotation : Corotation or None
         Preconditioner of the linear solver `corotated`.
-    is_direct : bool
-        True if `snes` solves the linear systems by LU.
     load_factor : float
         Part s of the nodal load that acts.
     meanwhile : callable
@@ -161,99 +127,58 @@ class EquilibriumProblem:
         moved: NDArray[np.bool_] | None = None,
         surfaces: Sequence[NDArray[np.int64]] = (),
     ) -> None:
-        self.mesh = mesh
-        self.comm = mesh.domain.comm
+        self.mesh, self.comm = mesh, mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
         self.kind = element_kind(element, mesh.cell_type)
         self.unknowns = Unknowns(mesh, self.kind)
         self.numbering, self.u = self.unknowns.numbering, self.unknowns.state
+        self.points = self.unknowns.owned_points(mesh.coordinates)
         size = mean_edge(mesh.coordinates, mesh.cells)
         local_parts = None if parts is None else mesh.of_local_cells(parts)
         self.forms = weak_form(self.unknowns, self.kind, material, size, local_parts)
-
-        fixed = (
-            clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
+        held = clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
+        self.supports = Supports(
+            self.unknowns, held, np.zeros_like(held) if moved is None else moved
         )
-        self._is_moved = np.zeros_like(fixed) if moved is None else moved
-        self._is_driven = bool(self._is_moved.any())
-        held_points = self.unknowns.held(fixed)
-        self._moved_points = self.unknowns.held(fixed | self._is_moved) & ~held_points
-        held, driven = (
-            self.unknowns.point_dofs[points].astype(np.intp)
-            for points in (held_points, self._moved_points)
-        )
-        self._held = held[held < self.unknowns.owned]
-        self._owns_moved = driven < self.unknowns.owned
-        self._moved = driven[self._owns_moved]
-        self._prescribed = np.zeros(len(self._moved))
+        self.load = ActingLoad(mesh, self.unknowns, self.supports, surfaces)
         self._assembly: SerialAssembly | DistributedAssembly
         assembly = SerialAssembly if self.comm.size == 1 else DistributedAssembly
-        self._assembly = assembly(self.forms, self.unknowns, held, driven)
+        fixed = self.supports.held_dofs, self.supports.moved_dofs
+        self._assembly = assembly(self.forms, self.unknowns, *fixed)
+        self.matrix = self._assembly.matrix
         self._min_j = MinimumJ(self.unknowns, self.kind)
         to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
         self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
-
-        self._load_dofs = np.empty(0, dtype=np.intp)
-        self._load_values = np.empty(0)
-        self._pressure: FollowerPressure | None = None
-        if len(surfaces):
-            self._pressure = FollowerPressure(
-                mesh.coordinates,
-                surfaces,
-                self.numbering,
-                self._rows_of_nodes(),
-                fixed | self._is_moved,
-                self._is_moved,
-            )
         self.load_factor = 0.0
         self.meanwhile: Callable[[], None] = lambda: None
-
-        self._residual = create_vector(self.u.function_space)
-        self._x = self._residual.duplicate()  # SNES must not be given the vector of `u` itself
+        self.residual = create_vector(self.u.function_space)
+        self._x = self.residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = self._is_loaded = False
-        self._settings = settings
+        self._settings, self._grip_norm = settings, 0.0
         self._round_off = RoundOff(0.0, 0.0)
         if settings.tolerance is None:
             self._round_off = RoundOff.of(self.tangent(), size)
-        self._force_norm = self._grip_norm = 0.0
         self.linear_solver = chosen_solver(
-            settings.linear_solver, self.kind, self.dimension, self._residual.size
+            settings.linear_solver, self.kind, self.dimension, self.size
         )
         self.corotation: Corotation | None = None
         if self.linear_solver == "corotated":
             at_rest = self.tangent().copy()
             self.corotation = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
-        self.is_direct = self.linear_solver == "lu"
-        self.snes = self._make_snes(self.linear_solver)
-        self._direct_snes = self.snes if self.is_direct else None  # else made when first needed
-        if any(isinstance(m, OwnMaterial) for m in (material, *_several(material))):
+        self.newton = Newton(self, settings, self.linear_solver, self.corotation)
+        materials = (material,) if isinstance(material, Material) else material
+        if any(isinstance(each, OwnMaterial) for each in materials):
             self._require_no_stress_at_rest()
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return int(self._residual.size)
+        return int(self.residual.size)
 
-    def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
-        settings = self._settings
-        snes = PETSc.SNES().create(self.comm)
-        snes.setFunction(self._compute_residual, self._residual)
-        snes.setJacobian(self._compute_tangent, self._assembly.matrix)
-        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
-        if settings.tolerance is None:
-            snes.setConvergenceTest(self._has_converged)
-        else:
-            stricter = INEXACT_TOLERANCE if linear_solver == "multigrid" else 1.0
-            snes.setTolerances(atol=stricter * settings.tolerance)
-        snes.setType("newtonls")
-        if linear_solver == "lu":
-            set_up_direct(snes, self.dimension, self.kind.has_pressure)
-            return snes
-        if self.corotation is None:
-            set_up_multigrid(snes, self.unknowns.owned_points(self.mesh.coordinates))
-        else:
-            set_up_preconditioned(snes, self.corotation)
-        return snes
+    @property
+    def is_dead(self) -> bool:
+        """True if the load consists of dead forces, which have a potential."""
+        return not self.load.presses and not self.supports.has_grip
 
     def set_load(
         self,
@@ -275,48 +200,23 @@ class EquilibriumProblem:
         displacement : array, (n_nodes, d), optional
             Displacement of the moved components in m; 0 by default.
         """
-        if self._pressure is not None:
-            self._pressure.pressures[:] = 0.0 if pressures is None else pressures
-        self._prescribed[:] = 0.0
-        if displacement is not None:
-            at_points = self.unknowns.at_points(displacement)[self._moved_points]
-            self._prescribed[:] = at_points[self._owns_moved]
-        nodes, forces = sum_per_node(nodes, forces)
-        positions, blocks = self.numbering.owned_blocks(nodes)
-        self._load_dofs = self.unknowns.dofs[blocks].ravel().astype(np.intp)
-        self._load_values = np.ascontiguousarray(forces[positions]).ravel()
-        self._force_norm = float(np.linalg.norm(forces))
-        if self._is_pressed:
-            assert self._pressure is not None
-            at_rest = self._pressure.forces(np.zeros(self.mesh.coordinates.shape))
-            self._force_norm = float(np.hypot(self._force_norm, np.linalg.norm(at_rest)))
+        moves = self.supports.prescribe(displacement)
+        self.load.set(nodes, forces, pressures)
         self._grip_norm = 0.0
-        self._is_loaded = self._force_norm > 0.0 or (
-            displacement is not None and bool(displacement[self._is_moved].any())
-        )
+        self._is_loaded = self.load.norm > 0.0 or moves
 
     def tolerance(self) -> float:
         """Tolerance on ‖R‖ in N under the present load, at the present state (collective)."""
         if self._settings.tolerance is not None:
             return self._settings.tolerance
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
-        return self._relative_tolerance(self._x.norm())
+        return self.relative_tolerance(self._x.norm())
 
-    def _relative_tolerance(self, displacement_norm: float) -> float:
-        forces = float(np.hypot(self._force_norm, self._grip_norm))
+    def relative_tolerance(self, displacement_norm: float) -> float:
+        """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
+        forces = float(np.hypot(self.load.norm, self._grip_norm))
         relative = self._settings.relative_tolerance * forces
         return max(relative, self._round_off.floor(displacement_norm))
-
-    def _has_converged(
-        self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
-    ) -> int:
-        """Convergence test for SNES, if the tolerance is relative; one iteration at least."""
-        reasons = PETSc.SNES.ConvergedReason
-        displacement, _, residual = norms
-        if iteration == 0 and self._is_loaded:
-            return int(reasons.ITERATING)
-        small = residual <= self._relative_tolerance(displacement)
-        return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
 
     def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0 by Newton's method, starting from `u`.
@@ -331,28 +231,19 @@ class EquilibriumProblem:
         direct : bool
             Solve the linear systems by LU, even if the settings ask for multigrid.
         """
-        snes = self.snes
-        if direct:
-            self._direct_snes = self._direct_snes or self._make_snes("lu")
-            snes = self._direct_snes
-        if snes is not self._direct_snes:
-            is_linear = not self._is_driven and (
-                self._force_norm <= LINEAR_LOADS * self._round_off.at_rest
-            )
-            foretells = self.forms.before is not None
-            snes.setUseEW(not is_linear and not foretells)
-            if is_linear:  # rounding may hide what a first, inexact step leaves
-                snes.getKSP().setTolerances(rtol=EXACT)
-            elif foretells:  # a pressure; an inexact step would foretell a wrong one
-                snes.getKSP().setTolerances(rtol=FORETELLING)
-        snes.setForceIteration(self._is_loaded)
         self.load_factor = load_factor
         self._inverted = False
         self._foretell_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
-        snes.solve(None, self._x)
+        smallest = LINEAR_LOADS * self._round_off.at_rest
+        reason, iterations, residual_norm = self.newton.solve(
+            self._x,
+            is_loaded=self._is_loaded,
+            is_linear=not self.supports.has_grip and self.load.norm <= smallest,
+            foretells=self.forms.before is not None,
+            direct=direct,
+        )
         self._take(self._x)
-        reason, residual_norm = snes.getConvergedReason(), snes.getFunctionNorm()
         reasons = PETSc.SNES.ConvergedReason
         if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self.tolerance():
             # Inexact steps iterate to INEXACT_TOLERANCE · tolerance; the tolerance itself suffices.
@@ -361,21 +252,15 @@ class EquilibriumProblem:
             converged=reason > 0,
             reason=reason,
             explanation=INVERTED if self._inverted else reason_name(reason),
-            iterations=snes.getIterationNumber(),
+            iterations=iterations,
             residual_norm=residual_norm,
         )
 
     def close(self) -> None:
         """Release PETSc's memory, which garbage collection does not; unusable afterwards."""
-        for thing in (
-            self.snes,
-            self._direct_snes,
-            self._assembly.matrix,
-            self._residual,
-            self._x,
-        ):
-            if thing is not None:
-                thing.destroy()
+        self.newton.close()
+        for thing in (self.matrix, self.residual, self._x):
+            thing.destroy()
 
     def reset(self) -> None:
         """Set the displacement and all other unknowns to zero."""
@@ -396,7 +281,7 @@ class EquilibriumProblem:
 
     def displacement(self) -> NDArray[np.float64]:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
-        return self._gather(self.u.x.array[self.unknowns.dofs])
+        return self.numbering.gathered(self.comm, self.u.x.array[self.unknowns.dofs])
 
     def reactions(self) -> NDArray[np.float64]:
         """Gather f_int(u) − s f − s f_p(u) by node number: (n_nodes, d) in N, on every rank.
@@ -404,10 +289,9 @@ class EquilibriumProblem:
         In equilibrium these forces vanish at the free nodes; at the clamped nodes they are the
         reactions of the supports, and where displacements are prescribed those of the grip.
         """
-        self._assemble_out_of_balance(self._residual)
         values = np.zeros(len(self.u.x.array))
-        values[: self.unknowns.owned] = self._residual.array_r
-        return self._gather(self.unknowns.forces_at_corners(values), add=True)
+        values[: self.unknowns.owned] = self.out_of_balance().array_r
+        return self.numbering.gathered(self.comm, self.unknowns.forces_at_corners(values), add=True)
 
     def energy(self) -> float:
         """Integrate the strain energy ∫ W dV of the current state, in J; the same on every rank."""
@@ -420,23 +304,8 @@ class EquilibriumProblem:
         """
         if not self._min_j.value() > 0.0:
             return np.inf
-        work = self.u.x.array[self._load_dofs] @ self._load_values
-        potential = self.energy() - float(self.comm.allreduce(work))
+        potential = self.energy() - float(self.comm.allreduce(self.load.work()))
         return potential if np.isfinite(potential) else np.inf
-
-    @property
-    def is_dead(self) -> bool:
-        """True if the load consists of dead forces, which have a potential."""
-        return not self._is_pressed and not self._is_driven
-
-    @property
-    def _is_pressed(self) -> bool:
-        return self._pressure is not None and bool(self._pressure.pressures.any())
-
-    def hold_supports(self) -> None:
-        """Set the displacement of the clamped nodes to zero."""
-        self.u.x.array[self._held] = 0.0
-        self.u.x.scatter_forward()
 
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
@@ -451,22 +320,9 @@ class EquilibriumProblem:
     def _next_tangent(self) -> PETSc.Mat:
         self._assembly.assemble_tangent()
         self._foretell_from_here()
-        matrix = self._assembly.matrix
-        if self._is_pressed:
-            assert self._pressure is not None
-            self._pressure.add_tangent(matrix, self.displacement(), self.load_factor)
-        return matrix
-
-    def _rows_of_nodes(self) -> NDArray[np.int64]:
-        """Rows of the distributed matrix that belong to every node, (n_nodes, d)."""
-        index_map = self.u.function_space.dofmap.index_map
-        first = index_map.local_range[0] * self.u.function_space.dofmap.index_map_bs
-        owned = self.numbering.owned
-        numbers, rows = self.numbering.node_of_block[:owned], self.unknowns.dofs[:owned]
-        rows_of_nodes = np.empty((self.numbering.total, self.dimension), dtype=np.int64)
-        for some, of_some in self.comm.allgather((numbers, first + rows)):
-            rows_of_nodes[some] = of_some
-        return rows_of_nodes
+        if self.load.presses:
+            self.load.add_tangent(self.matrix, self.load_factor, self.displacement())
+        return self.matrix
 
     def _require_no_stress_at_rest(self) -> None:
         """Raise InputError if internal forces act in the undeformed body (collective)."""
@@ -481,77 +337,42 @@ class EquilibriumProblem:
                 f"{np.abs(forces).max():g} N in the undeformed body, expected none"
             )
 
-    def _gather(self, local: NDArray[np.float64], add: bool = False) -> NDArray[np.float64]:
-        """Collect values at this rank's corners, (n_corners, d), by node number on every rank.
-
-        Parameters
-        ----------
-        local : array, (n_corners, d)
-            Values of owned nodes, then of ghosts.
-        add : bool
-            Add the values of ghosts to those of the nodes; otherwise they are left out.
-        """
-        count = len(local) if add else self.numbering.owned
-        part, numbers = local[:count], self.numbering.node_of_block[:count]
-        result = np.zeros((self.numbering.total, self.dimension))
-        if self.comm.size == 1:
-            result[numbers] = part
-        else:
-            for some_numbers, values in self.comm.allgather((numbers, part)):
-                result[some_numbers] += values
-        return result
-
     def _take(self, x: PETSc.Vec) -> None:
         """Set the displacement to the solver's vector, and update the ghosts."""
         self.u.x.array[: self.unknowns.owned] = x.array_r
         if self.comm.size > 1:
             self.u.x.scatter_forward()
 
-    def _assemble_out_of_balance(self, b: PETSc.Vec) -> None:
-        """Replace `b` by f_int(u) − s f, clamped rows included."""
-        self._assembly.assemble_forces(b)
-        b.array_w[self._load_dofs] -= self.load_factor * self._load_values
-        if self._is_pressed:
-            assert self._pressure is not None
-            owned = self.numbering.owned
-            pushed = self._pressure.forces(self.displacement())[
-                self.numbering.node_of_block[:owned]
-            ]
-            b.array_w[self.unknowns.dofs[:owned]] -= self.load_factor * pushed
+    def out_of_balance(self) -> PETSc.Vec:
+        """Return `residual` with f_int(u) − s f − s f_p(u) in all rows, those of supports too."""
+        return self._out_of_balance(self.residual)
 
-    def _compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+    def _out_of_balance(self, b: PETSc.Vec) -> PETSc.Vec:
+        self._assembly.assemble_forces(b)
+        self.load.subtract_forces(b, self.load_factor)
+        if self.load.presses:
+            self.load.subtract_pressures(b, self.load_factor, self.displacement())
+        return b
+
+    def compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Residual for SNES; NaN where an element is inverted, so that the solve fails."""
         self._take(x)
         if self._min_j.value() <= 0.0:
             self._inverted = True
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
-        self._assemble_out_of_balance(b)
-        b.array_w[self._held] = x.array_r[self._held]  # u = 0 there
-        if self._is_driven:
-            grip = b.array_r[self._moved]
+        grip = self.supports.replace_rows(self._out_of_balance(b), x, self.load_factor)
+        if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
-            wanted = self.load_factor * self._prescribed
-            b.array_w[self._moved] = x.array_r[self._moved] - wanted
 
-    def _compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
+    def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile()
         if self.corotation is None:
             self._next_tangent()
             return
-        if x.norm() == 0.0 and not self._is_pressed:
+        if x.norm() == 0.0 and not self.load.presses:
             self.corotation.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         else:
             self._next_tangent()
         self.corotation.turn()
-
-
-def _several(material: Material | Sequence[Material]) -> tuple[Material, ...]:
-    return () if isinstance(material, Material) else tuple(material)
-
-
-def reason_name(reason: int) -> str:
-    """Name of a SNESConvergedReason, as PETSc spells it."""
-    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
-    return names.get(reason, str(reason))

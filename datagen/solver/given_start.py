@@ -59,7 +59,7 @@ def solve_from(
     """
     problem.set_load(nodes, forces)
     problem.set_displacement(displacement)
-    problem.hold_supports()
+    problem.supports.hold()
     energy, iterations = problem.potential(), 0
     if energy < 0.0:
         with no_further_than(settings.tolerance, problem):
@@ -87,10 +87,10 @@ def no_further_than(tolerance: float | None, problem: EquilibriumProblem) -> Ite
 
     Where the tolerance is relative to the load (None), it stops there in any case.
     """
-    if problem.is_direct or tolerance is None:
+    if problem.newton.is_direct or tolerance is None:
         yield
         return
-    snes, ksp = problem.snes, problem.snes.getKSP()
+    snes, ksp = problem.newton.snes, problem.newton.snes.getKSP()
     newton, krylov = snes.getTolerances(), ksp.getTolerances()
     snes.setTolerances(atol=tolerance)
     ksp.setTolerances(atol=KRYLOV * tolerance)

@@ -87,7 +87,7 @@ def solve_load_case(
     equilibrium = problem.state()
     factor, step = 0.0, settings.first_step
     steps = cutbacks = iterations = 0
-    direct = problem.is_direct
+    direct = problem.newton.is_direct
     while True:
         target = min(1.0, factor + step)
         result = problem.solve(target, direct)

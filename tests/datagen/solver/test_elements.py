@@ -66,12 +66,12 @@ def assert_patch(element: Element, d: int, simplices: int) -> None:
     problem.set_displacement(x @ gradient.T)
     held = problem.u.x.array.copy()
     energy_density = homogeneous_energy(np.eye(d) + gradient, material)
-    kept = problem._held  # the supports hold what `hold` says instead of zero
+    kept = problem.supports.held_dofs  # the supports hold what `hold` says instead of zero
     assert kept.size
     problem.set_load(np.array([0]), np.zeros((1, d)))
     for _ in range(8):  # Newton's method with these supports
-        problem._assemble_out_of_balance(problem._residual)
-        residual = problem._residual.array_r.copy()
+        problem.out_of_balance()
+        residual = problem.residual.array_r.copy()
         residual[kept] = 0.0
         if np.linalg.norm(residual) < 1e-10:
             break
@@ -115,11 +115,11 @@ def assert_derivatives(element: Element, d: int, simplices: int) -> None:
     for sign in (1, -1):
         problem.u.x.array[:] = state + sign * step * direction
         energies.append(problem.energy())
-        problem._assemble_out_of_balance(problem._residual)
-        forces.append(problem._residual.array_r.copy())
+        problem.out_of_balance()
+        forces.append(problem.residual.array_r.copy())
     problem.u.x.array[:] = state
-    problem._assemble_out_of_balance(problem._residual)
-    work = float(problem._residual.array_r @ direction)
+    problem.out_of_balance()
+    work = float(problem.residual.array_r @ direction)
     assert work == pytest.approx((energies[0] - energies[1]) / (2 * step), rel=1e-6)
     matrix = problem.tangent()[:, :]
     difference = (forces[0] - forces[1]) / (2 * step)

@@ -114,10 +114,10 @@ def test_reactions_balance_the_load(
 def test_newton_converges_quadratically(beam: Body, node_at: NodeFinder) -> None:
     """Close to the solution ‖R_{k+1}‖ ≤ C ‖R_k‖² with C of order 1/N."""
     norms: list[float] = []
-    beam.problem.snes.setMonitor(lambda snes, iteration, norm: norms.append(norm))
+    beam.problem.newton.snes.setMonitor(lambda snes, iteration, norm: norms.append(norm))
     tip = node_at(beam.mesh.coordinates, 4.0, 1.0)
     solve_load_case(beam.problem, np.array([tip]), np.array([[0.0, -2.5]]), SETTINGS)
-    beam.problem.snes.cancelMonitor()
+    beam.problem.newton.snes.cancelMonitor()
     close = [norm for norm in norms if norm < 0.1]
     assert len(close) >= 3
     for before, after in pairwise(close):

@@ -1,0 +1,110 @@
+r"""The load on a body: dead nodal forces, and pressures that follow the surface.
+
+.. math:: f(u) = f + f_p(u)
+
+f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from datagen.discretisation.unknowns import Unknowns
+from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.follower_pressure import FollowerPressure
+from datagen.solver.supports import Supports
+from shared_schema.common.nodal_forces import sum_per_node
+
+Array = NDArray[np.float64]
+
+
+class ActingLoad:
+    """Load on the rows that a rank owns.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    unknowns : Unknowns
+    supports : Supports
+    surfaces : sequence of array of int, (n_facets, n_corners)
+        Facets under pressures, by node number and seen from outside.
+
+    Attributes
+    ----------
+    norm : float
+        2-norm of f, and of the pressures' forces on the undeformed body, in N.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        unknowns: Unknowns,
+        supports: Supports,
+        surfaces: Sequence[NDArray[np.int64]],
+    ) -> None:
+        self._unknowns, self._shape = unknowns, mesh.coordinates.shape
+        self._dofs, self._values = np.empty(0, dtype=np.intp), np.empty(0)
+        self.norm = 0.0
+        self._pressure: FollowerPressure | None = None
+        if len(surfaces):
+            self._pressure = FollowerPressure(
+                mesh.coordinates,
+                surfaces,
+                unknowns.numbering,
+                _rows_of_nodes(mesh, unknowns),
+                supports.fixed,
+                supports.moved,
+            )
+
+    def set(self, nodes: NDArray[np.int64], forces: Array, pressures: Array | None) -> None:
+        """Replace the load (`EquilibriumProblem.set_load`)."""
+        nodes, forces = sum_per_node(nodes, forces)
+        positions, blocks = self._unknowns.numbering.owned_blocks(nodes)
+        self._dofs = self._unknowns.dofs[blocks].ravel().astype(np.intp)
+        self._values = np.ascontiguousarray(forces[positions]).ravel()
+        self.norm = float(np.linalg.norm(forces))
+        if self._pressure is not None:
+            self._pressure.pressures[:] = 0.0 if pressures is None else pressures
+            if self.presses:
+                at_rest = self._pressure.forces(np.zeros(self._shape))
+                self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
+
+    @property
+    def presses(self) -> bool:
+        """True if a pressure acts."""
+        return self._pressure is not None and bool(self._pressure.pressures.any())
+
+    def work(self) -> float:
+        """Work f · u of the dead forces of this rank at the current state, in J."""
+        return float(self._unknowns.state.x.array[self._dofs] @ self._values)
+
+    def subtract_forces(self, b: PETSc.Vec, load_factor: float) -> None:
+        """Subtract s f from a vector of forces in N."""
+        b.array_w[self._dofs] -= load_factor * self._values
+
+    def subtract_pressures(self, b: PETSc.Vec, load_factor: float, u: Array) -> None:
+        """Subtract s f_p(u) of a displacement, (n_nodes, d) in m, if a pressure acts."""
+        assert self._pressure is not None
+        numbering = self._unknowns.numbering
+        pushed = self._pressure.forces(u)[numbering.node_of_block[: numbering.owned]]
+        b.array_w[self._unknowns.dofs[: numbering.owned]] -= load_factor * pushed
+
+    def add_tangent(self, matrix: PETSc.Mat, load_factor: float, u: Array) -> None:
+        """Add −s ∂f_p/∂u at a displacement, (n_nodes, d) in m, if a pressure acts (collective)."""
+        assert self._pressure is not None
+        self._pressure.add_tangent(matrix, u, load_factor)
+
+
+def _rows_of_nodes(mesh: Mesh, unknowns: Unknowns) -> NDArray[np.int64]:
+    """Rows of the distributed matrix that belong to every node, (n_nodes, d) (collective)."""
+    dofmap, numbering = unknowns.state.function_space.dofmap, unknowns.numbering
+    first = dofmap.index_map.local_range[0] * dofmap.index_map_bs
+    numbers, rows = numbering.node_of_block[: numbering.owned], unknowns.dofs[: numbering.owned]
+    rows_of_nodes = np.empty(mesh.coordinates.shape, dtype=np.int64)
+    for some, of_some in mesh.domain.comm.allgather((numbers, first + rows)):
+        rows_of_nodes[some] = of_some
+    return rows_of_nodes

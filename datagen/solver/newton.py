@@ -1,0 +1,191 @@
+r"""Newton's method (PETSc SNES) for R(u) = 0.
+
+.. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂R/∂u
+
+The iteration ends when :math:`‖R‖_2` is at most the tolerance (`datagen.solver.tolerance`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from datagen.discretisation.element import ElementKind
+from datagen.solver.corotation import Corotation
+from datagen.solver.linear_solver import (
+    INEXACT_TOLERANCE,
+    Solver,
+    set_up_direct,
+    set_up_multigrid,
+    set_up_preconditioned,
+)
+from datagen.solver.settings import SolverSettings
+
+EXACT = 1e-10  # relative tolerance of Krylov iterations under loads that rounding may hide
+FORETELLING = 1e-4  # of those of nearly incompressible cells
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Outcome of one Newton solve.
+
+    Attributes
+    ----------
+    converged : bool
+    reason : int
+        PETSc's SNESConvergedReason: positive if converged.
+    explanation : str
+        The reason in words.
+    iterations : int
+        Number of Newton iterations.
+    residual_norm : float
+        2-norm of the last residual, in N.
+    """
+
+    converged: bool
+    reason: int
+    explanation: str
+    iterations: int
+    residual_norm: float
+
+    @property
+    def linear_solve_failed(self) -> bool:
+        """True if Newton's method stopped because the linear solver failed."""
+        return bool(self.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
+
+
+class Equations(Protocol):
+    """R and K, as SNES wants them."""
+
+    kind: ElementKind
+    dimension: int
+    residual: PETSc.Vec
+    matrix: PETSc.Mat
+    points: NDArray[np.float64]
+
+    def compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Replace b by R(x)."""
+
+    def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
+        """Replace the matrix by K at the x that the residual was computed for."""
+
+    def relative_tolerance(self, displacement_norm: float) -> float:
+        """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to the load."""
+
+
+class Newton:
+    """Newton's method with one linear solver, and with LU where that fails.
+
+    Parameters
+    ----------
+    equations : Equations
+    settings : SolverSettings
+    linear_solver : {"lu", "multigrid", "corotated"}
+    corotation : Corotation or None
+        Preconditioner of the linear solver `corotated`.
+
+    Attributes
+    ----------
+    snes : petsc4py.PETSc.SNES
+        The Newton solver.
+    is_direct : bool
+        True if it solves the linear systems by LU.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        settings: SolverSettings,
+        linear_solver: Solver,
+        corotation: Corotation | None,
+    ) -> None:
+        self._equations, self._settings, self._corotation = equations, settings, corotation
+        self._at_least_one = False
+        self.is_direct = linear_solver == "lu"
+        self.snes = self._make_snes(linear_solver)
+        self._direct = self.snes if self.is_direct else None  # else made when first needed
+
+    def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
+        settings, equations = self._settings, self._equations
+        snes = PETSc.SNES().create(equations.residual.comm)
+        snes.setFunction(equations.compute_residual, equations.residual)
+        snes.setJacobian(equations.compute_tangent, equations.matrix)
+        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
+        if settings.tolerance is None:
+            snes.setConvergenceTest(self._has_converged)
+        else:
+            stricter = INEXACT_TOLERANCE if linear_solver == "multigrid" else 1.0
+            snes.setTolerances(atol=stricter * settings.tolerance)
+        snes.setType("newtonls")
+        if linear_solver == "lu":
+            set_up_direct(snes, equations.dimension, equations.kind.has_pressure)
+        elif self._corotation is None:
+            set_up_multigrid(snes, equations.points)
+        else:
+            set_up_preconditioned(snes, self._corotation)
+        return snes
+
+    def _has_converged(
+        self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
+    ) -> int:
+        """Convergence test for SNES, if the tolerance is relative; one iteration at least."""
+        reasons = PETSc.SNES.ConvergedReason
+        displacement, _, residual = norms
+        if iteration == 0 and self._at_least_one:
+            return int(reasons.ITERATING)
+        small = residual <= self._equations.relative_tolerance(displacement)
+        return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
+
+    def solve(
+        self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, foretells: bool, direct: bool
+    ) -> tuple[int, int, float]:
+        """Iterate from x, which then holds the last iterate, converged or not.
+
+        Parameters
+        ----------
+        x : PETSc.Vec
+            Not the vector of the state itself.
+        is_loaded : bool
+            Make one iteration at least.
+        is_linear : bool
+            The load is so small that rounding may hide what a first, inexact step leaves.
+        foretells : bool
+            A step predicts pressures; an inexact one would predict wrong ones.
+        direct : bool
+            Solve the linear systems by LU in any case.
+
+        Returns
+        -------
+        reason, iterations : int
+        residual_norm : float
+        """
+        snes = self.snes
+        if direct:
+            self._direct = self._direct or self._make_snes("lu")
+            snes = self._direct
+        if snes is not self._direct:
+            snes.setUseEW(not is_linear and not foretells)
+            if is_linear:
+                snes.getKSP().setTolerances(rtol=EXACT)
+            elif foretells:
+                snes.getKSP().setTolerances(rtol=FORETELLING)
+        self._at_least_one = is_loaded
+        snes.setForceIteration(is_loaded)
+        snes.solve(None, x)
+        return snes.getConvergedReason(), snes.getIterationNumber(), snes.getFunctionNorm()
+
+    def close(self) -> None:
+        """Release PETSc's memory."""
+        self.snes.destroy()
+        if self._direct is not None:
+            self._direct.destroy()
+
+
+def reason_name(reason: int) -> str:
+    """Name of a SNESConvergedReason, as PETSc spells it."""
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    return names.get(reason, str(reason))
