@@ -13,6 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
+    from surrogate.data.joined_dataset import read_dataset
     from surrogate.figures.config_list import config_list
     from surrogate.figures.trained_list import trained_list
     from surrogate.inference.export import export
@@ -22,34 +24,53 @@ if TYPE_CHECKING:
     from surrogate.inference.surrogate import Surrogate
     from surrogate.inference.training_range import OutsideTrainingWarning
     from surrogate.page.page import write_page
+    from surrogate.planning.first_configuration import first_config
+    from surrogate.planning.trial_steps import dry_run
+    from surrogate.runs.run_config import read_config
     from surrogate.runs.shelf import shelve, shelved
+    from surrogate.training.loop import train
+    from surrogate.training.refinement import refine
 
 __version__ = "0.2.0"
 __all__ = [
+    "Dataset",
     "OutsideTrainingWarning",
     "Proposal",
     "Solution",
     "Surrogate",
     "config_list",
+    "dry_run",
     "export",
+    "first_config",
     "load",
     "propose",
+    "read_config",
+    "read_dataset",
+    "refine",
     "shelve",
     "shelved",
+    "train",
     "trained_list",
     "write_page",
 ]
 _MODULES = {  # where each name is
+    "Dataset": "data.dataset",
     "OutsideTrainingWarning": "inference.training_range",
     "Proposal": "inference.proposal",
     "Solution": "inference.solution",
     "Surrogate": "inference.surrogate",
     "config_list": "figures.config_list",
+    "dry_run": "planning.trial_steps",
     "export": "inference.export",
+    "first_config": "planning.first_configuration",
     "load": "inference.loading",
     "propose": "inference.proposal",
+    "read_config": "runs.run_config",
+    "read_dataset": "data.joined_dataset",
+    "refine": "training.refinement",
     "shelve": "runs.shelf",
     "shelved": "runs.shelf",
+    "train": "training.loop",
     "trained_list": "figures.trained_list",
     "write_page": "page.page",
 }

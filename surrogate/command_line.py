@@ -10,21 +10,24 @@ from collections.abc import Callable, Sequence
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from surrogate.commands import (
     compare,
-    configuration,
     evaluate,
     export,
+    init,
     learn_curve,
     page,
     predict,
     propose,
     refine,
     report,
+    schema,
     shelf,
     train,
 )
+from surrogate.commands.options import speaks
 
 COMMANDS = (
-    configuration,
+    init,
+    schema,
     train,
     evaluate,
     compare,
@@ -43,7 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], None] = options.command
-    speaks = os.environ.get("RANK", "0") == "0"  # set by torchrun
 
     def run() -> None:
         from surrogate.device import flush_denormals
@@ -53,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with memory_errors():
             command(options)
 
-    return run_command("surrogate", run, speaks)
+    return run_command("surrogate", run, speaks())
 
 
 def _parser() -> Parser:

@@ -28,7 +28,7 @@ from experiments.benchmarks.publication import (
 from experiments.beyond.alarms import alarms, judge, judge_unusual
 from shared_schema.common.atomic_file import write_text
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 
 

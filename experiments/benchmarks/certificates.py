@@ -37,7 +37,7 @@ from experiments.beyond.certified_samples import SETTLED, settled
 from shared_schema.common.drawing.figure_style import make_figure, save, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.certify.certificate import Certificate
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.data.random_loads import random_loads
 from surrogate.evaluation.error_metrics import node_errors, sample_errors
 from surrogate.inference.calibration import fit_fast_certificate

@@ -37,18 +37,17 @@ from experiments.benchmarks.publication import (
 from experiments.framework.scale import merged
 from shared_schema.common.atomic_file import write_text
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.loading import load
 from surrogate.inference.proposal import farthest
 from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import TrainedModel
-from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.recipes import read_recipe
 from surrogate.runs.run_config import run_config
-from surrogate.training.refine import refine
-from surrogate.training.train import train
+from surrogate.training.loop import train
+from surrogate.training.refinement import refine
 
 Rows = NDArray[np.int64]
 CPU = torch.device("cpu")
@@ -154,7 +153,7 @@ def trained(
     some = dataset.train.subset(torch.from_numpy(np.sort(rows)))
     folder = options.work / options.config / f"{name}-seed{seed}"
     began = time.process_time()
-    train(config, dataclasses.replace(dataset, train_in_memory=some), RunFolder(folder), CPU)
+    train(config, dataclasses.replace(dataset, train_in_memory=some), folder, device="cpu")
     return kept(folder, time.process_time() - began) | {
         "samples": len(rows),
         **errors(load(folder), dataset),
@@ -193,8 +192,7 @@ def refined(
     began = time.process_time()
     if not RunFolder(folder).is_finished:
         rate = options.learning_rate
-        refinement = Refinement(family="trained", steps=steps, learning_rate=rate)
-        refine(start["folder"], RunFolder(folder), refinement, CPU)
+        refine(start["folder"], folder, steps=steps, learning_rate=rate, device="cpu")
     return kept(folder, time.process_time() - began) | {
         "steps": steps,
         **errors(load(folder), dataset),
@@ -205,9 +203,8 @@ def timed_step(seed: int, start: Results) -> float:
     """Processor time of a step without solutions in s."""
     folder = start["folder"].with_name(f"timed-seed{seed}")
     if not RunFolder(folder).is_finished:
-        refinement = Refinement(family="trained", steps=TIMED_STEPS, learning_rate=1e-6)
         began = time.process_time()
-        refine(start["folder"], RunFolder(folder), refinement, CPU)
+        refine(start["folder"], folder, steps=TIMED_STEPS, learning_rate=1e-6, device="cpu")
         return float(kept(folder, time.process_time() - began)["seconds"]) / TIMED_STEPS
     return float(kept(folder, 0.0)["seconds"]) / TIMED_STEPS
 

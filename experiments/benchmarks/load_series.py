@@ -23,7 +23,7 @@ from experiments.benchmarks.publication import (
     markdown_table,
     run_benchmark,
 )
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.series.series_response import SeriesResponse
 
 LARGE = 1000  # nodes, above which fewer loads and orders are measured

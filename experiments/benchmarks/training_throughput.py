@@ -34,7 +34,7 @@ from experiments.benchmarks.publication import (
     run_benchmark,
 )
 from shared_schema.common.progress import Progress
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.data.samples import Samples
 from surrogate.device import lay_out
 from surrogate.models.unet_model import UNetModel

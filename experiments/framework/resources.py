@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.layout import Kind
 from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
 from surrogate.certify.fast_certificate import FastCertificate
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.inference.calibration import fit_fast_certificate
@@ -24,7 +24,7 @@ from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 Value = TypeVar("Value")
 SEED = 0  # of the stochastic passes
@@ -118,7 +118,12 @@ class Resources:
         run = self.run(name)
         if not run.is_finished:
             self.runs.mkdir(parents=True, exist_ok=True)
-            train(self.scale.config_of(name), self.dataset_of(name), run, self.device)
+            train(
+                self.scale.config_of(name),
+                self.dataset_of(name),
+                run.folder,
+                device=self.device.type,
+            )
         return run
 
     def surrogate(self, name: str) -> Surrogate:

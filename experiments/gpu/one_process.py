@@ -11,7 +11,7 @@ from experiments.gpu.setting import ROOT, Results, Setting
 from experiments.gpu.trainings import adapted, changed
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from tests.surrogate.unet_configs import shipped_unet
 
 CASE = "beam2d"
@@ -21,7 +21,7 @@ def one_process(setting: Setting) -> Results:
     """Train two epochs both ways; return the losses and the time of both."""
     config = changed(adapted(shipped_unet(f"{CASE}-det-fast"), setting), {}, {"epochs": 2})
     plain, started = (RunFolder(setting.out / "runs" / f"one-process-{n}") for n in (1, 2))
-    train(config, setting.dataset(CASE), plain, setting.device)
+    train(config, setting.dataset(CASE), plain.folder, device=setting.device.type)
     failure = by_torchrun(config, setting, started)
     losses = [[line["train_loss"] for line in run.metric_lines()] for run in (plain, started)]
     differences = [abs(a - b) / abs(a) for a, b in zip(*losses, strict=False)]

@@ -12,7 +12,7 @@ import torch
 
 from experiments.benchmarks.publication import SOFTWARE, machine
 from experiments.gpu.carried_dataset import SUFFIX, unpack
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.hardware import hardware
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ from surrogate.evaluation.evaluate import Evaluation, evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import load_tensors
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 RESERVE = {"variational_bayes": 35.0}  # s for the evaluation; 12 of other likelihoods
 CURVE = 200  # lines of the learning curve in the result
@@ -47,7 +47,13 @@ def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
     if setting.on_gpu:
         torch.cuda.reset_peak_memory_stats(setting.device)
     reserve = RESERVE.get(config.likelihood, 12.0)
-    train(config, dataset, run, setting.device, seconds=max(1e-3, setting.seconds_left - reserve))
+    train(
+        config,
+        dataset,
+        run.folder,
+        device=setting.device.type,
+        seconds=max(1e-3, setting.seconds_left - reserve),
+    )
     memory = torch.cuda.max_memory_allocated(setting.device) if setting.on_gpu else None
     finished = run.model.is_file()
     evaluation = evaluated(run if finished else as_it_is(run, dataset), setting, config.case)

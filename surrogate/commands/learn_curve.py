@@ -62,7 +62,8 @@ def run(options: argparse.Namespace) -> None:
     from surrogate.figures.learning_curve_figure import learning_curve_figure
     from surrogate.runs.run_config import read_config
 
-    config, out = read_config(options.config, options.changes, options.data), options.out
+    config = read_config(options.config, changes=options.changes, data=options.data)
+    out = options.out
     require_writable(out)
     device = choose_device(options.device)
     points = learning_curve(config, options.data, out, options.samples, device)

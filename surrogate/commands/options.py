@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -99,6 +100,11 @@ def share(text: str) -> float:
     if not 0 < value < 1:
         raise argparse.ArgumentTypeError(f"'{text}': expected a number between 0 and 1")
     return value
+
+
+def speaks() -> bool:
+    """True in the only process, or in the first one that ``torchrun`` has started."""
+    return os.environ.get("RANK", "0") == "0"
 
 
 def warn_unsealed(folder: Path) -> None:

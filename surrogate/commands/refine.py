@@ -36,15 +36,18 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Train on, in a new run folder."""
-    from shared_schema.common.configuration import validate
-    from surrogate.device import choose_device
-    from surrogate.runs.description import Refinement
+    import surrogate
     from surrogate.runs.folder import RunFolder
-    from surrogate.training.refine import refine
 
     require_writable(options.out)
-    given = {name: getattr(options, name) for name in ("family", "steps", "learning_rate", "seed")}
-    refinement = validate(Refinement, given, "options")
-    device = choose_device(options.device)
-    found = refine(options.run, RunFolder(options.out), refinement, device)
+    surrogate.refine(
+        options.run,
+        options.out,
+        steps=options.steps,
+        family=options.family,
+        learning_rate=options.learning_rate,
+        seed=options.seed,
+        device=options.device,
+    )
+    found = RunFolder(options.out).metric_lines()[-1]["train_loss"]
     print(f"{options.out}: {options.steps} steps, potential energy {found:.4g} of the linear work")

@@ -6,10 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
-from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command, add_set
-from shared_schema.common.text_table import laid_out
-from surrogate.commands.options import add_device, warn_unsealed
+from surrogate.commands.options import add_device, speaks
 
 
 def add_to(commands: Commands) -> None:
@@ -67,42 +65,22 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Train, and say how far."""
-    from surrogate.data.joined_dataset import read_datasets
-    from surrogate.device import choose_device
-    from surrogate.models.model import TrainedModel
+    import surrogate
     from surrogate.runs.folder import RunFolder
-    from surrogate.runs.run_config import read_config
-    from surrogate.training.data_parallel import joined
-    from surrogate.training.dry_run import dry_run
-    from surrogate.training.train import stays_on_disk, train
 
-    config = read_config(options.config, options.changes, options.data)
+    config = surrogate.read_config(options.config, changes=options.changes, data=options.data)
     if options.dry_run:
-        data = read_datasets(options.data, on_disk=stays_on_disk(config))
-        print(laid_out(dry_run(config, data, choose_device(options.device)).rows()))
+        print(surrogate.dry_run(config, options.data, device=options.device))
         return
-    run = RunFolder(options.out)
-    require_writable(run.folder)
-    with joined(options.device) as (ranks, device):
-        dataset = read_datasets(options.data, on_disk=stays_on_disk(config))
-        train(
-            config,
-            dataset,
-            run,
-            device,
-            options.stop_after,
-            ranks,
-            options.tensorboard,
-            options.seconds,
-            options.start_from,
-        )
-    if not ranks.is_first:
-        return
-    lines = run.metric_lines()
-    last = lines[-1] if lines else {"epoch": 0, "seconds": 0.0}
-    warn_unsealed(run.folder)
-    state = "trained" if run.is_finished else "stopped; resume with the same command"
-    epochs = ""
-    if isinstance(config, TrainedModel):
-        epochs = f"{last['epoch']} of {config.training.epochs} epochs, "
-    print(f"{options.out}: {state}, {epochs}{last['seconds']:.0f} s")
+    surrogate.train(
+        config,
+        options.data,
+        options.out,
+        device=options.device,
+        stop_after=options.stop_after,
+        seconds=options.seconds,
+        tensorboard=options.tensorboard,
+        start_from=options.start_from,
+    )
+    if speaks():
+        print(f"{options.out}: {RunFolder(options.out).progress()}")

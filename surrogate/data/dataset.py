@@ -17,6 +17,7 @@ from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.material import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
+from surrogate.data.body_check import Body
 from surrogate.data.elements_of_case import with_elements
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
@@ -56,6 +57,11 @@ class Dataset:
     further_on_disk: tuple[SamplesOnDisk, ...] = ()
 
     @property
+    def folder(self) -> Path:
+        """Folder of the dataset; of joined ones, that of the first."""
+        return self.train_on_disk.reader.folder
+
+    @property
     def train(self) -> Samples:
         """Training split in memory; the dataset must be read with it."""
         assert self.train_in_memory is not None
@@ -81,6 +87,11 @@ class Dataset:
         )
 
     @property
+    def body(self) -> Body:
+        """Mesh, supports and material, to compare with those of a run."""
+        return Body(self.manifest.case, self.geometry.arrays())
+
+    @property
     def material(self) -> Materials:
         """Material of the body, or those of its parts; InputError if they are not shipped ones."""
         return materials_of(self.manifest.case.get("material"), "material of the dataset's case")
@@ -92,22 +103,10 @@ class Dataset:
         return self.manifest.structured
 
 
-def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
-    """Read a structured dataset.
+def read_single(folder: Path, *, on_disk: bool = False) -> Dataset:
+    """Read one structured dataset (see `surrogate.read_dataset`).
 
     At most one shard is in memory besides the result.
-
-    Parameters
-    ----------
-    folder : Path
-    on_disk : bool
-        Leave the training samples on disk, for datasets that are larger than the memory.
-
-    Raises
-    ------
-    InputError
-        If there is no dataset, it is of another kind, any byte of it has changed, or the samples
-        take more memory than the machine has.
     """
     reader = DatasetReader(folder, "structured")
     manifest = reader.manifest
@@ -125,25 +124,20 @@ def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
     kept = len(testing) if on_disk else len(everything)
     hint = "" if on_disk else " (with 'training.samples_on' = 'disk', only those of the test split)"
     require_memory(kept * sample, f"{folder}: {kept} samples in memory{hint}")
-    names = FIELDS if is_exact else (*FIELDS, *AT_NODES)
     train: Samples | None = None
-    if on_disk:
-        (tested,) = reader.gathered(names, testing)
-    else:
-        if is_exact:
-            trained, tested = reader.gathered(FIELDS, training, testing)
-        else:
-            (trained,), (tested,) = (
-                reader.gathered(FIELDS, training),
-                reader.gathered(names, testing),
-            )
+    if is_exact and not on_disk:
+        trained, tested = reader.gathered(FIELDS, training, testing)  # every shard is read once
         train = samples_of(trained)
+    else:
+        if not on_disk:
+            (trained,) = reader.gathered(FIELDS, training)
+            train = samples_of(trained)
+        (tested,) = reader.gathered(FIELDS if is_exact else (*FIELDS, *AT_NODES), testing)
     test = samples_of(tested)
-    nodal_test = (
-        at_nodes(geometry.grid, test)
-        if is_exact
-        else nodal_samples(tested, len(geometry.coordinates))
-    )
+    if is_exact:
+        nodal_test = at_nodes(geometry.grid, test)
+    else:
+        nodal_test = nodal_samples(tested, len(geometry.coordinates))
     has_stiffness = manifest.stiffness_checksum is not None
     stiffness = read_stiffness(folder) if has_stiffness else None
     stored = SamplesOnDisk(reader, training)
@@ -152,14 +146,12 @@ def read_dataset(folder: Path, on_disk: bool = False) -> Dataset:
 
 def samples_of(arrays: Arrays) -> Samples:
     """Samples as tensors, which share their memory with the arrays."""
-    force, displacement = (torch.from_numpy(arrays[name]) for name in FIELDS)
-    return Samples(force, displacement)
+    force, displacement = FIELDS
+    return Samples(torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement]))
 
 
 def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
     """Take samples from an exact grid to the nodes."""
-    force, displacement = (
-        grid.to_nodes(field.numpy()).astype(np.float64)
-        for field in (samples.force, samples.displacement)
-    )
+    force = grid.to_nodes(samples.force.numpy()).astype(np.float64)
+    displacement = grid.to_nodes(samples.displacement.numpy()).astype(np.float64)
     return NodalSamples(force, displacement)

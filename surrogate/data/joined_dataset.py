@@ -1,4 +1,4 @@
-"""Several structured datasets of one case, joined for a training.
+"""A structured dataset as it is read, or several of one case, joined for a training.
 
 The training splits are joined in the order of the datasets, and their statistics are those of all
 training samples. The test split is that of the first dataset.
@@ -15,39 +15,49 @@ import torch
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics, digest_of
-from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.body_check import BODY_KEYS, require_same_body
+from surrogate.data.dataset import Dataset, read_single
 from surrogate.data.samples import Samples
 
 
-def read_datasets(folders: Sequence[Path], on_disk: bool = False) -> Dataset:
-    """Read a structured dataset, or join several.
+def read_dataset(*folders: str | Path, on_disk: bool = False) -> Dataset:
+    """Read a structured dataset, or join several of one body and case.
+
+    Of joined datasets, the training splits follow each other, and the test split is that of the
+    first one.
 
     Parameters
     ----------
-    folders : sequence of Path
+    *folders : str or Path
+        Folders made by ``datagen structure``; one at least.
     on_disk : bool
-        Leave the training samples of a single dataset on disk.
+        Leave the training samples of a single dataset on disk, if it is larger than the memory. A
+        configuration with ``training.samples_on`` = ``disk`` needs such a dataset.
+
+    Returns
+    -------
+    Dataset
 
     Raises
     ------
     InputError
-        As `read_dataset`, or if the datasets are of several bodies or cases, or several are to stay
-        on disk.
+        If there is no dataset, it is of another kind, any byte of it has changed, or the samples
+        take more memory than the machine has; if several datasets are of several bodies or cases,
+        or are to stay on disk.
     """
-    if len(folders) == 1:
-        return read_dataset(folders[0], on_disk)
-    if on_disk:
-        raise InputError(
-            f"--data: {len(folders)} datasets, expected one with 'training.samples_on' = 'disk'"
-        )
-    datasets = [read_dataset(folder) for folder in folders]
+    paths = [Path(folder) for folder in folders]
+    if len(paths) == 1:
+        return read_single(paths[0], on_disk=on_disk)
+    if on_disk or not paths:
+        on = " with 'training.samples_on' = 'disk'" if on_disk else ""
+        raise InputError(f"--data: {len(paths)} datasets, expected one{on}")
+    datasets = [read_single(path) for path in paths]
     first = datasets[0]
-    for folder, other in zip(folders[1:], datasets[1:], strict=True):
+    for path, other in zip(paths[1:], datasets[1:], strict=True):
         require_same_body(
-            Body(first.manifest.case, first.geometry.arrays()),
-            Body(other.manifest.case, other.geometry.arrays()),
-            f"--data '{folder}': joined with '{folders[0]}'",
+            first.body,
+            other.body,
+            f"--data '{path}': joined with '{paths[0]}'",
             keys=("name", *BODY_KEYS),
         )
     return joined(datasets)
@@ -89,9 +99,9 @@ def pooled(
 
     .. math:: m = \sum_k n_k m_k / n, \qquad s^2 + m^2 = \sum_k n_k (s_k^2 + m_k^2) / n
     """
-    mean, std, most = (
-        np.array([getattr(part, name) for part in parts]) for name in ("mean", "std", "max_abs")
-    )
+    mean = np.array([part.mean for part in parts])
+    std = np.array([part.std for part in parts])
+    most = np.array([part.max_abs for part in parts])
     share = (counts / counts.sum())[:, None]
     middle = (share * mean).sum(axis=0)
     variance = (share * (std**2 + mean**2)).sum(axis=0) - middle**2

@@ -32,7 +32,8 @@ class LoadRange(Frozen):
 def load_range(dataset: Dataset) -> LoadRange:
     """Measure the training split of a dataset."""
     parts = [_measured(forces) for forces in _nodal_forces(dataset)]
-    count, resultant = (torch.cat(measured) for measured in zip(*parts, strict=True))
+    count = torch.cat([part[0] for part in parts])
+    resultant = torch.cat([part[1] for part in parts])
     return LoadRange(
         fewest=int(count.min()),
         most=int(count.max()),

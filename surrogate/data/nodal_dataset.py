@@ -50,7 +50,7 @@ class NodalDataset:
     samples: NodalSamples
 
 
-def read_nodal_dataset(folder: Path) -> NodalDataset:
+def read_nodal_dataset(folder: str | Path) -> NodalDataset:
     """Read the solved samples of a nodal dataset.
 
     Raises
@@ -58,11 +58,13 @@ def read_nodal_dataset(folder: Path) -> NodalDataset:
     InputError
         If there is no dataset, it is of another kind, or any byte of it has changed.
     """
-    reader = DatasetReader(folder, "nodal")
+    reader = DatasetReader(Path(folder), "nodal")
     if reader.manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
-    arrays, coordinates = reader.joined(names), reader.body["mesh/coordinates"]
-    nodes, loads, displacement = (arrays[name] for name in names)
-    samples = NodalSamples(scatter_forces(nodes, loads, len(coordinates)), displacement)
+    arrays = reader.joined(("samples/loaded_nodes", "samples/force", "samples/displacement"))
+    coordinates = reader.body["mesh/coordinates"]
+    force = scatter_forces(
+        arrays["samples/loaded_nodes"], arrays["samples/force"], len(coordinates)
+    )
+    samples = NodalSamples(force, arrays["samples/displacement"])
     return NodalDataset(reader.manifest, coordinates, samples)

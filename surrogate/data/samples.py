@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from torch import Tensor
+
+Location = Literal["auto", "device", "host", "disk"]  # memory of the samples during a training
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,8 @@ class SamplesOnDisk:
         """Read some samples into memory."""
         chosen = self.selection[rows if isinstance(rows, slice) else rows.numpy()]
         (arrays,) = self.reader.gathered(FIELDS, chosen)
-        return Samples(*(torch.from_numpy(arrays[name]) for name in FIELDS))
+        force, displacement = FIELDS
+        return Samples(torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement]))
 
     def subset(self, rows: Tensor) -> SamplesOnDisk:
         """Some of the samples; nothing is read."""
@@ -137,8 +138,8 @@ class SamplesOnDisk:
         if last_written(path) != self._written[number]:
             raise InputError(f"{path}: changed during the training")
         arrays = read_arrays(path, "structured", FIELDS)
-        force, displacement = (torch.from_numpy(arrays[name]) for name in FIELDS)
-        return force, displacement
+        force, displacement = FIELDS
+        return torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement])
 
     def _batch(self, batch: NDArray[np.int64], held: dict[int, Shard], pinned: bool) -> Samples:
         """Collect the samples of a batch from the shards in memory."""
@@ -146,7 +147,7 @@ class SamplesOnDisk:
         manifest = self.reader.manifest
         assert manifest.structured is not None
         shape = (len(batch), manifest.dimension, *manifest.structured.grid_shape)
-        fields = tuple(torch.empty(shape, pin_memory=pinned) for _ in FIELDS)
+        fields = [torch.empty(shape, pin_memory=pinned) for _ in FIELDS]
         for shard in np.unique(chosen.shard):
             place = torch.from_numpy(chosen.places(shard))
             row = torch.from_numpy(chosen.row[chosen.places(shard)])
@@ -163,6 +164,6 @@ def last_written(path: Path) -> Written:
 
 def nodal_samples(arrays: dict[str, NDArray[np.generic]], nodes: int) -> NodalSamples:
     """Forces and displacements by nodes from the arrays `AT_NODES` of an embedded grid."""
-    loaded, loads, displacement = (arrays[name] for name in AT_NODES)
-    force = scatter_forces(loaded.astype(np.int64), loads, nodes)
-    return NodalSamples(force.astype(np.float64), displacement.astype(np.float64))
+    loaded, loads, displacement = AT_NODES
+    force = scatter_forces(arrays[loaded].astype(np.int64), arrays[loads], nodes)
+    return NodalSamples(force.astype(np.float64), arrays[displacement].astype(np.float64))

@@ -16,7 +16,8 @@ from shared_schema.common.errors import InputError
 from surrogate.certify.conformal import Intervals
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data.dataset import Dataset
+from surrogate.data.joined_dataset import read_dataset
 from surrogate.evaluation.error_metrics import ErrorMeasures, measure, sample_errors
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.evaluation.shown_sample import find_example, tip_measures

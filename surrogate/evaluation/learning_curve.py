@@ -19,11 +19,11 @@ import numpy as np
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.models.model import Model, TrainedModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import stays_on_disk, train
+from surrogate.training.loop import train
+from surrogate.training.setup import dataset_for
 
 HALVINGS = 5  # numbers of samples, if none are given
 FEWEST = 20  # samples of a training, if none are given
@@ -122,7 +122,7 @@ def learning_curve(
     InputError
         If there are fewer samples than a number asks for, or as `train` and `evaluate`.
     """
-    dataset = read_dataset(data, on_disk=stays_on_disk(config))
+    dataset = dataset_for(config, data)
     total = len(dataset.training)
     counts = sorted(set(counts)) or default_counts(total)
     if counts[0] < 1 or counts[-1] > total:
@@ -134,7 +134,7 @@ def learning_curve(
     for count in counts:
         run = RunFolder(folder / f"n{count}")
         part = config_of(config, count, total)
-        train(part, dataset, run, device)
+        train(part, dataset, run.folder, device=device.type)
         test = evaluate(run.folder, data, device.type).measures
         epochs, seconds = run.training_effort()
         points.append(

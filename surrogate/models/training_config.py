@@ -9,7 +9,7 @@ from pydantic import Field, StrictBool, model_validator
 from torch import Tensor
 
 from shared_schema.common.configuration import Frozen
-from surrogate.data.sample_store import Location
+from surrogate.data.samples import Location
 from surrogate.device import Precision
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.optim.early_stopping import EarlyStoppingConfig

@@ -198,6 +198,11 @@ class RunFolder:
         save_atomically(tensors, self.model)
         self.seal.add(p for p in (self.model, self.metrics, self.hardware) if p.is_file())
 
+    def write_model(self, tensors: dict[str, Tensor], hardware: str) -> None:
+        """Write the name of the hardware of a training, then its model; the run is finished."""
+        write_text(self.hardware, hardware + "\n")
+        self.write_tensors(tensors)
+
     def trained_on(self) -> str:
         """Return the name of the hardware of the training; "unknown" if the file is missing."""
         self.seal.require_intact(self.hardware)
@@ -222,6 +227,13 @@ class RunFolder:
             return 0, 0.0
         evaluation = self.read_evaluation()
         return evaluation["epochs"], evaluation["training_seconds"]
+
+    def progress(self) -> str:
+        """Describe how far the training is, such as "trained, 80 of 80 epochs, 405 s"."""
+        state = "trained" if self.is_finished else "stopped; resume with the same command"
+        of, (done, seconds) = self.description().epochs, self.training_effort()
+        epochs = "" if of is None else f"{done} of {of} epochs, "
+        return f"{state}, {epochs}{seconds:.0f} s"
 
     def keep_metric_lines(self, epoch: int) -> None:
         """Delete the lines of epochs after `epoch`; InputError if a line before is missing."""

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import validate
 from surrogate.models.kinds import ADAPTER
 from surrogate.models.model import Model
-from surrogate.runs.recipes import Data, read_recipe
+from surrogate.runs.recipes import Data, case_of, named, read_recipe
+
+Config = Model | Mapping[str, Any] | str | Path
 
 
-def read_config(name: str, changes: Sequence[str] = (), data: Data | None = None) -> Model:
-    """Read a configuration from a YAML file, or a shipped recipe by its name.
+def read_config(config: Config, *, changes: Sequence[str] = (), data: Data | None = None) -> Model:
+    """Read the configuration of a training.
 
     Parameters
     ----------
-    name : str
-        See `read_recipe`.
+    config : Model, mapping, str or Path
+        Configuration itself, its content as plain data, a YAML file, or the name of a shipped
+        recipe, such as ``"beam2d-det-fast"``.
     changes : sequence of str
-        New values of keys, such as ``training.epochs=20`` (`changed`). With any, `recipe` is
-        ``custom``.
+        New values of keys, such as ``"training.epochs=20"``. With any, `recipe` is ``custom``.
     data : Dataset, str, Path or sequence of str or Path, optional
         Dataset that names the case, unless the configuration does.
 
@@ -30,10 +33,19 @@ def read_config(name: str, changes: Sequence[str] = (), data: Data | None = None
     InputError
         If there is no such configuration, or one of its keys or values is wrong.
     """
-    content, file = read_recipe(name, data)
+    if isinstance(config, Model):
+        if not changes:
+            return config
+        content, source = config.plain(), f"config '{config.name}'"
+    elif isinstance(config, Mapping):
+        content, source = dict(config), "config"
+        if "case" not in content and data is not None:
+            content = named(content, case_of(data), "own")
+    else:
+        content, source = read_recipe(str(config), data)
     if changes:
         content = changed({**content, "recipe": "custom"}, changes)
-    return run_config(content, source_of(file, changes))
+    return run_config(content, source_of(source, changes))
 
 
 def run_config(content: Any, source: str = "config") -> Model:

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from shared_schema.common.progress import Progress
-from surrogate.data.sample_paths import AlongPaths, SamplePaths
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.device import autocast, convolutions
@@ -25,6 +24,7 @@ from surrogate.models.model import TrainedModel
 from surrogate.models.training_config import LikelihoodTraining
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.optim.early_stopping import EarlyStopping
+from surrogate.optim.gauss_newton import EVERY, GaussNewtonStd
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
 from surrogate.optim.weight_average import WeightAverage
 from surrogate.probabilistic.elbo import EvidenceLowerBound
@@ -33,8 +33,8 @@ from surrogate.training.checkpoint import Stateful
 from surrogate.training.compilation import compiled
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
-from surrogate.training.gauss_newton import EVERY, GaussNewtonStd
-from surrogate.training.prepared_store import prepared_paths, prepared_store
+from surrogate.training.sample_paths import AlongPaths, SamplePaths, prepared_paths
+from surrogate.training.sample_store import SampleStore, prepared_store
 from surrogate.training.validation import loss_per_datum, validate
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
@@ -77,26 +77,30 @@ class Trainer:
             if posterior.posterior_std == "gauss_newton":
                 assert isinstance(training, LikelihoodTraining)
                 self.posterior_std = GaussNewtonStd(self.network, len(self.train), training.errors)
-        self.train_store, self.validation_store = (
-            prepared_store(samples, self.network, training.samples_on, self.device)
-            for samples in (self.train, self.validation)
-        )
-        self.note = ""
+        self.train_store = self._stored(self.train)
+        self.validation_store = self._stored(self.validation)
         if self.paths is not None:
-            self.train_store = AlongPaths(
-                self.train_store, prepared_paths(self.paths, self.network)
-            )
+            paths = prepared_paths(self.paths, self.network)
+            self.train_store = AlongPaths(self.train_store, paths)
+        self.note = ""
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
         learned = self.network.learned
         self.forward = compiled(learned) if training.compile else learned
-        self.captured_step, self.captured_estimate = (
-            CapturedStep(partial(work, whole=training.batch_size)) if captures else None
-            for work in (self.step, self.estimate)
-        )
+        self.captured_step = self._captured(self.step) if captures else None
+        self.captured_estimate = self._captured(self.estimate) if captures else None
         self._rate = math.nan
         self.average = WeightAverage(self.network, training.ema) if training.ema else None
         self.stopping = EarlyStopping(training.early_stopping) if training.early_stopping else None
+
+    def _stored(self, samples: Samples | SamplesOnDisk) -> SampleStore:
+        """Put samples where the configuration wants them, as the network learns from them."""
+        location = self.config.training.samples_on
+        return prepared_store(samples, self.network, location, self.device)
+
+    def _captured(self, work: Callable[..., Tensor]) -> CapturedStep:
+        """Capture the work on a full batch as a CUDA graph."""
+        return CapturedStep(partial(work, whole=self.config.training.batch_size))
 
     @property
     def model(self) -> FieldNetwork:
@@ -191,7 +195,8 @@ class Trainer:
             estimate = self.estimate(samples, whole) if captured is None else captured(samples)
             assert self.config.posterior is not None
             factor = self.config.posterior.factor(step, self.steps)
-            self.posterior_std.update(estimate, factor, self.ranks)
+            self.ranks.add_up(estimate)
+            self.posterior_std.update(estimate, factor)
         if self.average is not None:
             self.average.update(self.network)
         return terms
@@ -247,3 +252,8 @@ class Trainer:
     def result(self) -> Mapping[str, Tensor]:
         """Return the state of the final model."""
         return self.stopping.best if self.stopping is not None else self.model.state_dict()
+
+
+def all_finite(network: nn.Module) -> bool:
+    """Return True if no weight is NaN or infinite."""
+    return bool(torch.stack([torch.isfinite(p).all() for p in network.parameters()]).all())

@@ -5,12 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surrogate.data.sample_store import SampleStore
 from surrogate.data.samples import Samples
 from surrogate.device import convolutions
 from surrogate.models.model import Model
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Prediction
+from surrogate.training.sample_store import SampleStore
 
 BATCH = 256
 

@@ -46,7 +46,7 @@ class WarmStart:
         network.count_factor.set([1.0], [1.0])
 
 
-def warm_start(run: Path, config: Model, dataset: Dataset) -> WarmStart:
+def warm_start(run: str | Path, config: Model, dataset: Dataset) -> WarmStart:
     """Read the run that a training starts from.
 
     Raises
@@ -69,7 +69,7 @@ def warm_start(run: Path, config: Model, dataset: Dataset) -> WarmStart:
         raise InputError(f"{where}: config '{config.name}' has another {difference}")
     require_same_body(
         Body(description.data.case, surrogate.geometry.arrays()),
-        Body(dataset.manifest.case, dataset.geometry.arrays()),
+        dataset.body,
         where,
     )
     with torch.no_grad():

@@ -49,7 +49,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics", "series", "one_load", "probabilistic", "networks", "baselines", "optim"],
         ["models", "runs"],
         ["inference", "certify"],
-        ["training", "evaluation"],
+        ["training", "evaluation", "planning"],
         ["figures", "page"],
         ["commands", "command_line"],
     ],

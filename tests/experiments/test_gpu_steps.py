@@ -24,7 +24,7 @@ from experiments.gpu.setting import Results, Setting
 from experiments.gpu.step_profile import by_kind
 from experiments.gpu.steps import STEPS, Step, run_steps
 from shared_schema.checker import check_dataset
-from surrogate.data.dataset import read_dataset
+from surrogate.data import read_dataset
 
 CPU = torch.device("cpu")
 

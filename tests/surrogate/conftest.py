@@ -26,13 +26,13 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard_writer import write_shard
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation
 from surrogate.models.unet_model import UNetModel
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from tests.surrogate.unet_configs import unet_config
 
 SAMPLES, TEST = 60, 12
@@ -271,7 +271,7 @@ def make_run(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Call
 
     def make(**changes: Any) -> Path:
         folder = tmp_path_factory.mktemp("runs") / "run"
-        train(small_config(**changes), dataset, RunFolder(folder), torch.device("cpu"))
+        train(small_config(**changes), dataset, folder, device="cpu")
         return folder
 
     return make

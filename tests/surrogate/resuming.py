@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 from surrogate.data.dataset import Dataset
 from surrogate.models.model import Model
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 CPU = torch.device("cpu")
 TIMES = ("seconds", "samples_per_second")
@@ -20,7 +20,7 @@ TIMES = ("seconds", "samples_per_second")
 def trained(config: Model, dataset: Dataset, folder: Path) -> RunFolder:
     """A run, trained to its end."""
     run = RunFolder(folder)
-    train(config, dataset, run, CPU)
+    train(config, dataset, run.folder, device="cpu")
     return run
 
 
@@ -32,9 +32,9 @@ def untimed(run: RunFolder) -> list[dict[str, Any]]:
 def assert_resumes(config: Model, dataset: Dataset, folder: Path, stop_after: int) -> None:
     """Model, checkpoint and measures are the same bit for bit with a stop on the way."""
     whole, parts = trained(config, dataset, folder / "whole"), RunFolder(folder / "parts")
-    train(config, dataset, parts, CPU, stop_after=stop_after)
+    train(config, dataset, parts.folder, device="cpu", stop_after=stop_after)
     assert not parts.model.is_file()
-    train(config, dataset, parts, CPU)
+    train(config, dataset, parts.folder, device="cpu")
     assert whole.model.read_bytes() == parts.model.read_bytes()
     one, other = load_file(whole.checkpoint), load_file(parts.checkpoint)
     assert list(one) == list(other)

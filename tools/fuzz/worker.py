@@ -24,7 +24,7 @@ PRELOADED = {  # nothing that begins MPI or starts threads
     "surrogate": (
         "torch",
         "surrogate",
-        "surrogate.training.train",
+        "surrogate.training.loop",
         "surrogate.evaluation.evaluate",
     ),
 }

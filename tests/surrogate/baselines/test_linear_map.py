@@ -15,7 +15,7 @@ from shared_schema.grid import Grid
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import stiffness_problems, write_stiffness
 from surrogate.baselines.linear_map import LinearMap, compliance_of
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
@@ -24,7 +24,7 @@ from surrogate.networks.unet import parameter_count
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
 
 CPU = torch.device("cpu")
@@ -107,9 +107,9 @@ def test_trained_by_the_ordinary_loop(tmp_path: Path, with_stiffness: Dataset) -
     training = {"epochs": 30, "batch_size": 16, "loss": "mae", "optimiser": optimiser}
     config = linear_config(training=training)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, with_stiffness, whole, CPU)
-    train(config, with_stiffness, parts, CPU, stop_after=9)
-    train(config, with_stiffness, parts, CPU)
+    train(config, with_stiffness, whole.folder, device="cpu")
+    train(config, with_stiffness, parts.folder, device="cpu", stop_after=9)
+    train(config, with_stiffness, parts.folder, device="cpu")
     assert whole.model.read_bytes() == parts.model.read_bytes()
     losses = [line["train_loss"] for line in whole.metric_lines()]
     assert losses[-1] < 0.95 * losses[0]
@@ -133,7 +133,7 @@ def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarr
     digest = write_stiffness(folder, sparse(stiffness), manifest.case_digest, "quad")
     info = manifest.structured.model_copy(update={"stiffness": digest})
     write_manifest(folder, manifest.model_copy(update={"structured": info}))
-    train(linear_config(), read_dataset(folder), RunFolder(tmp_path / "run"), CPU)
+    train(linear_config(), read_dataset(folder), tmp_path / "run", device="cpu")
     content = evaluate(tmp_path / "run", folder).content
     assert content["trainable_parameters"] == 56**2
     assert content["epochs"] == 4
@@ -142,7 +142,7 @@ def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarr
 def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) -> None:
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="'model' = 'linear': the dataset has no stiffness; make"):
-        train(linear_config(), dataset, run, CPU)
+        train(linear_config(), dataset, run.folder, device="cpu")
     assert not run.folder.exists()
 
 
@@ -154,5 +154,5 @@ def test_embedded_grid_is_refused(tmp_path: Path, with_stiffness: Dataset) -> No
     embedded = replace(with_stiffness, geometry=replace(with_stiffness.geometry, grid=grid))
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="'model' = 'linear': the dataset's grid is embedded"):
-        train(linear_config(), embedded, run, CPU)
+        train(linear_config(), embedded, run.folder, device="cpu")
     assert not run.folder.exists()

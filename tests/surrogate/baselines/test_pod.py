@@ -26,7 +26,7 @@ from surrogate.models.training_config import SplitConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
 from surrogate.runs.tensor_file import load_tensors
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 CPU = torch.device("cpu")
 CONFIGS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -122,7 +122,7 @@ def config_with(regression: str, **pod: Any) -> Model:
 def runs(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
     for name, (regression, keys) in CONFIGS.items():
-        train(config_with(regression, **keys), dataset, RunFolder(folder / name), CPU)
+        train(config_with(regression, **keys), dataset, folder / name, device="cpu")
     return {name: folder / name for name in CONFIGS}
 
 
@@ -136,7 +136,7 @@ def test_one_line_of_measures_and_no_epochs(
     assert set(line) == {"epoch", "validation_loss", "validation_error", "seconds"}
     assert not run.checkpoint.exists()
     before = run.model.stat().st_mtime_ns
-    train(run.description().run, dataset, run, CPU)
+    train(run.description().run, dataset, run.folder, device="cpu")
     assert run.model.stat().st_mtime_ns == before
 
 
@@ -157,7 +157,7 @@ def test_the_same_run_again_predicts_the_same(
     runs: dict[str, Path], tmp_path: Path, dataset: Dataset, regression: str
 ) -> None:
     config = RunFolder(runs[regression]).description().run
-    train(config, dataset, RunFolder(tmp_path / "again"), CPU)
+    train(config, dataset, tmp_path / "again", device="cpu")
     force = dataset.nodal_test.force
     one, other = (
         load(r).predict_distribution(force) for r in (runs[regression], tmp_path / "again")
@@ -201,7 +201,7 @@ def test_inputs_are_coefficients_of_the_linear_response(tmp_path: Path, dataset:
     config = config_with("gp", inputs="linear_modes", input_modes=48).model_copy(
         update={"training": SplitConfig()}
     )
-    train(config, dataset, RunFolder(tmp_path / "run"), CPU)
+    train(config, dataset, tmp_path / "run", device="cpu")
     field = load(tmp_path / "run").network
     pod, response = field.network, field.linear
     assert isinstance(pod, PODNetwork)
@@ -236,8 +236,8 @@ def test_better_than_the_linear_response(
     train(
         config_with(CONFIGS["modal-gp"][0], **CONFIGS["modal-gp"][1]),
         elastic,
-        RunFolder(tmp_path / "run"),
-        CPU,
+        tmp_path / "run",
+        device="cpu",
     )
     predicted = load(tmp_path / "run").network(elastic.test.force).mean
     linear = response(elastic.test.force)[0]
@@ -262,7 +262,7 @@ def test_more_linear_modes_than_samples_are_refused(tmp_path: Path, dataset: Dat
     run = RunFolder(tmp_path / "run")
     config = config_with("gp", inputs="linear_modes")
     with pytest.raises(InputError, match=r"'pod\.input_modes' = 48: expected 43 at most"):
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
     assert not run.folder.exists()
 
 
@@ -270,7 +270,7 @@ def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> No
     """The largest rank is 43, from 43 samples (of 48) and 56 degrees of freedom."""
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match=r"'pod\.rank' = 44: expected 43 at most"):
-        train(config_with("ridge", rank=44), dataset, run, CPU)
+        train(config_with("ridge", rank=44), dataset, run.folder, device="cpu")
     assert not run.folder.exists()
 
 
@@ -278,7 +278,7 @@ def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset) -> None:
     """48 samples on 28 loaded nodes are too few to generalise, but the fit reproduces them."""
     config = config_with("ridge", degree=2).model_copy(update={"case": "block3d"})
     config = config.model_copy(update={"training": SplitConfig()})
-    train(config, dataset_3d, RunFolder(tmp_path / "run"), CPU)
+    train(config, dataset_3d, tmp_path / "run", device="cpu")
     grid, samples = dataset_3d.geometry.grid, dataset_3d.train
     force, displacement = (grid.to_nodes(f.numpy()) for f in (samples.force, samples.displacement))
     error = np.abs(load(tmp_path / "run").predict(force) - displacement).mean()

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_certificate import FastCertificate, read_ratios, sizes
 from surrogate.certify.fast_estimate import FastEstimate
-from surrogate.data.dataset import read_dataset
+from surrogate.data import read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation
 from surrogate.inference.loading import load

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from shared_schema.checker import check_dataset
 from shared_schema.grid import Grid
@@ -16,14 +15,13 @@ from shared_schema.grid_arrays import grid_arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
 from shared_schema.shard_reader import read_shard
 from shared_schema.shard_writer import write_shard
+from surrogate.data import read_dataset
 from surrogate.data.body_check import differing_array
-from surrogate.data.dataset import read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 BETWEEN = 13  # the node that is the mean of two points in the embedding that is not the identity
 
@@ -78,7 +76,7 @@ def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = ident
 
 
 def trained_on(data: Path, run: Path, config: Model) -> dict[str, Any]:
-    train(config, read_dataset(data), RunFolder(run), torch.device("cpu"))
+    train(config, read_dataset(data), run, device="cpu")
     return evaluate(run, data).content
 
 

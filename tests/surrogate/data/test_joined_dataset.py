@@ -12,8 +12,8 @@ import torch
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset, read_dataset
-from surrogate.data.joined_dataset import pooled, read_datasets
+from surrogate.data import Dataset, read_dataset
+from surrogate.data.joined_dataset import pooled
 from surrogate.inference.loading import load
 
 
@@ -23,7 +23,7 @@ def other(tmp_path_factory: pytest.TempPathFactory, make_dataset: Callable[..., 
 
 
 def test_training_splits_are_joined(data: Path, other: Path, dataset: Dataset) -> None:
-    joined, second = read_datasets([data, other]), read_dataset(other)
+    joined, second = read_dataset(data, other), read_dataset(other)
     assert torch.equal(joined.train.force[: len(dataset.train)], dataset.train.force)
     assert torch.equal(joined.train.force[len(dataset.train) :], second.train.force)
     assert torch.equal(joined.test.force, dataset.test.force)
@@ -51,12 +51,12 @@ def test_pooled_statistics() -> None:
 
 def test_another_body_is_refused(data: Path, data_3d: Path) -> None:
     with pytest.raises(InputError, match="joined with"):
-        read_datasets([data, data_3d])
+        read_dataset(data, data_3d)
 
 
 def test_several_stay_in_memory(data: Path, other: Path) -> None:
     with pytest.raises(InputError, match="2 datasets, expected one"):
-        read_datasets([data, other], on_disk=True)
+        read_dataset(data, other, on_disk=True)
 
 
 def test_train_with_two_datasets(data: Path, other: Path, trained: Path, tmp_path: Path) -> None:

@@ -15,14 +15,13 @@ import torch
 import yaml
 
 from shared_schema.common.errors import InputError
-from surrogate.data import samples_on_disk
-from surrogate.data.dataset import Dataset, read_dataset
-from surrogate.data.sample_store import DiskStore, store_samples
+from surrogate.data import Dataset, read_dataset, samples_on_disk
 from surrogate.data.samples_on_disk import SamplesOnDisk
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
+from surrogate.training.sample_store import DiskStore, store_samples
 from tests.surrogate.large_dataset import large_dataset
 from tests.surrogate.resuming import assert_resumes, trained, untimed
 
@@ -141,7 +140,9 @@ def test_training_from_disk_learns_as_from_memory(
 ) -> None:
     """The whole dataset is one window: only the order of the samples differs."""
     on_disk = trained(
-        make_config(epochs=20, samples_on="disk"), read_dataset(data, True), tmp_path / "disk"
+        make_config(epochs=20, samples_on="disk"),
+        read_dataset(data, on_disk=True),
+        tmp_path / "disk",
     )
     memory = trained(make_config(epochs=20), dataset, tmp_path / "memory")
     found, expected = untimed(on_disk)[-1], untimed(memory)[-1]
@@ -155,9 +156,9 @@ def test_place_of_the_samples_must_be_that_of_the_configuration(
 ) -> None:
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="the samples are in memory, expected on disk"):
-        train(make_config(samples_on="disk"), read_dataset(folder), run, CPU)
+        train(make_config(samples_on="disk"), read_dataset(folder), run.folder, device="cpu")
     with pytest.raises(InputError, match="the samples are on disk, expected in memory"):
-        train(make_config(), dataset_on_disk, run, CPU)
+        train(make_config(), dataset_on_disk, run.folder, device="cpu")
     assert not run.folder.exists()
 
 
@@ -168,14 +169,14 @@ def test_a_shard_that_changes_during_the_training_is_refused(
     dataset = read_dataset(folder, on_disk=True)
     os.utime(folder / "shard-00001.h5")
     with pytest.raises(InputError, match=r"shard-00001\.h5: changed during the training"):
-        train(make_config(samples_on="disk"), dataset, RunFolder(tmp_path / "run"), CPU)
+        train(make_config(samples_on="disk"), dataset, tmp_path / "run", device="cpu")
 
 
 def test_conformal_intervals_of_a_run_from_disk(
     data: Path, tmp_path: Path, make_config: MakeConfig
 ) -> None:
     config = make_config(epochs=2, samples_on="disk", calibration_fraction=0.25)
-    run = trained(config, read_dataset(data, True), tmp_path / "run")
+    run = trained(config, read_dataset(data, on_disk=True), tmp_path / "run")
     assert evaluate(run.folder, data, conformal=0.9).content["conformal"]["samples"] == 12
 
 

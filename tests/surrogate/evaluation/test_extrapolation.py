@@ -10,7 +10,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
-from surrogate.data.dataset import read_dataset
+from surrogate.data import read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset
 from surrogate.evaluation.evaluate import Evaluation, evaluate
 from surrogate.figures.run_figures import write_evaluation

@@ -14,7 +14,7 @@ import torch
 from shared_schema.common.errors import InputError
 from surrogate.certify.conformal import Intervals
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation
 from surrogate.inference.calibration import fit_intervals

@@ -17,7 +17,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
 
@@ -64,7 +64,7 @@ def test_prediction_in_3d(
     tmp_path: Path, dataset_3d: Dataset, make_config: Callable[..., UNetModel]
 ) -> None:
     run = RunFolder(tmp_path / "run")
-    train(make_config(dimension=3, epochs=1), dataset_3d, run, torch.device("cpu"))
+    train(make_config(dimension=3, epochs=1), dataset_3d, run.folder, device="cpu")
     model = surrogate.load(run.folder)
     predicted = model.predict(np.ones((2, 128, 3)) * ~model.geometry.clamped[:, None])
     assert predicted.shape == (2, 128, 3)

@@ -18,9 +18,9 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from surrogate.training.trainer import Trainer
-from tests.surrogate.resuming import CPU, assert_resumes, trained, untimed
+from tests.surrogate.resuming import assert_resumes, trained, untimed
 
 MakeConfig = Callable[..., UNetModel]
 LOSSES = (5.0, 3.0, 4.0, 3.0, math.nan, 2.0, 2.5, 2.4, 2.3, 1.0)
@@ -60,7 +60,7 @@ def test_weights_of_the_best_epoch_become_the_model(
     config = make_config(epochs=10, early_stopping={"patience": 2})
     run, second = trained(config, dataset, tmp_path / "run"), RunFolder(tmp_path / "second")
     assert [line["epoch"] for line in run.metric_lines()] == [1, 2, 3, 4]
-    train(config, dataset, second, CPU, stop_after=2)
+    train(config, dataset, second.folder, device="cpu", stop_after=2)
     model, then = load_file(run.model), load_file(second.checkpoint)
     weights = {k.removeprefix("network."): v for k, v in then.items() if k.startswith("network.")}
     assert len(weights) > 10
@@ -89,7 +89,7 @@ def test_killed_before_the_model_was_written(
     run = trained(config, dataset, tmp_path / "run")
     before, lines = run.model.read_bytes(), untimed(run)
     run.seal.withdraw([run.model])
-    train(config, dataset, run, CPU)
+    train(config, dataset, run.folder, device="cpu")
     assert run.model.read_bytes() == before
     assert untimed(run) == lines
 
@@ -145,5 +145,5 @@ def test_validation_part_without_samples_is_refused(
         match=r"'training.validation_fraction' = 0.01 takes none of 48 samples, but "
         r"'training.early_stopping' expects some",
     ):
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
     assert not run.folder.exists()

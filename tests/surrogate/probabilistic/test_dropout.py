@@ -11,9 +11,8 @@ from surrogate.inference.loading import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.stochastic_passes import Drawable
-from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 
 def generators(count: int) -> list[torch.Generator]:
@@ -85,7 +84,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, dataset: Dataset) -> Path:
     }
     folder = tmp_path_factory.mktemp("runs") / "dropout"
     config = run_config(content)
-    train(config, dataset, RunFolder(folder), torch.device("cpu"))
+    train(config, dataset, folder, device="cpu")
     return folder
 
 

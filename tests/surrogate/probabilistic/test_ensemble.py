@@ -18,7 +18,7 @@ from surrogate.probabilistic.ensemble import Ensemble
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import load_tensors
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from surrogate.training.trainer import Trainer
 from surrogate.training.validation import loss_per_datum
 from tests.surrogate.unet_configs import unet_config
@@ -44,7 +44,7 @@ def config_with(likelihood: str = "deterministic", members: int = 2, **network: 
 
 
 def trained(folder: Path, dataset: Dataset, config: UNetModel) -> Surrogate:
-    train(config, dataset, RunFolder(folder), CPU)
+    train(config, dataset, folder, device="cpu")
     return load(folder)
 
 
@@ -133,9 +133,9 @@ def _thirds(field: Tensor | None) -> tuple[Tensor | None, ...]:
 
 def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset) -> None:
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config_with(), dataset, whole, CPU)
-    train(config_with(), dataset, parts, CPU, stop_after=2)
-    train(config_with(), dataset, parts, CPU)
+    train(config_with(), dataset, whole.folder, device="cpu")
+    train(config_with(), dataset, parts.folder, device="cpu", stop_after=2)
+    train(config_with(), dataset, parts.folder, device="cpu")
     assert whole.model.read_bytes() == parts.model.read_bytes()
 
 

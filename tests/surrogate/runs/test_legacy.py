@@ -21,7 +21,7 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import read_config, run_config
 from surrogate.runs.tensor_file import TENSOR_DIGEST, load_tensors, tensor_digest
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from tests.surrogate.resuming import trained
 from tests.surrogate.unet_configs import unet_config
 
@@ -134,9 +134,9 @@ def test_prediction_and_resume(
     whole = trained(config, dataset, tmp_path / "whole")
     expected = load(whole.folder).predict(dataset.nodal_test.force)
     halves = RunFolder(tmp_path / "halves")
-    train(config, dataset, halves, CPU, stop_after=2)
+    train(config, dataset, halves.folder, device="cpu", stop_after=2)
     turn_into_version_1(halves)
-    train(config, dataset, halves, CPU)
+    train(config, dataset, halves.folder, device="cpu")
     turn_into_version_1(whole)
     for run in (whole, halves):
         assert np.array_equal(load(run.folder).predict(dataset.nodal_test.force), expected)

@@ -20,7 +20,7 @@ from surrogate.runs.folder import RunFolder
 from surrogate.runs.seal import Seal
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 from surrogate.training.checkpoint import load_checkpoint
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 pytestmark = pytest.mark.faults
 
@@ -79,7 +79,7 @@ def test_a_damaged_finished_run_is_not_called_trained(
         if not sealed:
             run.seal.path.unlink()
         with pytest.raises(InputError, match=r"model\.safetensors: damaged"):
-            train(make_config(epochs=40), dataset, run, CPU)
+            train(make_config(epochs=40), dataset, run.folder, device="cpu")
 
 
 def test_a_model_that_is_not_listed_is_not_finished(
@@ -91,7 +91,7 @@ def test_a_model_that_is_not_listed_is_not_finished(
     run.model.write_bytes(b"")
     with pytest.raises(InputError, match="the run is not finished"):
         surrogate.load(run.folder)
-    train(make_config(epochs=40), dataset, run, CPU)
+    train(make_config(epochs=40), dataset, run.folder, device="cpu")
     assert run.model.read_bytes() == expected
     surrogate.load(run.folder)
 
@@ -138,11 +138,11 @@ def test_a_run_without_an_epoch_gives_way(
     for config in (wrong, make_config(epochs=1)):
         with pytest.MonkeyPatch.context() as patch:
             if config is wrong:
-                patch.setattr("surrogate.training.train.all_finite", lambda _: False)
+                patch.setattr("surrogate.training.loop.all_finite", lambda _: False)
                 with pytest.raises(Exception, match="diverged in epoch 1"):
-                    train(config, dataset, run, CPU)
+                    train(config, dataset, run.folder, device="cpu")
             else:
-                train(config, dataset, run, CPU)
+                train(config, dataset, run.folder, device="cpu")
     assert run.description().run.seed == 0
 
 
@@ -153,7 +153,7 @@ def test_other_json_in_a_checkpoint_is_refused(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, status: str
 ) -> None:
     run = RunFolder(tmp_path / "run")
-    train(make_config(), dataset, run, CPU, stop_after=1)
+    train(make_config(), dataset, run.folder, device="cpu", stop_after=1)
     tensors, _ = load_tensors(run.checkpoint)
     content = run.checkpoint.read_bytes()
     assert content.count(b'epoch\\": 1') == 1

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from shared_schema.common.command_line import logged
 from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
@@ -20,7 +21,7 @@ from surrogate.runs.folder import RunFolder
 from surrogate.training import cuda_graph
 from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import trained, untimed
 
@@ -37,7 +38,8 @@ def test_on_cpu_training_goes_on_without(
 ) -> None:
     plain = trained(make_config(epochs=2), dataset, tmp_path / "plain")
     assert "warning" not in capsys.readouterr().err
-    asked = trained(make_config(epochs=2, cuda_graphs=True), dataset, tmp_path / "asked")
+    with logged("surrogate"):
+        asked = trained(make_config(epochs=2, cuda_graphs=True), dataset, tmp_path / "asked")
     assert plain.model.read_bytes() == asked.model.read_bytes()
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == (
@@ -176,7 +178,7 @@ def test_whole_batches_are_captured(
 
 def train_on_cuda(config: Model, dataset: Dataset, folder: Path) -> RunFolder:
     run = RunFolder(folder)
-    train(config, dataset, run, torch.device("cuda"))
+    train(config, dataset, run.folder, device="cuda")
     return run
 
 
@@ -217,8 +219,8 @@ def test_captured_run_goes_on_after_a_stop(
 ) -> None:
     config = make_config(epochs=4, batch_size=4, cuda_graphs=True)
     whole, parts = train_on_cuda(config, dataset, tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, dataset, parts, torch.device("cuda"), stop_after=2)
-    train(config, dataset, parts, torch.device("cuda"))
+    train(config, dataset, parts.folder, device="cuda", stop_after=2)
+    train(config, dataset, parts.folder, device="cuda")
     for line, expected in zip(untimed(parts), untimed(whole), strict=True):
         assert line == pytest.approx(expected, rel=1e-3)
 

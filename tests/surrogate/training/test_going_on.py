@@ -12,11 +12,13 @@ import yaml
 from safetensors.torch import load_file
 
 import surrogate
+from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import going_on, train
+from surrogate.training.loop import train
+from surrogate.training.remarks import going_on
 from tests.surrogate.resuming import untimed
 
 CPU = torch.device("cpu")
@@ -29,10 +31,11 @@ def test_at_a_constant_rate_it_is_one_training(
     """2 + 2 + 1 epochs are 5, bit for bit: weights, states of the optimiser, averages, measures."""
     same = {"schedule": {"name": "constant"}, "ema": 0.9}
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(make_config(epochs=5, **same), dataset, whole, CPU)
+    train(make_config(epochs=5, **same), dataset, whole.folder, device="cpu")
     for epochs in (2, 4, 5):
         assert not parts.is_finished or parts.description().epochs != epochs
-        train(make_config(epochs=epochs, **same), dataset, parts, CPU)
+        with logged("surrogate"):
+            train(make_config(epochs=epochs, **same), dataset, parts.folder, device="cpu")
         assert parts.is_finished
     assert parts.description().went_on_from == (2, 4)
     assert untimed(whole) == untimed(parts)
@@ -60,21 +63,21 @@ def test_until_its_new_end_it_is_not_finished(
     run = RunFolder(Path(shutil.copytree(evaluated, tmp_path / "run")))
     config = run.description().run
     longer = run.description().with_epochs(43).run
-    train(longer, dataset, run, CPU, stop_after=41)
+    train(longer, dataset, run.folder, device="cpu", stop_after=41)
     assert not run.is_finished
     assert run.mean_error() is None
     with pytest.raises(InputError, match="the run is not finished"):
         surrogate.load(run.folder)
     with pytest.raises(InputError, match=r"run\.training\.epochs = 40, the folder has 43"):
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
     with pytest.raises(InputError, match=r"run\.training\.epochs = 50, the folder has 43"):
-        train(run.description().with_epochs(50).run, dataset, run, CPU)
-    train(longer, dataset, run, CPU)
+        train(run.description().with_epochs(50).run, dataset, run.folder, device="cpu")
+    train(longer, dataset, run.folder, device="cpu")
     assert [line["epoch"] for line in run.metric_lines()][-1] == 43
     assert run.description().went_on_from == (40,)
     with pytest.raises(InputError, match="not evaluated yet"):
         run.read_evaluation()
-    train(longer, dataset, run, CPU)
+    train(longer, dataset, run.folder, device="cpu")
 
 
 def test_killed_while_it_begins_to_go_on(
@@ -92,9 +95,9 @@ def test_killed_while_it_begins_to_go_on(
         with monkeypatch.context() as patch:
             patch.setattr(RunFolder, name, killed)
             with pytest.raises(KeyboardInterrupt):
-                train(longer, dataset, run, CPU)
+                train(longer, dataset, run.folder, device="cpu")
         assert not run.is_finished
-        train(longer, dataset, run, CPU)
+        train(longer, dataset, run.folder, device="cpu")
         assert run.is_finished
         assert run.description().went_on_from == (before.epochs,)
 
@@ -103,14 +106,14 @@ def test_refusals(tmp_path: Path, trained: Path, dataset: Dataset, make_config: 
     run = RunFolder(Path(shutil.copytree(trained, tmp_path / "run")))
     longer = run.description().with_epochs(100).run
     with pytest.raises(InputError, match=r"another run\.seed = 7"):
-        train(longer.model_copy(update={"seed": 7}), dataset, run, CPU)
+        train(longer.model_copy(update={"seed": 7}), dataset, run.folder, device="cpu")
     run.checkpoint.unlink()
     with pytest.raises(InputError, match=r"no last\.safetensors to go on from; `--start-from"):
-        train(longer, dataset, run, CPU)
+        train(longer, dataset, run.folder, device="cpu")
     stopped = RunFolder(tmp_path / "stopped")
     patience = {"early_stopping": {"patience": 1}, "learning_rate": 1e-30, "optimiser": "adam"}
-    train(make_config(epochs=9, **patience), dataset, stopped, CPU)
+    train(make_config(epochs=9, **patience), dataset, stopped.folder, device="cpu")
     with pytest.raises(
         InputError, match="early stopping has ended the training after epoch 2 of 9"
     ):
-        train(make_config(epochs=10, **patience), dataset, stopped, CPU)
+        train(make_config(epochs=10, **patience), dataset, stopped.folder, device="cpu")

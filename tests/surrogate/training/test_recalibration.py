@@ -15,8 +15,8 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.networks.load_count_factor import LoadCountFactor
 from surrogate.probabilistic.calibration import half_width, measure_calibration
 from surrogate.probabilistic.distribution import Distribution
-from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
+from surrogate.training.loop import train
 from surrogate.training.recalibration import (
     LEAST,
     fit_count_factors,
@@ -24,7 +24,6 @@ from surrogate.training.recalibration import (
     groups_by_count,
     recalibrate,
 )
-from surrogate.training.train import train
 
 FREE = np.array([False, True, True])
 
@@ -93,7 +92,7 @@ def test_recalibration_of_a_run(
             likelihood=likelihood, epochs=10, validation_fraction=0.3, recalibrate=key
         )
         folder = tmp_path / str(key)
-        train(config, dataset, RunFolder(folder), torch.device("cpu"))
+        train(config, dataset, folder, device="cpu")
         surrogates[key] = load(folder)
     held_out = split_training(dataset.train, config).validation
     grid = dataset.geometry.grid
@@ -185,7 +184,7 @@ def test_every_number_of_loads_has_its_share(
 ) -> None:
     """Errors of other sizes under one load and under four."""
     config = make_config(likelihood=likelihood, epochs=2, validation_fraction=0.3)
-    train(config, dataset, RunFolder(tmp_path / "run"), torch.device("cpu"))
+    train(config, dataset, tmp_path / "run", device="cpu")
     model = load(tmp_path / "run")
     rng = np.random.default_rng(5)
     free = np.flatnonzero(~dataset.geometry.clamped)

@@ -11,8 +11,8 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
-from tests.surrogate.resuming import CPU, trained
+from surrogate.training.loop import train
+from tests.surrogate.resuming import trained
 
 MakeConfig = Callable[..., UNetModel]
 NAMES = {
@@ -71,8 +71,8 @@ def test_tensorboard_shows_the_lines(
 ) -> None:
     """After a stop and a resume, every line still occurs only once."""
     config, run = make_config(epochs=4), RunFolder(tmp_path / "run")
-    train(config, dataset, run, CPU, stop_after=2, tensorboard=True)
-    train(config, dataset, run, CPU, tensorboard=True)
+    train(config, dataset, run.folder, device="cpu", stop_after=2, tensorboard=True)
+    train(config, dataset, run.folder, device="cpu", tensorboard=True)
     lines, shown = run.metric_lines(), scalars(run.tensorboard)
     assert set(shown) == NAMES - {"epoch"}
     for name, series in shown.items():

@@ -22,7 +22,7 @@ from surrogate.probabilistic.flipout import VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from surrogate.training.trainer import Trainer
 
 CPU = torch.device("cpu")
@@ -173,7 +173,7 @@ def test_divergence_grows_over_the_warm_up(
         variational={"warmup": 0.4, "weight": weight},
     )
     run = RunFolder(tmp_path / "run")
-    train(config, dataset, run, CPU)
+    train(config, dataset, run.folder, device="cpu")
     found = [
         (line["train_loss"] - line["negative_log_likelihood"]) / line["kl_divergence"]
         for line in run.metric_lines()
@@ -203,7 +203,7 @@ def test_loss_falls(
 ) -> None:
     """The training loss falls by 0.5 per datum; validation loss and error fall, too."""
     run = RunFolder(tmp_path / "run")
-    train(make_config(epochs=30, learning_rate=1e-2, **changes), dataset, run, CPU)
+    train(make_config(epochs=30, learning_rate=1e-2, **changes), dataset, run.folder, device="cpu")
     first, last = run.metric_lines()[0], run.metric_lines()[-1]
     assert last["train_loss"] < first["train_loss"] - 0.5
     assert last["validation_loss"] < first["validation_loss"] - 0.1
@@ -221,7 +221,7 @@ def test_prior_means_are_trained_if_they_are_to_be(
             epochs=2, likelihood="variational_bayes", variational={"prior_mean": prior_mean}
         )
         run = RunFolder(tmp_path / prior_mean)
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
         start = config.build(dataset.geometry, dataset.info).state_dict()
         end = load_file(run.model)
         name = "network.encoder.0.2.kernel."

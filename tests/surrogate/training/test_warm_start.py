@@ -9,13 +9,14 @@ import torch
 import yaml
 
 import surrogate
+from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.run_config import run_config
-from surrogate.training.train import train
+from surrogate.training.loop import train
 from tests.surrogate.resuming import untimed
 
 CPU = torch.device("cpu")
@@ -35,7 +36,7 @@ def test_the_network_begins_as_that_of_the_other_run(
     """With a learning rate that changes no weight, the predictions are the same."""
     config = make_config("adam", epochs=1, learning_rate=1e-30)
     run = RunFolder(tmp_path / "run")
-    train(config, other, run, CPU, start_from=trained)
+    train(config, other, run.folder, device="cpu", start_from=trained)
     force = dataset.nodal_test.force
     expected = surrogate.load(trained).predict(force)
     assert np.array_equal(surrogate.load(run.folder).predict(force), expected)
@@ -51,15 +52,17 @@ def test_it_is_recorded_and_resumed(
 ) -> None:
     config = make_config(epochs=4)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, other, whole, CPU, start_from=trained)
+    train(config, other, whole.folder, device="cpu", start_from=trained)
     capsys.readouterr()
-    train(config, other, parts, CPU, stop_after=2, start_from=trained)
+    with logged("surrogate"):
+        train(config, other, parts.folder, device="cpu", stop_after=2, start_from=trained)
     said = "starting from the weights of 'small'; the learning rate begins its schedule anew"
     assert f"{said}, with a peak of 0.005" in capsys.readouterr().err
     with pytest.raises(InputError, match=r"another start_from = None, the folder has"):
-        train(config, other, parts, CPU)
+        train(config, other, parts.folder, device="cpu")
     capsys.readouterr()
-    train(config, other, parts, CPU, start_from=trained)
+    with logged("surrogate"):
+        train(config, other, parts.folder, device="cpu", start_from=trained)
     assert "begins its schedule anew" not in capsys.readouterr().err
     assert whole.model.read_bytes() == parts.model.read_bytes()
     origin = whole.description().start_from
@@ -74,8 +77,8 @@ def test_more_samples_are_learnt_sooner(
     """Other samples of the same kind: the loss of the first epoch."""
     warm, cold = RunFolder(tmp_path / "warm"), RunFolder(tmp_path / "cold")
     more = read_dataset(make_dataset(tmp_path, seed=1))
-    train(make_config(epochs=1), more, warm, CPU, start_from=trained)
-    train(make_config(epochs=1), more, cold, CPU)
+    train(make_config(epochs=1), more, warm.folder, device="cpu", start_from=trained)
+    train(make_config(epochs=1), more, cold.folder, device="cpu")
     assert "start_from" not in yaml.safe_load(cold.config.read_text())
     assert cold.description().start_from is None
     first = [untimed(run)[0]["train_loss"] for run in (warm, cold)]
@@ -88,7 +91,7 @@ def test_factors_of_a_recalibration_are_dropped(
     options = {"likelihood": "maximum_likelihood", "epochs": 2}
     before = make_run(recalibrate=True, **options)
     assert float(surrogate.load(before).network.aleatoric_factor) != 1
-    train(make_config(**options), dataset, RunFolder(tmp_path / "run"), CPU, start_from=before)
+    train(make_config(**options), dataset, tmp_path / "run", device="cpu", start_from=before)
     assert float(surrogate.load(tmp_path / "run").network.aleatoric_factor) == 1
 
 
@@ -122,7 +125,7 @@ def test_refusals(
         ("no run there", config, dataset, tmp_path / "nowhere"),
     ):
         with pytest.raises(InputError) as error:
-            train(model, data, run, CPU, start_from=origin)
+            train(model, data, run.folder, device="cpu", start_from=origin)
         assert part in str(error.value)
         assert not run.folder.exists()
 

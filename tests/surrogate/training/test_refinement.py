@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +16,10 @@ from surrogate.data.random_loads import random_loads
 from surrogate.inference.loading import load
 from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder
-from surrogate.training.refine import Descent, refine
+from surrogate.training.refinement import Descent, refine
 
 REFINEMENT = Refinement(family="trained", steps=60, learning_rate=1e-3)
-CPU = torch.device("cpu")
+OPTIONS: dict[str, Any] = {"steps": 60, "learning_rate": 1e-3, "device": "cpu"}
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def test_inverted_load_cases_are_left_out(descent: Descent) -> None:
 def test_refined_run_has_less_energy(descent: Descent, trained: Path, tmp_path: Path) -> None:
     """The made-up displacements are no equilibria, so that there is much to gain."""
     out = RunFolder(tmp_path / "refined")
-    refine(trained, out, REFINEMENT, CPU)
+    refine(trained, out.folder, **OPTIONS)
     before, after = load(trained), load(out.folder)
     assert after.description.refined == REFINEMENT
     assert after.description.run == before.description.run
@@ -68,7 +69,7 @@ def test_refined_run_has_less_energy(descent: Descent, trained: Path, tmp_path: 
     energy = [descent.gradient(model.predict(forces), forces)[1] for model in (before, after)]
     assert np.median(energy[1]) < np.median(energy[0]) - 0.1
     again = RunFolder(tmp_path / "again")
-    refine(trained, again, REFINEMENT, CPU)
+    refine(trained, again.folder, **OPTIONS)
     for name, tensor in out.read_tensors().items():
         assert torch.equal(tensor, again.read_tensors()[name]), name
 
@@ -95,18 +96,18 @@ def test_a_killed_command_goes_on(
 ) -> None:
     """The measures of its epochs are written, the weights are not yet."""
     whole, out = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "refined")
-    refine(trained, whole, REFINEMENT, CPU)
+    refine(trained, whole.folder, **OPTIONS)
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as killed:
-        killed.setattr("surrogate.training.refine.write_model", stop)
+        killed.setattr(RunFolder, "write_model", stop)
         with pytest.raises(KeyboardInterrupt):
-            refine(trained, out, REFINEMENT, CPU)
+            refine(trained, out.folder, **OPTIONS)
     assert out.metrics.is_file()
     assert not out.is_finished
-    refine(trained, out, REFINEMENT, CPU)
+    refine(trained, out.folder, **OPTIONS)
     assert len(out.metric_lines()) == len(whole.metric_lines())
     for name, tensor in whole.read_tensors().items():
         assert torch.equal(tensor, out.read_tensors()[name]), name
@@ -117,4 +118,4 @@ def test_networks_that_predict_standard_deviations(
 ) -> None:
     run = make_run(likelihood="maximum_likelihood", epochs=1)
     with pytest.raises(InputError, match="expected a deterministic network"):
-        refine(run, RunFolder(tmp_path / "refined"), REFINEMENT, CPU)
+        refine(run, tmp_path / "refined", **OPTIONS)

@@ -13,15 +13,17 @@ import yaml
 from safetensors.torch import load_file
 from torch import Tensor
 
+from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError, WorkError
-from surrogate.data.dataset import Dataset, read_dataset
+from shared_schema.common.progress import shown_progress
+from surrogate.data import Dataset, read_dataset
 from surrogate.device import choose_device
 from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.schedule import ScheduleConfig
 from surrogate.runs.folder import RunFolder
 from surrogate.seeds import stream
-from surrogate.training.train import train
+from surrogate.training.loop import train
 
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., UNetModel]
@@ -80,11 +82,11 @@ def test_k_and_k_epochs_are_2k(
     samples = {2: dataset, 3: dataset_3d}[dimension]
     config = make_config(dimension=dimension, epochs=4, **recipe)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, samples, whole, CPU)
-    train(config, samples, parts, CPU, stop_after=2)
+    train(config, samples, whole.folder, device="cpu")
+    train(config, samples, parts.folder, device="cpu", stop_after=2)
     assert not parts.model.is_file()
     assert [line["epoch"] for line in parts.metric_lines()] == [1, 2]
-    train(config, samples, parts, CPU)
+    train(config, samples, parts.folder, device="cpu")
     assert [line["epoch"] for line in parts.metric_lines()] == [1, 2, 3, 4]
     assert_same_run(whole, parts)
 
@@ -93,10 +95,10 @@ def test_epochs_within_a_time(tmp_path: Path, dataset: Dataset, make_config: Mak
     """Within a nanosecond, every call trains one epoch; the result is that of a single call."""
     config = make_config(epochs=3)
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, dataset, whole, CPU, seconds=1000.0)
+    train(config, dataset, whole.folder, device="cpu", seconds=1000.0)
     for epochs in (1, 2, 3):
         assert not parts.model.is_file()
-        train(config, dataset, parts, CPU, seconds=1e-9)
+        train(config, dataset, parts.folder, device="cpu", seconds=1e-9)
         assert len(parts.metric_lines()) == epochs
     assert_same_run(whole, parts)
 
@@ -106,7 +108,7 @@ def test_no_time_to_train_within(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, seconds: float
 ) -> None:
     with pytest.raises(InputError, match=f"--seconds {seconds:g}: expected more than 0"):
-        train(make_config(), dataset, RunFolder(tmp_path / "run"), CPU, seconds=seconds)
+        train(make_config(), dataset, tmp_path / "run", device="cpu", seconds=seconds)
     assert not (tmp_path / "run").exists()
 
 
@@ -115,9 +117,9 @@ def test_scales_by_node_are_resumed(
 ) -> None:
     config = make_config(epochs=4, loss="mae").model_copy(update={"displacement_scale": "node"})
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    train(config, dataset, whole, CPU)
-    train(config, dataset, parts, CPU, stop_after=3)
-    train(config, dataset, parts, CPU)
+    train(config, dataset, whole.folder, device="cpu")
+    train(config, dataset, parts.folder, device="cpu", stop_after=3)
+    train(config, dataset, parts.folder, device="cpu")
     assert_same_run(whole, parts)
     scale = load_file(whole.model)["displacement_scale"]
     assert len(set(scale.flatten().tolist())) > 10
@@ -159,8 +161,8 @@ def test_killed_process_goes_on_as_if_nothing_had_been(
     assert not killed.model.is_file()
     assert len(killed.metric_lines()) == 3
     samples = read_dataset(data)
-    train(config, samples, killed, CPU)
-    train(config, samples, whole, CPU)
+    train(config, samples, killed.folder, device="cpu")
+    train(config, samples, whole.folder, device="cpu")
     assert_same_run(killed, whole)
 
 
@@ -168,9 +170,9 @@ def test_finished_run_is_left_alone(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
     run = RunFolder(tmp_path / "run")
-    train(make_config(epochs=1), dataset, run, CPU)
+    train(make_config(epochs=1), dataset, run.folder, device="cpu")
     before = {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")}
-    train(make_config(epochs=1), dataset, run, CPU)
+    train(make_config(epochs=1), dataset, run.folder, device="cpu")
     assert {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")} == before
 
 
@@ -179,10 +181,10 @@ def test_lost_measures_of_epochs_after_the_checkpoint_are_made_again(
 ) -> None:
     run, whole = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     config = make_config(epochs=4)
-    train(config, dataset, run, CPU, stop_after=2)
+    train(config, dataset, run.folder, device="cpu", stop_after=2)
     run.append_metric_line({"epoch": 3, "train_loss": 0.0, "seconds": 0.0})
-    train(config, dataset, run, CPU)
-    train(config, dataset, whole, CPU)
+    train(config, dataset, run.folder, device="cpu")
+    train(config, dataset, whole.folder, device="cpu")
     assert_same_run(run, whole)
 
 
@@ -195,7 +197,7 @@ def test_diverged_training_fails(
     with pytest.raises(
         WorkError, match=r"diverged in epoch 1, with a loss of (nan|inf); no checkpoint is kept"
     ):
-        train(make_config("adam", learning_rate=1.0), dataset, run, CPU)
+        train(make_config("adam", learning_rate=1.0), dataset, run.folder, device="cpu")
     assert not run.model.exists()
     assert not run.checkpoint.exists()
 
@@ -204,7 +206,7 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, config = RunFolder(tmp_path / "run"), make_config()
-    train(config, dataset, run, CPU, stop_after=2)
+    train(config, dataset, run.folder, device="cpu", stop_after=2)
     before = run.checkpoint.read_bytes()
     loss = TrainedModel.data_loss
     monkeypatch.setattr(
@@ -213,7 +215,7 @@ def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
     with pytest.raises(
         WorkError, match="diverged in epoch 3, with a loss of nan; the checkpoint of epoch 2"
     ):
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
     assert run.checkpoint.read_bytes() == before
     assert not run.model.exists()
     assert [line["epoch"] for line in run.metric_lines()] == [1, 2]
@@ -227,7 +229,7 @@ def test_weights_that_are_not_finite_are_never_a_model(
     monkeypatch.setattr(ScheduleConfig, "factor", lambda *_: 1e39)
     config = make_config("adam", learning_rate=1.0, epochs=1, batch_size=64)
     with pytest.raises(WorkError):
-        train(config, dataset, run, CPU)
+        train(config, dataset, run.folder, device="cpu")
     assert not run.model.exists()
 
 
@@ -246,10 +248,10 @@ def test_run_of_another_configuration_is_refused(
     difference: str,
 ) -> None:
     run, config = RunFolder(tmp_path / "run"), make_config()
-    train(config, dataset, run, CPU, stop_after=1)
+    train(config, dataset, run.folder, device="cpu", stop_after=1)
     before = run.checkpoint.read_bytes()
     with pytest.raises(InputError, match="a run with another ") as error:
-        train(config.model_copy(update=update), dataset, run, CPU)
+        train(config.model_copy(update=update), dataset, run.folder, device="cpu")
     assert difference in str(error.value)
     assert run.checkpoint.read_bytes() == before
 
@@ -258,19 +260,19 @@ def test_difference_inside_a_configuration_is_named(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig
 ) -> None:
     run = RunFolder(tmp_path / "run")
-    train(make_config(epochs=6), dataset, run, CPU, stop_after=1)
+    train(make_config(epochs=6), dataset, run.folder, device="cpu", stop_after=1)
     with pytest.raises(InputError, match=r"run\.training\.epochs = 7, the folder has 6"):
-        train(make_config(epochs=7), dataset, run, CPU)
+        train(make_config(epochs=7), dataset, run.folder, device="cpu")
 
 
 def test_run_of_another_dataset_is_refused(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, make_dataset: Callable[..., Path]
 ) -> None:
     run = RunFolder(tmp_path / "run")
-    train(make_config(), dataset, run, CPU, stop_after=1)
+    train(make_config(), dataset, run.folder, device="cpu", stop_after=1)
     other = read_dataset(make_dataset(tmp_path / "other", seed=1))
     with pytest.raises(InputError, match=r"a run with another data\.digest = "):
-        train(make_config(), other, run, CPU)
+        train(make_config(), other, run.folder, device="cpu")
 
 
 def test_wrong_case_is_refused(
@@ -278,7 +280,7 @@ def test_wrong_case_is_refused(
 ) -> None:
     run = RunFolder(tmp_path / "run")
     with pytest.raises(InputError, match="'case' = 'beam2d', the dataset is of case 'block3d'"):
-        train(make_config(), dataset_3d, run, CPU)
+        train(make_config(), dataset_3d, run.folder, device="cpu")
     assert not run.folder.exists()
 
 
@@ -288,7 +290,7 @@ def test_loss_falls(
 ) -> None:
     """Scaled by the root mean square, the loss starts near 1, the value of zero displacement."""
     run = RunFolder(tmp_path / "run")
-    train(make_config(epochs=40, learning_rate=2e-2, **recipe), dataset, run, CPU)
+    train(make_config(epochs=40, learning_rate=2e-2, **recipe), dataset, run.folder, device="cpu")
     lines = run.metric_lines()
     assert lines[-1]["train_loss"] < 0.25 * lines[0]["train_loss"]
     assert lines[-1]["validation_loss"] < 0.5 * lines[0]["validation_loss"]
@@ -308,7 +310,7 @@ def test_gradient_clip_bounds_the_gradient(
 
     monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", record)
     config = make_config(epochs=1, gradient_clip=1e-3)
-    train(config, dataset, RunFolder(tmp_path / "run"), CPU)
+    train(config, dataset, tmp_path / "run", device="cpu")
     assert len(norms) == 3  # 43 training samples in batches of 16
     assert max(norms) <= 1e-3 * (1 + 1e-5)
 
@@ -318,7 +320,8 @@ def test_progress_says_loss_and_validation_error(
 ) -> None:
     """The last line of measures, and its error over the largest component of the training split."""
     run = RunFolder(tmp_path / "run")
-    train(make_config(), dataset, run, torch.device("cpu"))
+    with shown_progress():
+        train(make_config(), dataset, run.folder, device="cpu")
     last, largest = run.metric_lines()[-1], max(dataset.info.displacement.max_abs)
     said = capsys.readouterr().err
     assert f"epoch 6, loss {last['train_loss']:.3g}, validation error" in said
@@ -331,7 +334,8 @@ def test_advice_when_samples_are_too_few(
 ) -> None:
     """Four samples are learnt by heart; of validation samples the network then knows little."""
     config = make_config(epochs=400, samples=5, validation_fraction=0.2)
-    train(config, dataset, RunFolder(tmp_path / "few"), torch.device("cpu"))
+    with logged("surrogate"):
+        train(config, dataset, tmp_path / "few", device="cpu")
     advised = [line for line in capsys.readouterr().err.splitlines() if "advice" in line]
     assert len(advised) == 1
     assert "more than 4 training samples would help" in advised[0]
@@ -346,7 +350,7 @@ def test_network_too_deep_for_its_grid(
     with pytest.raises(
         InputError, match=r"'network.levels' = 4: expected 3 at most, .* 8 x 4 grid"
     ):
-        train(deeper, dataset, RunFolder(tmp_path / "run"), torch.device("cpu"))
+        train(deeper, dataset, tmp_path / "run", device="cpu")
     assert not (tmp_path / "run").exists()
 
 

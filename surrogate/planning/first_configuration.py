@@ -9,18 +9,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, log2
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import yaml
 
+from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import available_memory
+from shared_schema.manifest import MANIFEST
 from shared_schema.material import NeoHookean
 from surrogate.data.dataset import Dataset
+from surrogate.data.joined_dataset import read_dataset
 from surrogate.models.model import Model, TrainedModel
+from surrogate.models.training_memory import training_memory
 from surrogate.probabilistic.likelihoods import Likelihood
 from surrogate.runs.run_config import run_config
-from surrogate.training.memory_estimate import training_memory
 
 Architecture = Literal["unet", "reduced"]
 SHORT = {"deterministic": "det", "maximum_likelihood": "mle", "variational_bayes": "vb"}
@@ -32,6 +36,7 @@ SHARE = 0.25  # of the free memory that a training may take
 MOST_LEVELS = 4
 WIDEST = 56  # entry of the file whose comment is aligned with the others
 INPUT_MODES, OUTPUT_MODES = 48, 96
+DATA = Path("data")  # where `make data` puts datasets
 SET_ASIDE = 20  # samples at least for validation, and for calibration
 
 
@@ -209,23 +214,35 @@ def has_material(dataset: Dataset) -> bool:
 
 
 def first_config(
-    dataset: Dataset, model: Architecture | None = None, likelihood: Likelihood = "deterministic"
+    dataset: Dataset | str | Path,
+    *,
+    model: Architecture | None = None,
+    likelihood: Likelihood = "deterministic",
 ) -> FirstConfig:
-    """Choose the sizes of a network for a dataset.
+    """Choose a configuration with the sizes of a network for a dataset.
 
     Parameters
     ----------
-    dataset : Dataset
+    dataset : Dataset, str or Path
+        Dataset, or its folder.
     model : {"unet", "reduced"}, optional
         By default a U-Net in the plane, and a reduced network in space, where the nodes are many
         and the samples few.
     likelihood : {"deterministic", "maximum_likelihood", "variational_bayes"}
+
+    Returns
+    -------
+    FirstConfig
+        Its `text` is a YAML file with a comment on every line, its `config` what `surrogate.train`
+        takes.
 
     Raises
     ------
     InputError
         If a reduced network is wanted, and the dataset does not name its material.
     """
+    if not isinstance(dataset, Dataset):
+        dataset = read_dataset(dataset, on_disk=True)
     mechanics = has_material(dataset)
     if model == "reduced" and not mechanics:
         raise InputError("--model reduced: the dataset names no material, expected unet")
@@ -241,3 +258,25 @@ def first_config(
             break
         channels //= 2
     return FirstConfig(dataset, chosen, likelihood, channels)
+
+
+def find_data(target: str) -> Path:
+    """Return the structured dataset of a folder or of a case.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    folder = Path(target)
+    if (folder / MANIFEST).is_file():
+        return folder
+    name = read_yaml(folder).get("name", "") if folder.is_file() else target
+    places = [folder / "structured", DATA / str(name) / "structured"]
+    for place in places:
+        if (place / MANIFEST).is_file():
+            return place
+    raise InputError(
+        f"CASE|DATA '{target}': no structured dataset there or at {places[-1]}; expected one made "
+        "by `datagen structure`"
+    )

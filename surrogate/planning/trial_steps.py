@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-
-import torch
+from dataclasses import dataclass
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import Dataset
-from surrogate.hardware import hardware, require_device_memory
-from surrogate.models.model import Model, TrainedModel
+from shared_schema.common.text_table import laid_out
+from surrogate.device import choose_device
+from surrogate.hardware import hardware
+from surrogate.models.model import TrainedModel
 from surrogate.networks.unet import parameter_count
-from surrogate.runs.split import split_training
-from surrogate.training.memory_estimate import training_memory
-from surrogate.training.train import first_samples, make_trainer, mirrored, require_samples_at
+from surrogate.runs.recipes import Data
+from surrogate.runs.run_config import Config, read_config
+from surrogate.training.setup import (
+    dataset_for,
+    initial_network,
+    make_trainer,
+    require_memory_of,
+    split_for,
+    with_mirrored_samples,
+)
 
 SECONDS = 10.0  # of steps
 MOST = 50  # steps
@@ -60,6 +66,9 @@ class DryRun:
         """Time of all steps in min; validation and checkpoints are not counted."""
         return self.steps * self.seconds / 60
 
+    def __str__(self) -> str:
+        return laid_out(self.rows())
+
     def rows(self) -> Iterator[tuple[str, str]]:
         """Yield names and values for a table."""
         yield "network", f"{self.architecture}, {self.parameters / 1e6:.3g} M parameters"
@@ -69,37 +78,38 @@ class DryRun:
         yield "the training", f"{self.epochs} epochs, {self.steps} steps: {self.minutes:.3g} min"
 
 
-def dry_run(config: Model, dataset: Dataset, device: torch.device) -> DryRun:
-    """Build the network, and time some steps of its training.
+def dry_run(
+    config: Config,
+    dataset: Data,
+    *,
+    device: str = "auto",
+) -> DryRun:
+    """Build the network, and time some steps of its training; nothing is written.
 
     Parameters
     ----------
-    config : Model
-    dataset : Dataset
-    device : torch.device
+    config : Model, mapping, str or Path
+        Configuration, as `surrogate.read_config` takes it.
+    dataset : Dataset, str, Path or sequence of str or Path
+        Dataset, its folder, or the folders of several that are joined.
+    device : {"auto", "cpu", "cuda"}
 
     Raises
     ------
     InputError
-        As `train`; also for a model that is fitted directly, without steps.
+        As `surrogate.train`; also for a model that is fitted directly, without steps.
     """
+    config, target = read_config(config, data=dataset), choose_device(device)
+    data = dataset_for(config, dataset)
     if not isinstance(config, TrainedModel):
         raise InputError(
             f"--dry-run: config '{config.name}' is fitted directly, expected a model that is "
             "trained step by step"
         )
-    require_samples_at(config, dataset)
-    split = split_training(dataset.training, config)
-    config.require_suitable(dataset, split.train)
-    split = replace(split, train=mirrored(split.train, config, dataset))
-    batch = min(config.training.batch_size, len(split.train))
-    memory = training_memory(config, dataset.geometry, batch)
-    require_device_memory(memory, f"config '{config.name}': training", device)
-    material = dataset.material if config.needs_material else None
-    body = dataset.geometry, dataset.info, material
-    network = config.build_for(*body, dataset.manifest.case)
-    config.start_from_data(network, dataset, first_samples(split, config.seed))
-    trainer = make_trainer(config, network, split, dataset, device)
+    split = with_mirrored_samples(config, data, split_for(config, data))
+    memory = require_memory_of(config, data, split, target)
+    network = initial_network(config, data, split)
+    trainer = make_trainer(config, network, split, data, target)
     times = list(trainer.timed_steps(WARM_UP + MOST, SECONDS))
     counted = times[WARM_UP:] or times[-1:]
     return DryRun(
@@ -112,5 +122,5 @@ def dry_run(config: Model, dataset: Dataset, device: torch.device) -> DryRun:
         steps=trainer.steps,
         seconds=sum(counted) / len(counted),
         timed=len(counted),
-        hardware=hardware(device),
+        hardware=hardware(target),
     )

@@ -11,12 +11,12 @@ import yaml
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset, read_dataset
+from surrogate.data import Dataset, read_dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
+from surrogate.planning.trial_steps import dry_run
 from surrogate.runs.run_config import run_config
 from surrogate.runs.split import split_training
-from surrogate.training.dry_run import dry_run
 
 CPU = torch.device("cpu")
 
@@ -25,7 +25,7 @@ def test_sizes_are_those_of_the_training(
     dataset: Dataset, make_config: Callable[..., UNetModel]
 ) -> None:
     config = make_config(epochs=7)
-    estimate = dry_run(config, dataset, CPU)
+    estimate = dry_run(config, dataset, device="cpu")
     train = len(split_training(dataset.training, config).train)
     free = torch.from_numpy(dataset.geometry.free_mask)
     assert estimate.samples == train
@@ -39,7 +39,7 @@ def test_a_model_that_is_fitted_has_no_steps(data: Path) -> None:
     dataset = read_dataset(data)
     content = {"name": "pod", "case": dataset.manifest.name, "model": "pod", "pod": {}}
     with pytest.raises(InputError, match="--dry-run: config 'pod' is fitted directly"):
-        dry_run(run_config(content), dataset, CPU)
+        dry_run(run_config(content), dataset, device="cpu")
 
 
 def test_command_writes_nothing(

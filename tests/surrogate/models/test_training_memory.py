@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from surrogate.data.dataset import Dataset
+from surrogate.models.training_memory import training_memory
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
-from surrogate.training.memory_estimate import training_memory
 
 MakeConfig = Callable[..., UNetModel]
 

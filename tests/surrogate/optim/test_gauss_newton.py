@@ -11,11 +11,10 @@ from torch import Tensor, nn
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.optim.gauss_newton import GaussNewtonStd
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConfig
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Errors
-from surrogate.training.data_parallel import ALONE
-from surrogate.training.gauss_newton import GaussNewtonStd
 from tests.surrogate.resuming import assert_resumes
 
 MakeConfig = Callable[..., UNetModel]
@@ -96,7 +95,7 @@ def test_spread_maximises_the_bound_of_a_linear_network(dataset: Dataset, factor
     spreads = GaussNewtonStd(network, samples=3)
     torch.manual_seed(1)
     for _ in range(600):
-        spreads.update(spreads.estimate(force, len(force)), factor, ALONE)
+        spreads.update(spreads.estimate(force, len(force)), factor)
     h = fisher_information(network, force)
     std = layer.kernel.std.detach()
     torch.testing.assert_close(
@@ -111,7 +110,7 @@ def test_weights_without_information_keep_the_prior(dataset: Dataset) -> None:
     layer = network.network.layer
     assert isinstance(layer, FlipoutConvolution)
     spreads = GaussNewtonStd(network, samples=3)
-    spreads.update(spreads.estimate(torch.zeros_like(dataset.train.force[:3]), 3), 1.0, ALONE)
+    spreads.update(spreads.estimate(torch.zeros_like(dataset.train.force[:3]), 3), 1.0)
     torch.testing.assert_close(layer.kernel.std, torch.full_like(layer.kernel.std, PRIOR))
 
 
@@ -124,7 +123,7 @@ def test_a_larger_dataset_narrows_the_posterior(dataset: Dataset) -> None:
         assert isinstance(layer, FlipoutConvolution)
         spreads = GaussNewtonStd(network, samples)
         torch.manual_seed(1)
-        spreads.update(spreads.estimate(dataset.train.force[:3], 3), 1.0, ALONE)
+        spreads.update(spreads.estimate(dataset.train.force[:3], 3), 1.0)
         found.append(layer.kernel.std.detach()[:2] ** -2 - PRIOR**-2)
     assert (found[0] > PRIOR**-2).float().mean() > 0.5
     torch.testing.assert_close(found[1], 100 * found[0], rtol=1e-3, atol=1e-3)

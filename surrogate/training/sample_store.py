@@ -1,22 +1,24 @@
 """Place of the samples during a training: the device's memory, the host's, or the disk.
 
 A batch on the device is a gather. Any other batch is copied through pinned memory on a separate
-stream while the device works on the batch before.
+stream while the device works on the batch before. Batches are as the network learns from them
+(`FieldNetwork.prepared`).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from typing import Literal, Protocol
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from surrogate.data.samples import Samples
+from shared_schema.common.progress import Progress
+from surrogate.data.samples import Location, Samples
 from surrogate.data.samples_on_disk import SamplesOnDisk
+from surrogate.networks.field_network import FieldNetwork
 
-Location = Literal["auto", "device", "host", "disk"]
 PART_OF_FREE_MEMORY = 0.5  # what samples may take of the device's; the rest is the network's
 
 
@@ -77,13 +79,9 @@ class CopyAhead(ABC):
         if self._stream is None:
             return batch.to(self._device), None
         with torch.cuda.stream(self._stream):
-            sent = Samples(
-                *(
-                    field.to(self._device, non_blocking=True)
-                    for field in (batch.force, batch.displacement)
-                )
-            )
-            return sent, self._stream.record_event()
+            force = batch.force.to(self._device, non_blocking=True)
+            displacement = batch.displacement.to(self._device, non_blocking=True)
+            return Samples(force, displacement), self._stream.record_event()
 
     def _receive(self, samples: Samples, sent: torch.cuda.Event | None) -> Samples:
         """Let the device's current stream wait until a batch is there."""
@@ -106,8 +104,8 @@ class HostStore(CopyAhead):
         """Yield batches."""
         for batch in indices:
             if pinned:
-                fields = (self._samples.force, self._samples.displacement)
-                yield Samples(*(gather_pinned(field, batch) for field in fields))
+                force = gather_pinned(self._samples.force, batch)
+                yield Samples(force, gather_pinned(self._samples.displacement, batch))
             else:
                 yield self._samples[batch]
 
@@ -149,3 +147,42 @@ def fits(samples: Samples, device: torch.device) -> bool:
         return True
     free, _ = torch.cuda.mem_get_info(device)
     return samples.force.nbytes + samples.displacement.nbytes <= PART_OF_FREE_MEMORY * free
+
+
+class PreparedInBatches:
+    """Samples on disk, prepared batch by batch.
+
+    Parameters
+    ----------
+    store : SampleStore
+    network : FieldNetwork
+    """
+
+    def __init__(self, store: SampleStore, network: FieldNetwork) -> None:
+        self.home, self._store, self._network = store.home, store, network
+
+    def batches(self, indices: Iterable[Tensor]) -> Iterator[Samples]:
+        """Yield batches."""
+        return (self._network.prepared(batch) for batch in self._store.batches(indices))
+
+
+def prepared_store(
+    samples: Samples | SamplesOnDisk,
+    network: FieldNetwork,
+    location: Location,
+    device: torch.device,
+) -> SampleStore:
+    """Put samples into the memory of a location, prepared once unless they are on disk."""
+    if isinstance(samples, SamplesOnDisk):
+        return PreparedInBatches(store_samples(samples, location, device), network)
+    return store_samples(_prepared(samples, network), location, device)
+
+
+def _prepared(samples: Samples, network: FieldNetwork) -> Samples:
+    """Prepare samples; with progress, if each takes time for a load series."""
+    if network.foretold is None or len(samples) == 0:
+        return network.prepared(samples)
+    progress = Progress(len(samples), 0, "loads", "surrogate train: load series")
+    found = network.prepared(samples, progress.update)
+    progress.close("done")
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -13,12 +14,12 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.models.reduced_model import ReducedModel
+from surrogate.models.training_memory import training_memory
 from surrogate.models.unet_model import UNetModel
+from surrogate.planning import first_configuration as module
+from surrogate.planning.first_configuration import FirstConfig, first_config
+from surrogate.planning.trial_steps import dry_run
 from surrogate.runs.run_config import read_config
-from surrogate.training import first_config as module
-from surrogate.training.dry_run import dry_run
-from surrogate.training.first_config import FirstConfig, first_config
-from surrogate.training.memory_estimate import training_memory
 
 CPU = torch.device("cpu")
 
@@ -40,13 +41,14 @@ def test_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -> Non
     assert isinstance(space, ReducedModel)
     for config, samples in ((plane, dataset), (space, dataset_3d)):
         assert config.case == samples.manifest.name
-        assert dry_run(config, samples, CPU).steps > 0
+        assert dry_run(config, samples, device="cpu").steps > 0
 
 
 @pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
 @pytest.mark.parametrize("model", ["unet", "reduced"])
 def test_standard_deviations(dataset: Dataset, model: str, likelihood: str) -> None:
-    config = first_config(dataset, model, likelihood).config()  # type: ignore[arg-type]
+    options: dict[str, Any] = {"model": model, "likelihood": likelihood}
+    config = first_config(dataset, **options).config()
     assert config.likelihood == likelihood
     assert config.predicts_std
     if isinstance(config, ReducedModel) and likelihood == "variational_bayes":
@@ -89,7 +91,7 @@ def test_without_a_material(dataset: Dataset) -> None:
     assert isinstance(config, UNetModel)
     assert not config.needs_material
     with pytest.raises(InputError, match="--model reduced: the dataset names no material"):
-        first_config(bare, "reduced")
+        first_config(bare, model="reduced")
 
 
 def test_command(

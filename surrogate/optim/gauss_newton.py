@@ -29,7 +29,6 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import random_signs
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import INFORMATION, Errors
-from surrogate.training.data_parallel import Ranks
 
 EVERY = 4  # number of steps between two estimates
 MEMORY = 200  # number of estimates in the exponential average
@@ -73,17 +72,16 @@ class GaussNewtonStd:
         """
         return self._squared_gradients(inputs) * (self.samples / whole)
 
-    def update(self, estimate: Tensor, factor: float, ranks: Ranks) -> None:
-        """Add the estimate of a batch to the average, and set every σ. Collective.
+    def update(self, estimate: Tensor, factor: float) -> None:
+        """Add the estimate of a batch to the average, and set every σ.
 
         Parameters
         ----------
         estimate : Tensor, (n_weights,)
-            This process's share of the estimate.
+            Sum of the estimates of all processes.
         factor : float
             Factor κ on the KL divergence.
         """
-        ranks.add_up(estimate)
         self.information.lerp_(estimate, 1 / MEMORY)
         self.weight.lerp_(torch.ones(()), 1 / MEMORY)
         if factor > 0:
@@ -98,13 +96,13 @@ class GaussNewtonStd:
             return torch.zeros_like(self.information)
         prediction = self.network.learned(inputs)
         assert prediction.std is not None
-        mean, std = (
-            field.flatten(2).index_select(2, self.network.free_points)
-            for field in (prediction.mean, prediction.std)
-        )
-        signs, other = (random_signs(mean, mean.shape) for _ in range(2))
-        on_mean, on_std = (math.sqrt(factor) for factor in INFORMATION[self.errors])
-        total = ((on_mean * signs * mean + on_std * other * std) / std.detach()).sum()
+        free = self.network.free_points
+        mean = prediction.mean.flatten(2).index_select(2, free)
+        std = prediction.std.flatten(2).index_select(2, free)
+        signs, other = random_signs(mean, mean.shape), random_signs(mean, mean.shape)
+        of_mean, of_std = INFORMATION[self.errors]
+        values = math.sqrt(of_mean) * signs * mean + math.sqrt(of_std) * other * std
+        total = (values / std.detach()).sum()
         means = [parameter.mean for parameter in self.parameters]
         gradients = torch.autograd.grad(total, means)
         return torch.cat([gradient.flatten() for gradient in gradients]).square()

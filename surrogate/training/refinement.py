@@ -22,9 +22,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from surrogate.data.random_loads import RandomLoads, random_loads
+from surrogate.device import choose_device
+from surrogate.hardware import hardware
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.out_of_balance import Equilibrium
@@ -35,28 +39,44 @@ from surrogate.runs.folder import RunFolder
 from surrogate.runs.metric_lines import write_lines
 from surrogate.runs.tensor_file import tensor_digest
 from surrogate.seeds import REFINEMENT, stream
-from surrogate.training.train import all_finite, write_model
+from surrogate.training.trainer import all_finite
 
 Array = NDArray[np.float64]
 EPOCH = 100  # steps between two lines of measures
 
 
-def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.device) -> float:
-    """Go on training a run without solutions; write the result into a new run folder.
+def refine(
+    run: str | Path,
+    out: str | Path,
+    *,
+    steps: int,
+    family: str = "trained",
+    learning_rate: float = 3e-5,
+    seed: int = 0,
+    device: str = "auto",
+) -> Surrogate:
+    """Train a network on by the potential energy of random loads, without solutions.
 
     Parameters
     ----------
-    run : Path
+    run : str or Path
         Run folder, or the name of a network that comes with the package.
-    out : RunFolder
-    refinement : Refinement
-        Family of loads, steps, learning rate and seed.
-    device : torch.device
+    out : str or Path
+        New run folder; of a run that is refined like this already, it is read.
+    steps : int
+        Number of training steps.
+    family : str
+        Random loads, such as ``loads=1-8,reach=2,places=free``; by default those of the training.
+    learning_rate : float
+        That of the first step; it falls linearly to zero.
+    seed : int
+        Seed of the random loads.
+    device : {"auto", "cpu", "cuda"}
 
     Returns
     -------
-    float
-        Mean of L over the last steps; of a run that is refined like this already, it is read.
+    Surrogate
+        The refined network, as `surrogate.load` returns it.
 
     Raises
     ------
@@ -66,25 +86,40 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
     WorkError
         If the training diverges; nothing is written then.
     """
-    surrogate = load(run, device.type)
+    given = {"family": family, "steps": steps, "learning_rate": learning_rate, "seed": seed}
+    refinement = validate(Refinement, given, "options")
+    target, folder = choose_device(device), RunFolder(Path(out))
+    require_writable(folder.folder)
+    surrogate = load(run, target.type)
     config = surrogate.description.run
     if not isinstance(config, TrainedModel) or surrogate.is_probabilistic:
         raise InputError(
             f"{run}: config '{config.name}', expected a deterministic network that was trained"
         )
+    description = described(surrogate, refinement)
+    folder.require_free(description)
+    if not folder.is_finished:
+        lines = descend(surrogate, config, refinement)
+        with folder.owned():
+            folder.start(description)
+            write_lines(folder.metrics, lines)
+            tensors = {**surrogate.network.state_dict(), **surrogate.geometry.tensors()}
+            folder.write_model(tensors, hardware(target))
+    return load(folder.folder, target.type)
+
+
+def descend(
+    surrogate: Surrogate, config: TrainedModel, refinement: Refinement
+) -> list[dict[str, float]]:
+    """Train a network in place; return the lines of measures, one for every `EPOCH` steps."""
     data = surrogate.description.data
     family = random_loads(
         refinement.family, surrogate.geometry, data.info.force.max_abs, data.load_numbers
     )
-    description = described(surrogate, refinement)
-    out.require_free(description)
-    if out.is_finished:
-        return float(out.metric_lines()[-1]["train_loss"])
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
     descent = Descent(surrogate.balanced(), family, refinement)
-    optimiser = config.training.optimiser
-    optimisers = make_optimisers(surrogate.network.train(), optimiser)
+    optimisers = make_optimisers(surrogate.network.train(), config.training.optimiser)
     progress = Progress(refinement.steps, 0, "steps", f"surrogate refine {config.name}")
     values = []
     for step in range(refinement.steps):
@@ -102,12 +137,7 @@ def refine(run: Path, out: RunFolder, refinement: Refinement, device: torch.devi
             loss, epoch = float(np.mean(values[-EPOCH:])), len(lines) + 1
             lines.append({"epoch": epoch, "train_loss": loss, "seconds": seconds})
     progress.close(f"{time.perf_counter() - began:.0f} s")
-    with out.owned():
-        out.start(description)
-        write_lines(out.metrics, lines)
-        tensors = {**surrogate.network.state_dict(), **surrogate.geometry.tensors()}
-        write_model(out, device, tensors)
-    return float(lines[-1]["train_loss"])
+    return lines
 
 
 def described(surrogate: Surrogate, refinement: Refinement) -> RunDescription:

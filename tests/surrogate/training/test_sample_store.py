@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from surrogate.data.dataset import Dataset
-from surrogate.data.sample_store import DeviceStore, HostStore, fits, store_samples
 from surrogate.data.samples import Samples
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
-from surrogate.training.train import train
+from surrogate.training.loop import train
+from surrogate.training.sample_store import DeviceStore, HostStore, fits, store_samples
 from tests.surrogate.resuming import trained, untimed
 
 MakeConfig = Callable[..., UNetModel]
@@ -54,7 +54,7 @@ def test_training_from_the_host_is_that_from_the_device(
     runs = []
     for location in ("device", "host"):
         run = RunFolder(tmp_path / location)
-        train(make_config(epochs=3, samples_on=location), dataset, run, device)
+        train(make_config(epochs=3, samples_on=location), dataset, run.folder, device=device.type)
         runs.append(run)
     if device.type == "cpu":
         assert runs[0].model.read_bytes() == runs[1].model.read_bytes()
@@ -78,6 +78,6 @@ def test_samples_that_do_not_fit_stay_on_the_host(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = trained(make_config(epochs=1), dataset, tmp_path / "plain")
-    monkeypatch.setattr("surrogate.data.sample_store.fits", lambda *_: False)
+    monkeypatch.setattr("surrogate.training.sample_store.fits", lambda *_: False)
     lent = trained(make_config(epochs=1), dataset, tmp_path / "lent")
     assert plain.model.read_bytes() == lent.model.read_bytes()

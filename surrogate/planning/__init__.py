@@ -1,0 +1,1 @@
+"""Before a training: a first configuration for a dataset, and what its training takes."""

@@ -1,0 +1,102 @@
+"""What a training says besides its measures: where it starts, each epoch, advice at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from surrogate.models.model import TrainedModel
+from surrogate.runs.description import RunDescription
+from surrogate.training.trainer import Trainer
+
+OVERFITTED = 2.0  # ratio of validation and training errors from which on more samples help
+
+
+def remark_on_start(trainer: Trainer, description: RunDescription, epoch: int) -> str | None:
+    """Say what the learning rate does if the training goes on, or starts from other weights.
+
+    Parameters
+    ----------
+    trainer : Trainer
+    description : RunDescription
+    epoch : int
+        Number of finished epochs.
+    """
+    if epoch and description.went_on_from and epoch == description.went_on_from[-1]:
+        return going_on(trainer.config, epoch, trainer.steps_per_epoch)
+    if not epoch and description.start_from is not None:
+        return beginning_anew(trainer.config, description.start_from.run)
+    return None
+
+
+def going_on(config: TrainedModel, before: int, steps_per_epoch: int) -> str:
+    """Say what more epochs do to the learning rate of a training that has ended.
+
+    Parameters
+    ----------
+    config : TrainedModel
+        Configuration with the new number of epochs.
+    before : int
+        Number of epochs after which the training had ended.
+    steps_per_epoch : int
+    """
+    schedule, epochs = config.training.schedule, config.training.epochs
+    done = before * steps_per_epoch
+    last = schedule.factor(done - 1, done)
+    first = schedule.factor(done, epochs * steps_per_epoch)
+    rate = f"the learning rate goes on at {first:.3g} of its peak"
+    if abs(last - first) > 0.01:
+        rate = (
+            f"the learning rate, {last:.3g} of its peak at the end, starts again at {first:.3g}, "
+            f"as after {before} of {epochs} epochs; the weights are not those of {epochs} at once"
+        )
+    return f"config '{config.name}': going on from epoch {before} to {epochs}; {rate}"
+
+
+def beginning_anew(config: TrainedModel, other: str) -> str:
+    """Say what happens to the learning rate of a training from the weights of another run."""
+    peak = config.training.optimiser.learning_rate
+    return (
+        f"config '{config.name}': starting from the weights of '{other}'; the learning rate begins "
+        f"its schedule anew, with a peak of {peak:g}; a smaller one stays closer to them"
+    )
+
+
+def epoch_note(epoch: int, measures: Mapping[str, float], largest: float) -> str:
+    """Describe an epoch for the progress line.
+
+    Parameters
+    ----------
+    epoch : int
+    measures : mapping of str to float
+        Its line of measures; errors in m.
+    largest : float
+        Largest displacement component of the training samples in m.
+    """
+    note = f"epoch {epoch}, loss {measures['train_loss']:.3g}"
+    if "validation_error" not in measures:
+        return note
+    error = measures["validation_error"]
+    relative = f" ({error / largest:.2%} of the largest displacement)" if largest > 0 else ""
+    return f"{note}, validation error {error:.2e} m{relative}"
+
+
+def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
+    """Say if the validation samples show that there are too few training samples.
+
+    Parameters
+    ----------
+    trainer : Trainer
+        Trainer of a training that is over.
+    measures : mapping of str to float
+        Measures of the last epoch.
+    """
+    if "validation_error" not in measures:
+        return None
+    error, on_training = measures["validation_error"], trainer.training_error()
+    if not error > OVERFITTED * on_training:
+        return None
+    return (
+        f"the error on validation samples is {error:.2e} m, on training samples "
+        f"{on_training:.2e} m; more than {len(trainer.train)} training samples would help "
+        "(`datagen run CASE --samples K` lets a dataset grow)"
+    )

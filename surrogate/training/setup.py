@@ -1,0 +1,161 @@
+"""What a training starts with: its configuration checked against the data, samples and network."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from shared_schema.common.errors import InputError
+from surrogate.data.dataset import Dataset
+from surrogate.data.joined_dataset import read_dataset
+from surrogate.data.mirror import with_mirror_images
+from surrogate.data.samples import Samples
+from surrogate.data.samples_on_disk import SamplesOnDisk
+from surrogate.device import lay_out
+from surrogate.hardware import require_device_memory
+from surrogate.models.model import Model, TrainedModel
+from surrogate.models.training_memory import training_memory
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.runs.recipes import Data
+from surrogate.runs.split import TrainingSplit, split_training
+from surrogate.seeds import ORDER, stream
+from surrogate.training.cuda_graph import can_capture
+from surrogate.training.data_parallel import ALONE, Ranks
+from surrogate.training.sample_paths import (
+    SamplePaths,
+    compute_missing,
+    read_paths,
+    require_path_memory,
+)
+from surrogate.training.trainer import Trainer
+from surrogate.training.training_log import require_tensorboard
+from surrogate.training.warm_start import WarmStart
+
+logger = logging.getLogger(__name__)
+Split = TrainingSplit[Samples | SamplesOnDisk]
+
+
+def require_options(stop_after: int | None, seconds: float, tensorboard: bool) -> None:
+    """Raise InputError unless the options of `surrogate.train` have valid values."""
+    if stop_after is not None and stop_after < 1:
+        raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
+    if not seconds > 0:
+        raise InputError(f"--seconds {seconds:g}: expected more than 0")
+    if tensorboard:
+        require_tensorboard()
+
+
+def dataset_for(config: Model, dataset: Data) -> Dataset:
+    """Return a dataset, or read one; its training samples are where the configuration says.
+
+    Raises
+    ------
+    InputError
+        If the samples of a dataset that is read already are elsewhere, or as `read_dataset`.
+    """
+    stays_on_disk = isinstance(config, TrainedModel) and config.training.samples_on == "disk"
+    if not isinstance(dataset, Dataset):
+        folders = [dataset] if isinstance(dataset, str | Path) else dataset
+        return read_dataset(*folders, on_disk=stays_on_disk)
+    if stays_on_disk != isinstance(dataset.training, SamplesOnDisk):
+        places = ("on disk", "in memory")
+        expected, found = places if stays_on_disk else reversed(places)
+        raise InputError(f"config '{config.name}': the samples are {found}, expected {expected}")
+    return dataset
+
+
+def split_for(config: Model, dataset: Dataset, processes: int = 1) -> Split:
+    """Split the training samples; InputError unless the configuration can learn from them."""
+    split = split_training(dataset.training, config)
+    if isinstance(config, TrainedModel) and config.training.batch_size < processes:
+        raise InputError(
+            f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
+            f"expected {processes} at least, the number of processes"
+        )
+    config.require_suitable(dataset, split.train)
+    return split
+
+
+def with_mirrored_samples(config: TrainedModel, dataset: Dataset, split: Split) -> Split:
+    """Add the mirror images of the training samples, if the configuration asks for them."""
+    axes, key = config.training.mirrors, f"config '{config.name}': key 'training.mirrors'"
+    if not axes:
+        return split
+    if isinstance(split.train, SamplesOnDisk):
+        raise InputError(f"{key} = {list(axes)}: expected none of samples on disk")
+    return replace(split, train=with_mirror_images(split.train, dataset.geometry, axes, key))
+
+
+def require_memory_of(
+    config: TrainedModel, dataset: Dataset, split: Split, device: torch.device, processes: int = 1
+) -> int:
+    """Return what the training takes at least, in bytes; InputError if the device has less."""
+    batch = min(math.ceil(config.training.batch_size / processes), len(split.train))
+    needed = training_memory(config, dataset.geometry, batch)
+    keys = "keys 'network', 'ensemble', 'training.batch_size'"
+    require_device_memory(needed, f"config '{config.name}': {keys}: training", device)
+    return needed
+
+
+def initial_network(
+    config: Model, dataset: Dataset, split: Split, start: WarmStart | None = None
+) -> FieldNetwork:
+    """Build the network on the CPU, with all that it takes from the data or from another run."""
+    material = dataset.material if config.needs_material else None
+    network = config.build_for(dataset.geometry, dataset.info, material, dataset.manifest.case)
+    if start is not None:
+        start.apply(network)
+        return network
+    first = split.train
+    if isinstance(first, SamplesOnDisk):  # random ones of those on disk
+        first = first.some(torch.Generator().manual_seed(stream(config.seed, ORDER)))
+    config.start_from_data(network, dataset, first)
+    return network
+
+
+def load_paths(
+    config: TrainedModel, dataset: Dataset, split: Split, ranks: Ranks
+) -> SamplePaths | None:
+    """Compute missing load paths of the training samples and read all; None without any.
+
+    Collective.
+    """
+    count, mirrors = config.training.load_paths, config.training.mirrors
+    key = f"config '{config.name}': key 'training.load_paths'"
+    if not count:
+        return None
+
+    def compute() -> None:
+        if isinstance(dataset.training, SamplesOnDisk):
+            raise InputError(f"{key} = {count}: expected 0 of samples on disk")
+        require_path_memory(dataset, count, 2 ** len(mirrors) * len(split.train_rows), key)
+        compute_missing(dataset, split.train_rows, count)
+
+    ranks.from_first(compute)
+    paths = read_paths(dataset, split.train_rows, count)
+    key = f"config '{config.name}': key 'training.mirrors'"
+    return paths.with_mirror_images(dataset.geometry, mirrors, key)
+
+
+def make_trainer(
+    config: TrainedModel,
+    network: FieldNetwork,
+    split: Split,
+    dataset: Dataset,
+    device: torch.device,
+    ranks: Ranks = ALONE,
+    paths: SamplePaths | None = None,
+) -> Trainer:
+    """Move a network to the device and make its trainer."""
+    lay_out(network, dataset.geometry.dimension, config.training.precision, device)
+    if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
+        logger.warning(
+            "config '%s': 'training.cuda_graphs' is for one process on cuda, here %d on %s; "
+            "training continues without it",
+            *(config.name, ranks.count, device.type),
+        )
+    return Trainer(config, network, split.train, split.validation, ranks, paths)
