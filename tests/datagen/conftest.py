@@ -30,6 +30,12 @@ ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _loaded_modules_are_no_garbage() -> None:
+    gc.collect()
+    gc.freeze()  # so that the collection after each test looks at new objects only
+
+
 @pytest.fixture(autouse=True)
 def _collect_garbage() -> Iterator[None]:
     yield

@@ -21,6 +21,28 @@ from shared_schema.shard_reader import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tools.open_mpi import SETTINGS
 
+# waits before the next sample when some shards are finished, until it is asked to stop or the file
+# with the name of its first argument is removed
+HELD = """
+import sys, time
+from pathlib import Path
+from datagen.command_line import main
+from datagen.farm.interruption import Interruption
+from datagen.farm.shard_job import ShardJob
+gate, shards = Path(sys.argv[1]), int(sys.argv[2])
+del sys.argv[1:3]
+asked, note, solve_next = [], Interruption._note, ShardJob.solve_next
+def note_and_go_on(interruption, *of_signal):
+    asked.append(True)
+    note(interruption, *of_signal)
+def wait_and_solve(job):
+    journal = Path(sys.argv[sys.argv.index("--out") + 1]) / ".journal"
+    while gate.exists() and not asked and len(list(journal.glob("shard-*.json"))) >= shards:
+        time.sleep(0.01)
+    return solve_next(job)
+Interruption._note, ShardJob.solve_next = note_and_go_on, wait_and_solve
+sys.exit(main())
+"""
 LAUNCHERS = (b"mpirun", b"prterun")  # Open MPI 5's mpirun turns into the second
 TIMES = {"samples/wall_time"}  # the only array that may differ
 ENVIRONMENT = os.environ | SETTINGS
@@ -43,6 +65,13 @@ def datagen(*words: str | Path, ranks: int = 0) -> list[str]:
 
 def command(ranks: int, case: Path, out: Path) -> list[str]:
     return datagen("run", case, "--out", out, ranks=ranks)
+
+
+def held(words: list[str], gate: Path, shards: int = 5) -> list[str]:
+    """The same command, which waits when some shards are finished, until `gate` is removed."""
+    gate.touch()
+    program = words.index("-m")
+    return [*words[:program], "-c", HELD, str(gate), str(shards), *words[program + 2 :]]
 
 
 def finish(words: list[str]) -> subprocess.CompletedProcess[str]:

@@ -15,12 +15,12 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from shared_schema.checker import check_dataset
-from tests.datagen.farm_runs import assert_same, command, recorded, write_case
+from tests.datagen.farm_runs import assert_same, command, held, recorded, wait_until, write_case
 from tools.two_nodes import NoNamespacesError, TwoNodes, two_nodes
 
 pytestmark = pytest.mark.mpi
 SECOND = "10.77.0.2"
-SAMPLES, SHARD = 1600, 20  # seconds of work for two ranks: a kill finds the run under way
+SAMPLES, SHARD = 240, 20
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +40,15 @@ def nodes(tmp_path: Path) -> Iterator[TwoNodes]:
         pytest.skip(f"no two nodes here: {error}")
 
 
-def start(nodes: TwoNodes, serial: Path, *options: str) -> subprocess.Popen[str]:
-    """Begin `datagen run` by one rank on each node, with no option of mpirun but the hostfile."""
-    program = command(0, serial.parent / "case.yaml", nodes.folder / "nodal")
+def run_on(nodes: TwoNodes, serial: Path) -> list[str]:
+    """`datagen run` by one process."""
+    return command(0, serial.parent / "case.yaml", nodes.folder / "nodal")
+
+
+def start(nodes: TwoNodes, program: list[str]) -> subprocess.Popen[str]:
+    """Begin a program by one rank on each node, with no option of mpirun but the hostfile."""
     return subprocess.Popen(
-        nodes.words([*program, *options]),
+        nodes.words(program),
         env=nodes.environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -54,7 +58,7 @@ def start(nodes: TwoNodes, serial: Path, *options: str) -> subprocess.Popen[str]
 
 @pytest.mark.slow
 def test_two_nodes_make_what_one_process_makes(nodes: TwoNodes, serial: Path) -> None:
-    with start(nodes, serial) as process:
+    with start(nodes, run_on(nodes, serial)) as process:
         out, said = process.communicate(timeout=120)
     assert process.returncode == 0, said
     assert (nodes.folder / "reached").read_text().split() == [SECOND]
@@ -63,7 +67,7 @@ def test_two_nodes_make_what_one_process_makes(nodes: TwoNodes, serial: Path) ->
 
 
 def test_wrong_input_on_two_nodes(nodes: TwoNodes, serial: Path) -> None:
-    with start(nodes, serial, "--samples", "0") as process:
+    with start(nodes, [*run_on(nodes, serial), "--samples", "0"]) as process:
         _, said = process.communicate(timeout=120)
     assert process.returncode == 2
     assert said.count("key 'dataset.samples' = 0") == 1
@@ -79,22 +83,20 @@ def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:
     Open MPI 5 says so, but returns 0 and leaves the first node's ranks to end themselves.
     """
     nodal = nodes.folder / "nodal"
-    with start(nodes, serial) as process:
-        limit = time.monotonic() + 120
-        while recorded(nodal) < 3:
-            assert process.poll() is None
-            assert time.monotonic() < limit
-            time.sleep(0.002)
+    with start(nodes, held(run_on(nodes, serial), nodes.folder / "gate", 3)) as process:
+        wait_until(lambda: recorded(nodal) >= 3, process)
         for pid in nodes.pids(2):
             os.kill(pid, signal.SIGKILL)
+        (nodes.folder / "gate").unlink()
         process.communicate(timeout=120)
     assert not (nodal / "manifest.json").exists()
+    limit = time.monotonic() + 120
     while nodes.pids(1):
         assert time.monotonic() < limit
         time.sleep(0.01)
     kept = recorded(nodal)
     assert 3 <= kept < SAMPLES // SHARD
-    with start(nodes, serial) as process:
+    with start(nodes, run_on(nodes, serial)) as process:
         _, said = process.communicate(timeout=120)
     assert process.returncode == 0, said
     assert check_dataset(nodal) == []

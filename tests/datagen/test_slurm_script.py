@@ -11,6 +11,7 @@ import pytest
 from datagen.command_line import _parser
 from shared_schema.checker import check_dataset
 from shared_schema.manifest import read_manifest
+from tests.datagen.farm_runs import datagen, held
 from tools.slurm import JOB, SlurmJob, expanded, finish, sbatch_options, terminate_when
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "slurm" / "datagen.sbatch"
@@ -54,7 +55,9 @@ def test_a_dataset_is_made(job: SlurmJob) -> None:
 def test_out_of_time(job: SlurmJob) -> None:
     """TERM to the script: the step ends by itself, the job is queued again and resumes."""
     nodal = job.folder / "data" / "beam2d" / "nodal"
-    variables = {"CASE": "beam2d", "SAMPLES": "4000"}
+    variables = {"CASE": "beam2d", "SAMPLES": "750"}  # three shards
+    program = held(datagen(), job.folder / "gate", 1)
+    job.add_program("datagen", f'exec {shlex.join(program)} "$@"')
     process = job.submit(variables)
     terminate_when(process, lambda: any(nodal.glob(".journal/shard-*.json")))
     code, said = finish(process)
@@ -65,9 +68,10 @@ def test_out_of_time(job: SlurmJob) -> None:
     kept = {path: path.stat().st_mtime_ns for path in nodal.glob("shard-*.h5")}
     assert kept
 
+    (job.folder / "gate").unlink()
     code, said = finish(job.submit(variables))
     assert code == 0, said
-    assert read_manifest(nodal).samples == 4000
+    assert read_manifest(nodal).samples == 750
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert job.take_requests() == []
 

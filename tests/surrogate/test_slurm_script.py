@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +21,20 @@ from tools.slurm import JOB, NODE_LIST, SlurmJob, expanded, finish, sbatch_optio
 MakeConfig = Callable[..., UNetModel]
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "slurm" / "surrogate.sbatch"
+# As `surrogate`, but waits in the fourth epoch as long as there is a file `gate`.
+HELD = """
+import sys, time
+from pathlib import Path
+from surrogate.command_line import main
+from surrogate.training import trainer
+epoch = trainer.Trainer.train_epoch
+def wait_and_train(*arguments):
+    while arguments[1] == 3 and Path("gate").exists():
+        time.sleep(0.01)
+    return epoch(*arguments)
+trainer.Trainer.train_epoch = wait_and_train
+sys.exit(main())
+"""
 TWO_NODES = {"SLURM_JOB_NODELIST": NODE_LIST, "SLURM_NNODES": "2"}
 
 
@@ -87,8 +102,12 @@ def test_two_nodes_train_and_one_evaluates(
 @pytest.mark.slow
 def test_out_of_time(job: SlurmJob, data: Path, make_config: MakeConfig) -> None:
     """TERM to the script: the step ends, the job is queued again and resumes."""
-    config = make_config(epochs=60, checkpoint_seconds=0)
-    run = RunFolder(job.folder / "runs" / "small")
+    config = make_config(epochs=6, checkpoint_seconds=0)
+    run, gate = RunFolder(job.folder / "runs" / "small"), job.folder / "gate"
+    (job.folder / "held.py").write_text(HELD)
+    torchrun = Path(sys.executable).parent / "torchrun"
+    job.add_program("torchrun", f'exec {torchrun} "${{@/surrogate.command_line/held}}"')
+    gate.touch()
     process = submit(job, config, data)
     terminate_when(process, run.checkpoint.is_file)
     code, said = finish(process)
@@ -96,11 +115,12 @@ def test_out_of_time(job: SlurmJob, data: Path, make_config: MakeConfig) -> None
     assert job.take_requests() == [f"requeue {JOB}"]
     assert not run.model.exists()
     before = untimed(run)
-    assert 0 < len(before) < 60
+    assert 0 < len(before) < 6
 
+    gate.unlink()
     code, said = finish(submit(job, config, data))
     assert code == 0, said
-    assert [line["epoch"] for line in run.metric_lines()] == list(range(1, 61))
+    assert [line["epoch"] for line in run.metric_lines()] == list(range(1, 7))
     assert untimed(run)[: len(before) - 1] == before[:-1]
     assert job.take_requests() == []
 

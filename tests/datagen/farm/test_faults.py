@@ -26,6 +26,7 @@ from tests.datagen.farm_runs import (
     command,
     datagen,
     finish,
+    held,
     pids_of,
     recorded,
     start,
@@ -39,15 +40,6 @@ from tools.small_disk import SmallDisk
 pytestmark = pytest.mark.faults
 
 DiskMaker = Callable[[str], SmallDisk]
-
-SLOWLY = """
-import sys, time
-from datagen.command_line import main
-from datagen.farm.shard_job import ShardJob
-solve_next = ShardJob.solve_next
-ShardJob.solve_next = lambda job: time.sleep(0.01) or solve_next(job)
-sys.exit(main())
-"""
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +67,6 @@ def make_disk(tmp_path: Path) -> Iterator[DiskMaker]:
     yield make
     for disk in disks:
         disk.close()
-
-
-def slow_command(case: Path, out: Path) -> list[str]:
-    """A run on two ranks, 3 s long at least, so that there is time for something to happen."""
-    words = command(2, case, out)
-    program = words.index("-m")
-    return [*words[:program], "-c", SLOWLY, *words[program + 2 :]]
 
 
 def bound_by_permissions() -> list[str]:
@@ -213,13 +198,15 @@ def test_nothing_is_built_for_a_folder_that_cannot_be_made(
 @pytest.mark.mpi
 @pytest.mark.slow
 def test_a_folder_that_becomes_read_only(case_file: Path, whole: Path, tmp_path: Path) -> None:
-    out = tmp_path / "nodal"
+    out, gate = tmp_path / "nodal", tmp_path / "gate"
     folders = out / ".journal", out
-    with start([*bound_by_permissions(), *slow_command(case_file, out)]) as process:
+    held_run = held(command(2, case_file, out), gate)
+    with start([*bound_by_permissions(), *held_run]) as process:
         wait_until(lambda: recorded(out) >= 5, process)
         for folder in folders:
             folder.chmod(0o555)
-        _, said = process.communicate(timeout=60)
+        gate.unlink()
+        _, said = process.communicate(timeout=120)
     assert process.returncode == 1
     line = rf"datagen: failed: \[Errno 13\] Permission denied: '{re.escape(str(out))}/.+'\n"
     assert re.fullmatch(line, without_launcher(said)), said
@@ -247,12 +234,12 @@ def test_a_folder_that_becomes_read_only(case_file: Path, whole: Path, tmp_path:
 def test_a_signal_to_one_process(
     case_file: Path, whole: Path, tmp_path: Path, victim: int | None, number: signal.Signals
 ) -> None:
-    """mpirun ends the others, within seconds; only what was under way is done again."""
+    """mpirun ends the others; only what was under way is done again."""
     out = tmp_path / "nodal"
-    with start(slow_command(case_file, out)) as process:
+    with start(held(command(2, case_file, out), tmp_path / "gate")) as process:
         wait_until(lambda: recorded(out) >= 5, process)
         os.kill(process.pid if victim is None else pids_of(out)[victim], number)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=120)
     assert process.returncode != 0
     assert "Traceback" not in said
     assert all_end(out, within=60)  # mpirun may end before its last process does
