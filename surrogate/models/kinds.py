@@ -65,6 +65,7 @@ def only_value(kind: type[Model], key: str) -> str:
 
 
 _ALL = [composed(part, other) for part, others in ARCHITECTURES.items() for other in others]
+globals().update({kind.__name__: kind for kind in _ALL})  # where pickle looks for a class
 KINDS: dict[str, type[Model]] = {
     tag(only_value(kind, "model"), only_value(kind, "likelihood")): kind for kind in _ALL
 }
