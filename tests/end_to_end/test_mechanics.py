@@ -9,12 +9,12 @@ import pytest
 import torch
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.material import VOLUMETRIC_TERMS, NeoHookean, Volumetric
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from tests.end_to_end.commands import DATAGEN, execute
 
-# writes the state of a body under a smooth displacement plus noise, as dolfinx assembles it
+# writes the states of bodies under a smooth displacement plus noise, as dolfinx assembles them
 FACTORY = """
 import sys
 import numpy as np
@@ -22,24 +22,27 @@ from mpi4py import MPI
 from datagen.cases.body import make_body
 from datagen.cases.case import read_case
 
-name, volumetric, element, out = sys.argv[1:]
-case = read_case(name, volumetric).model_copy(update={"element": element})
-body = make_body(case, MPI.COMM_SELF)
-x, problem = body.mesh.coordinates, body.problem
-size, rng = np.ptp(x, axis=0).max(), np.random.default_rng(0)
-spacing = size / len(x) ** (1 / x.shape[1])
-u = 0.2 * (x / size) ** 2 * size * rng.normal(size=x.shape[1])
-u += 0.02 * spacing * rng.normal(size=x.shape)
-u[body.clamped] = 0
-problem.set_displacement(u)
-assert problem._min_j.value() > 0.2
-d, nodes = problem.dimension, problem.numbering.node_of_block
-number = (nodes[:, None] * d + np.arange(d)).ravel()
-indptr, indices, data = problem.tangent().getValuesCSR()
-row = number[np.repeat(np.arange(len(number)), np.diff(indptr))]
-np.savez(out, coordinates=x, cells=body.mesh.cells, cell_type=body.mesh.cell_type,
-         clamped=body.clamped, u=u, reactions=problem.reactions(), energy=problem.energy(),
-         row=row, column=number[indices], tangent=data)
+def write_state(name, volumetric, element, out):
+    case = read_case(name, volumetric=volumetric).model_copy(update={"element": element})
+    body = make_body(case, MPI.COMM_SELF)
+    x, problem = body.mesh.coordinates, body.problem
+    size, rng = np.ptp(x, axis=0).max(), np.random.default_rng(0)
+    spacing = size / len(x) ** (1 / x.shape[1])
+    u = 0.2 * (x / size) ** 2 * size * rng.normal(size=x.shape[1])
+    u += 0.02 * spacing * rng.normal(size=x.shape)
+    u[body.clamped] = 0
+    problem.set_displacement(u)
+    assert problem._min_j.value() > 0.2
+    d, nodes = problem.dimension, problem.numbering.node_of_block
+    number = (nodes[:, None] * d + np.arange(d)).ravel()
+    indptr, indices, data = problem.tangent().getValuesCSR()
+    row = number[np.repeat(np.arange(len(number)), np.diff(indptr))]
+    np.savez(out, coordinates=x, cells=body.mesh.cells, cell_type=body.mesh.cell_type,
+             clamped=body.clamped, u=u, reactions=problem.reactions(), energy=problem.energy(),
+             row=row, column=number[indices], tangent=data)
+
+for words in sys.argv[1:]:
+    write_state(*words.split("\\t"))
 """
 WHOLE = ("beam2d", "lshape2d", "beam3d")  # their cells' volumes may change as a whole
 FINGER = str(Path(__file__).parent / "bodies" / "notched_finger.yaml")
@@ -49,21 +52,35 @@ MATERIALS = dict.fromkeys(("beam2d", "lshape2d", "plate2d", "beam3d"), (500.0, 0
 
 
 SOLIDS = [*((case, Solid) for case in MATERIALS), *((c, MeanDilationSolid) for c in WHOLE)]
+ELEMENTS = {Solid: "linear", MeanDilationSolid: "incompressible"}
+
+
+@pytest.fixture(scope="module")
+def states(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the states of all bodies, made by one process."""
+    folder = tmp_path_factory.mktemp("states")
+    wanted = [
+        f"{case}\t{volumetric}\t{ELEMENTS[kind]}\t{folder / state_of(case, kind, volumetric)}"
+        for case, kind in SOLIDS
+        for volumetric in VOLUMETRIC_TERMS
+    ]
+    execute(DATAGEN.parent / "python", "-c", FACTORY, *wanted)
+    return folder
+
+
+def state_of(case: str, kind: type[Solid], volumetric: Volumetric) -> str:
+    """Name of the file with the state of a body."""
+    return f"{Path(case).stem}-{kind.__name__}-{volumetric}.npz"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize("volumetric", VOLUMETRIC_TERMS)
 @pytest.mark.parametrize(("case", "kind"), SOLIDS)
 def test_the_two_programs_have_one_solid(
-    case: str, kind: type[Solid], volumetric: Volumetric, tmp_path: Path
+    case: str, kind: type[Solid], volumetric: Volumetric, states: Path
 ) -> None:
     """All cells, `incompressible` ones too: forces to 1e-10, tangents to 1e-9."""
-    element = "linear" if kind is Solid else "incompressible"
-    execute(
-        *(DATAGEN.parent / "python", "-c", FACTORY),
-        *(case, volumetric, element, tmp_path / "body.npz"),
-    )
-    with np.load(tmp_path / "body.npz") as body:
+    with np.load(states / state_of(case, kind, volumetric)) as body:
         young, poisson = MATERIALS[case]
         material = NeoHookean(young_modulus=young, poisson_ratio=poisson, volumetric=volumetric)
         cells = body["cells"].astype(np.int64)

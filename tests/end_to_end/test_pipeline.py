@@ -56,7 +56,6 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 @pytest.mark.mpi
 def test_the_surrogate_learns(work: Path) -> None:
     """Even a tiny network has an ē below a fifth of the mean displacement of 0.053 m."""
@@ -65,7 +64,6 @@ def test_the_surrogate_learns(work: Path) -> None:
     assert test["mean_error"] < 0.2 * 0.053
 
 
-@pytest.mark.slow
 @pytest.mark.mpi
 def test_prediction_is_near_the_solution(work: Path) -> None:
     """`predict` and `solve` write the same keys, on the same nodes, for the same load."""
@@ -122,7 +120,6 @@ def test_proposed_loads_are_solved_and_learned(work: Path) -> None:
     execute(SURROGATE, "evaluate", work / "refined", "--data", work / "grid")
 
 
-@pytest.mark.slow
 @pytest.mark.mpi
 def test_loads_outside_the_training_are_warned_of(work: Path) -> None:
     out = ("--out", work / "far.npz")
@@ -158,7 +155,6 @@ def test_a_run_of_another_case_is_refused(work: Path) -> None:
     assert "expected a structured one" in refused.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.mpi
 def test_the_report_stands_alone(work: Path) -> None:
     page = (work / "report.html").read_text()

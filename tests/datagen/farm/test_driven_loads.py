@@ -38,6 +38,7 @@ CASE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks_that_share_a_solve_find_the_same(tmp_path: Path) -> None:
     (tmp_path / "halves.geo").write_text(HALVES)

@@ -97,7 +97,9 @@ def test_every_loaded_node_is_loaded_equally_often(serial: Path) -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [1, 2, 3])
+@pytest.mark.parametrize(
+    "ranks", [2, *(pytest.param(ranks, marks=pytest.mark.slow) for ranks in (1, 3))]
+)
 def test_many_processes_make_what_one_makes(
     case_file: Path, serial: Path, tmp_path: Path, ranks: int
 ) -> None:
@@ -138,10 +140,11 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     kept = [name for name, time_ in done.items() if (killed / name).stat().st_mtime_ns == time_]
     assert len(kept) >= len(done) - 2  # a shard without its entry yet is made again
     assert check_dataset(killed) == []
-    run(read_case(str(case_file)), whole, MPI.COMM_SELF)
+    run(read_case(str(case_file)), whole, comm=MPI.COMM_SELF)
     assert_same(whole, killed)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks_that_share_a_mesh_find_the_same(
     case_file: Path, serial: Path, tmp_path: Path
@@ -211,7 +214,7 @@ def test_asked_to_stop(tmp_path: Path, ranks: int) -> None:
     shards = [read_shard(path, "nodal") for path in sorted(out.glob("shard-*.h5"))]
     assert np.isin(kept, np.concatenate([shard["samples/wall_time"] for shard in shards])).all()
     whole = tmp_path / "whole"
-    run(read_case(str(case_file)), whole, MPI.COMM_SELF)
+    run(read_case(str(case_file)), whole, comm=MPI.COMM_SELF)
     assert_same(whole, out)
 
 
@@ -362,6 +365,7 @@ def test_failed_load_cases_are_recorded(tmp_path: Path) -> None:
     assert len(shard["samples/number"]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_nothing_solved_is_a_failure(tmp_path: Path) -> None:
     """Exit code 1 and one line, on many ranks as on one; the dataset is there."""

@@ -315,6 +315,7 @@ def test_it_is_called_unfinished(stopped: Path, capsys: pytest.CaptureFixture[st
     assert sorted(stopped.rglob("*")) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [None, b"", b"half", b'{"a": 1', b"[1]", b"\xff\xfe\x00"])
 @pytest.mark.parametrize(
     "name",

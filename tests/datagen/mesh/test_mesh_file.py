@@ -95,6 +95,7 @@ def test_a_script_is_meshed(cell_type: str, tmp_path: Path) -> None:
         assert np.array_equal(mesh.groups["7"], np.flatnonzero(edges))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell_type", SCRIPTS)
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".xdmf", ".inp"])
 def test_other_formats_hold_the_same_mesh(cell_type: str, suffix: str, tmp_path: Path) -> None:
@@ -319,6 +320,7 @@ def test_the_shipped_plate() -> None:
     assert (body.clamped.sum(), body.loadable.sum()) == (11, 11)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell_type", ["triangle", "tetra"])
 def test_two_ranks_share_a_mesh_from_a_file(cell_type: str, tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ def datasets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder / "400", folder / "4000"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_ten_times_the_shards_take_the_same_memory(
     name: str, datasets: tuple[Path, Path], tmp_path: Path

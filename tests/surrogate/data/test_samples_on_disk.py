@@ -127,6 +127,7 @@ def test_empty_shares_and_early_ends(samples: SamplesOnDisk) -> None:
     del batches
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"ema": 0.9}, {"likelihood": "variational_bayes"}])
 def test_training_resumes_bit_by_bit(
     dataset_on_disk: Dataset, tmp_path: Path, make_config: MakeConfig, options: dict[str, object]
@@ -180,6 +181,7 @@ def test_conformal_intervals_of_a_run_from_disk(
     assert evaluate(run.folder, data, conformal=0.9).content["conformal"]["samples"] == 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tests", [1, 5])
 def test_reading_takes_little_more_than_what_is_kept(tmp_path: Path, tests: int) -> None:
     """40 shards of 10 samples of 32 KiB: 12.5 MiB in all; test samples are kept by nodes as well,

@@ -128,6 +128,7 @@ def test_deterministic(deterministic: Path, tmp_path: Path, kind: Format) -> Non
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["onnx", "pt2"])
 def test_stochastic_passes(bayes: Path, tmp_path: Path, kind: Format) -> None:
     """The file gives the distribution of the same seed's passes, on an embedded grid."""

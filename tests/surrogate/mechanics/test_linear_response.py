@@ -153,6 +153,7 @@ def test_k_and_k_epochs_are_2k(
     assert_resumes(config, stiff, tmp_path, stop_after=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", LIKELIHOODS, ids=["d", "mle", "vb"])
 def test_saved_and_exported(
     tmp_path: Path, stiff: Dataset, make_config: Callable[..., UNetModel], options: dict[str, Any]

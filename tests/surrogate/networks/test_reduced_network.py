@@ -172,6 +172,7 @@ def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> N
     assert_resumes(reduced(**KINDS[kind]), dataset, tmp_path, stop_after=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
     """The run folder alone predicts, and its ONNX file gives the same."""
