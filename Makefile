@@ -8,6 +8,8 @@ JOBS ?= 2
 SAMPLES ?=
 SCALE ?= smoke
 WHERE ?=
+NAME ?=
+OPTIONS ?=
 SUITE ?= trixie
 TORCH ?= torch==2.13.0
 
@@ -52,8 +54,8 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report page shelve reproduce beyond test test-long test-all \
-	test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
+.PHONY: help setup demo data train evaluate report page shelve reproduce beyond benchmark gpu test \
+	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
 	images compose-demo test-images test-debian
 
 help: ## list the targets
@@ -97,6 +99,13 @@ reproduce beyond: setup
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
 		sh -e .venv-surrogate/data-commands
 	$(STUDIES)
+
+benchmark: setup ## measure the benchmark NAME (OPTIONS="--rounds 5"), write its record and page
+	$(EXPERIMENTS) benchmark $(NAME) $(OPTIONS)
+
+gpu: setup ## measure what needs a GPU, with results in build/gpu-results (OPTIONS="--small --device cpu")
+	$(EXPERIMENTS) gpu pack build/gpu --data data --no-wheels
+	$(EXPERIMENTS) gpu run build/gpu-results --data build/gpu/data $(OPTIONS)
 
 test: ## run the short tests: every command, every shipped network (JOBS=cores, T="-k beam" selects)
 test-long: ## run the long tests: studies, pages, browser, faults, clusters

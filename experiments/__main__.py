@@ -1,21 +1,22 @@
-"""The command ``python -m experiments``: the paper's tables and figures, and what goes beyond."""
+"""The program ``python -m experiments``: studies, benchmarks and what needs a GPU."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from experiments import published_command, studies_command
-from shared_schema.common.command_line import make_parser, run_command
-from surrogate import __version__
+from experiments import benchmark_commands, gpu_commands, study_commands
+from shared_schema import __version__
+from shared_schema.common import make_parser, run_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    description = "Do the studies of the paper and those beyond it."
+    description = "The paper's studies and those beyond it, benchmarks, and what needs a GPU."
     parser, commands = make_parser("experiments", description, __version__)
-    studies_command.add_to(commands)
-    published_command.add_to(commands)
+    study_commands.add_to(commands)
+    benchmark_commands.add_to(commands)
+    gpu_commands.add_to(commands)
     options = parser.parse_args(arguments)
     return run_command("experiments", lambda: options.command(options))
 

@@ -1,9 +1,9 @@
 """Alarms of several networks for loads outside their training: AUROC of certificates and σ.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m experiments.benchmarks.alarms DATASET RUN …
+    python -m experiments benchmark alarms DATASET RUN …
 
-writes `docs/results/benchmark-alarms-CASE.json` and its page. The loads are those of
-`experiments.beyond.alarms`, as many of each kind as test loads. What is measured of a run is
+writes its record and its page. The loads are those of
+`experiments.measures.alarms`, as many of each kind as test loads. What is measured of a run is
 kept in the folder `--work`, from which a later start resumes.
 """
 
@@ -14,34 +14,14 @@ import json
 import warnings
 from pathlib import Path
 
-import numpy as np
-from scipy.stats import spearmanr
-
 import surrogate
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
-from experiments.beyond.alarms import alarms, judge, judge_unusual
+from experiments.benchmarks.benchmark import Benchmark, Results, case_of
+from experiments.framework.report import markdown_table
+from experiments.measures.alarms import alarms, judge, judge_unusual
+from experiments.measures.certificates import certified
+from shared_schema.common import Parser
 from shared_schema.common.atomic_file import write_text
-from shared_schema.dataset_reader import DatasetReader
 from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.error_metrics import sample_errors
-
-
-def main() -> None:
-    """Measure, and write the results."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("dataset", type=Path)
-    parser.add_argument("runs", nargs="+", help="run folders, all of the dataset's case")
-    parser.add_argument("--samples", type=int, default=200, help="of every kind")
-    parser.add_argument("--passes", type=int, default=4, help="of stochastic networks")
-    parser.add_argument("--work", type=Path, default=Path("runs/alarms"))
-    case = DatasetReader(parser.parse_args().dataset, "structured").manifest.name
-    run_benchmark(f"alarms-{case}", "alarms", parser, measure, table, program="surrogate")
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -63,24 +43,23 @@ def measured(run: str, dataset: Dataset, samples: int, passes: int) -> Results:
     """Estimates against errors on the test split, and AUROC of every kind of load."""
     model = surrogate.load(run)
     force = dataset.nodal_test.force[:samples]
-    truth = dataset.nodal_test.displacement[:samples]
-    predicted = model.predict_distribution(force, passes).mean
-    judged, error = judge(model, force, passes), sample_errors(predicted, truth)
-    left = sample_errors(predicted - judged.certificate.error, truth)
-    effectivity = judged.certificate.mean_error / error
+    reference = dataset.nodal_test.displacement[:samples]
+    judged = judge(model, force, passes)
+    measures = certified(model, force, reference, judged.predicted).measures()
+    before, once = measures["median_error_before"], measures["median_error_without_estimate"]
     return {
         "network": model.description.run.name,
         "likelihood": model.description.run.likelihood,
-        "mean_error": float(error.mean()),
-        "effectivity": [float(np.percentile(effectivity, p)) for p in (0, 5, 50, 95, 100)],
-        "spearman": float(spearmanr(error, judged.certificate.mean_error)[0]),
-        "ratio_of_median_errors": float(np.median(error) / np.median(left)),
-        "raised": int((left > error).sum()),
+        "mean_error": measures["mean_error"],
+        "effectivity": list(measures["effectivity_percentiles"].values()),
+        "spearman": measures["spearman"],
+        "ratio_of_median_errors": before / once,
+        "raised": measures["raised"],
         "auroc": alarms(judged, judge_unusual(model, force, passes)),
     }
 
 
-def table(results: Results) -> str:
+def page(results: Results) -> str:
     """Make the page."""
     kinds = list(dict.fromkeys(k for one in results["runs"].values() for k in one["auroc"]))
     estimates, areas = [], []
@@ -101,8 +80,6 @@ def table(results: Results) -> str:
             areas.append([f"`{name}`", score, *("–" if v is None else f"{v:.3f}" for v in values)])
     return "\n".join(
         [
-            f"# Alarms of networks of `{results['case']}`",
-            "",
             f"{results['samples']} loads of the test split, and as many of every kind outside the "
             "training. Estimates: smallest, 5 %, median, 95 % and largest ratio of estimated and "
             "true mean error; ratio of the median errors before and after the estimate is "
@@ -116,10 +93,24 @@ def table(results: Results) -> str:
             "the test split (AUROC):",
             "",
             markdown_table(["network", "score", *kinds], areas),
-            footer(results),
         ]
     )
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("runs", nargs="+", help="run folders, all of the dataset's case")
+    parser.add_argument("--samples", type=int, default=200, help="of every kind")
+    parser.add_argument("--passes", type=int, default=4, help="of stochastic networks")
+    parser.add_argument("--work", type=Path, default=Path("runs/alarms"))
+
+
+BENCHMARK = Benchmark(
+    name="alarms",
+    title="Alarms of networks of `{case}`",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+    variant=lambda options: case_of(options.dataset),
+)

@@ -4,9 +4,9 @@ The samples are those of a run's test split. An alarm tells loads unlike those o
 the test split, or wrong predictions from others, by a measure of the certificate; it is rated by
 the area under its receiver operating characteristic (AUROC). All times are CPU times of one thread.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m experiments.benchmarks.certificates RUN DATASET
+    python -m experiments benchmark certificates RUN DATASET
 
-writes `docs/results/benchmark-certificates-CASE.json`, its page, and with `--figure FILE` a figure:
+writes its record and its page, and with `--figure FILE` a figure:
 prediction, true error and estimated error side by side.
 """
 
@@ -16,30 +16,25 @@ import argparse
 import math
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
 import surrogate
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
-from experiments.beyond.alarms import alarms, alarms_of_errors, judge, judge_unusual
-from experiments.beyond.certified_samples import SETTLED, settled
-from shared_schema.common.drawing.figure_style import make_figure, save, styled
-from shared_schema.common.drawing.mesh_drawing import make_drawing
+from experiments.benchmarks.benchmark import Benchmark, Results, case_of
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from experiments.measures.alarms import alarms, alarms_of_errors, judge, judge_unusual
+from experiments.measures.certificates import SETTLED, Certified, certified, fast_measures
+from experiments.measures.corrections import Work, efforts
+from shared_schema.common import Parser
+from shared_schema.common.drawing import make_drawing, make_figure, save, styled
 from surrogate.certify.certificate import Certificate
 from surrogate.data import Dataset, read_dataset
 from surrogate.data.random_loads import random_loads
-from surrogate.evaluation.error_metrics import node_errors, sample_errors
+from surrogate.evaluation.error_metrics import node_errors
 from surrogate.inference.calibration import fit_fast_certificate
 
 Array = NDArray[np.float64]
@@ -48,129 +43,75 @@ NEW_LOADS = 1000
 PASSES = 20
 
 
-def main() -> None:
-    """Measure, and write the results."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("run", help="run folder, or a network of the package")
-    parser.add_argument("dataset", type=Path)
-    parser.add_argument("--samples", type=int, default=LOADS, help="of every kind")
-    parser.add_argument("--unusual", type=int, help="of every kind of unusual load, if fewer")
-    parser.add_argument("--figure", type=Path)
-    options = parser.parse_args()
-    case = surrogate.load(options.run).description.data.case["name"]
-    run_benchmark(
-        f"certificates-{case}", "certificates", parser, measure, table, program="surrogate"
-    )
-
-
 def measure(options: argparse.Namespace) -> Results:
     """Measure everything on one run and its dataset."""
     warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
     model, dataset = surrogate.load(options.run), read_dataset(options.dataset)
     force = dataset.nodal_test.force[: options.samples]
-    truth = dataset.nodal_test.displacement[: options.samples]
+    reference = dataset.nodal_test.displacement[: options.samples]
     predicted = model.predict(force)
     model.certify(force[:1], predicted[:1])  # sets the body up
-    seconds, found = timed(lambda: model.certify(force, predicted))
+    _, seconds = timed(lambda: model.certify(force, predicted), time.process_time)
+    found = certified(model, force, reference, predicted)
     few = force[: options.unusual or len(force)]
     inside, unusual = judge(model, few, PASSES), judge_unusual(model, few, PASSES)
     if options.figure is not None:
-        draw(options.figure, model, force, truth, predicted, found)
+        draw(options.figure, model, force, reference, predicted, found.certificate)
     return {
-        "case": model.description.data.case["name"],
+        "case": dataset.manifest.name,
         "degrees_of_freedom": int(model.equilibrium.free.sum()),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
-        "estimate": compared(model, found, force, predicted, settled(model, force, truth)),
-        "correction": corrected(model, force, predicted, truth),
-        "fast": fast(options.run, model, dataset, force, truth),
+        "estimate": found.measures(),
+        "correction": correction_measures(model, force, predicted, reference),
+        "fast": fast(dataset, found, reference),
         "auroc": alarms(inside, unusual),
         "auroc_of_errors": {k: asdict(w) for k, w in alarms_of_errors(inside, unusual).items()},
     }
 
 
-def timed(work: Callable[[], Certificate]) -> tuple[float, Certificate]:
-    """CPU time of some work, and its result."""
-    began = time.process_time()
-    result = work()
-    return time.process_time() - began, result
-
-
-def compared(
-    model: surrogate.Surrogate, found: Certificate, force: Array, predicted: Array, truth: Array
+def correction_measures(
+    model: surrogate.Surrogate, force: Array, predicted: Array, truth: Array
 ) -> Results:
-    """Compare estimated and true errors, and those after one and two corrections by them."""
-    true = sample_errors(predicted, truth)
-    effectivity = found.mean_error / true
-    once = predicted - found.error
-    left = sample_errors(once, truth)
-    twice = sample_errors(once - model.certify(force, once).error, truth)
-    return {
-        "mean_error": float(true.mean()),
-        "settled": float(found.settled.mean()),
-        "effectivity_percentiles": {
-            str(level): float(np.percentile(effectivity, level)) for level in (0, 5, 50, 95, 100)
-        },
-        "within_0.8_and_1.5": float(((effectivity > 0.8) & (effectivity < 1.5)).mean()),
-        "spearman": float(spearmanr(true, found.mean_error)[0]),
-        "median_error_before": float(np.median(true)),
-        "median_error_without_estimate": float(np.median(left)),
-        "median_error_after_two": float(np.median(twice)),
-        "raised": int((left > true).sum()),
-    }
-
-
-def corrected(model: surrogate.Surrogate, force: Array, predicted: Array, truth: Array) -> Results:
     """Correct predictions, and the worst possible ones; compare with the dataset."""
-    wrong: dict[str, Callable[[int], Array]] = {
-        "prediction": lambda k: predicted[k],
-        "nothing": lambda k: np.full_like(predicted[k], np.nan),
-    }
+    nothing = np.full_like(predicted[0], np.nan)
     count = min(len(force), 200 if predicted.shape[2] == 2 else 25)
+
+    def ways(k: int) -> dict[str, Work]:
+        return {
+            "prediction": lambda: model.correct(force[k], predicted[k]),
+            "nothing": lambda: model.correct(force[k], nothing),
+        }
+
     results: Results = {"samples": count}
-    for name, start in wrong.items():
-        began = time.process_time()
-        found = [model.correct(force[k], start(k)) for k in range(count)]
+    for name, effort in efforts(ways, count).items():
+        differences = [np.abs(c.displacement - truth[k]).max() for k, c in effort.found.items()]
         results[name] = {
-            "milliseconds": 1e3 * (time.process_time() - began) / count,
-            "mean_iterations": float(np.mean([one.iterations for one in found])),
-            "most_iterations": max(one.iterations for one in found),
-            "largest_difference": float(
-                max(np.abs(one.displacement - truth[k]).max() for k, one in enumerate(found))
-            ),
+            "milliseconds": 1e3 * float(effort.seconds.mean()),
+            "mean_iterations": float(effort.iterations.mean()),
+            "most_iterations": int(effort.iterations.max()),
+            "largest_difference": float(max(differences)),
         }
     return results
 
 
-def fast(
-    run: str, model: surrogate.Surrogate, dataset: Dataset, force: Array, truth: Array
-) -> Results:
+def fast(dataset: Dataset, found: Certified, reference: Array) -> Results:
     """Coverage, width and time of the fast certificate; on new loads, against the full estimate.
 
     The certificate is that of the run's folder, or fitted where there is none.
     """
+    model = found.surrogate
     if model.run.fast_certificate.is_file():
-        found = model.fast_certificate
+        certificate = model.fast_certificate
     else:
-        found = fit_fast_certificate(model, dataset, 1, 0)
-    predicted = model.predict(force)
-    seconds = []
-    for number in range(min(len(force), 200)):
-        one = slice(number, number + 1)
-        began = time.perf_counter()
-        found.estimate(force[one], predicted[one])
-        seconds.append(time.perf_counter() - began)
-    results: Results = {
-        "test_split": found.measures(force, predicted, truth),
-        "median_milliseconds": 1e3 * float(np.median(seconds)),
-        "least_milliseconds": 1e3 * min(seconds),
-    }
-    if truth.shape[2] == 2:
+        certificate = fit_fast_certificate(model, dataset, 1, 0)
+    results = fast_measures(certificate, found, reference)
+    if found.dimension == 2:
         data = model.description.data
         family = random_loads("trained", model.geometry, data.info.force.max_abs, data.load_numbers)
         new = family.draw(NEW_LOADS, np.random.default_rng(0))
         u = model.predict(new)
-        results["new_loads"] = found.measures(new, u, u - model.certify(new, u).error)
+        results["new_loads"] = certificate.measures(new, u, u - model.certify(new, u).error)
         results["new_loads"]["loads"] = NEW_LOADS
     return results
 
@@ -220,7 +161,7 @@ def alarm_rows(results: Results) -> list[list[str]]:
     return rows
 
 
-def table(results: Results) -> str:
+def page(results: Results) -> str:
     """Make the page."""
     estimate, correction = results["estimate"], results["correction"]
     percentiles = estimate["effectivity_percentiles"]
@@ -258,8 +199,6 @@ def table(results: Results) -> str:
             )
     return "\n".join(
         [
-            f"# Certificates of `{results['case']}`",
-            "",
             f"{results['samples']} loads of the test split, "
             f"{results['degrees_of_freedom']} degrees of freedom. Estimates are compared "
             f"with true errors, to solutions\nwith a residual of {SETTLED:g} N; fast bounds "
@@ -273,10 +212,24 @@ def table(results: Results) -> str:
             "right under them.",
             "",
             markdown_table(["loads", "wrong", *alarm_names(results)], alarm_rows(results)),
-            footer(results),
         ]
     )
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("run", help="run folder, or a network of the package")
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--samples", type=int, default=LOADS, help="of every kind")
+    parser.add_argument("--unusual", type=int, help="of every kind of unusual load, if fewer")
+    parser.add_argument("--figure", type=Path)
+
+
+BENCHMARK = Benchmark(
+    name="certificates",
+    title="Certificates of `{case}`",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+    variant=lambda options: case_of(options.dataset),
+)

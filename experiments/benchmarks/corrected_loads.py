@@ -9,16 +9,16 @@ processor time. Files that are there are kept, so that a killed run resumes.
 from __future__ import annotations
 
 import sys
-import time
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
 import surrogate
+from experiments.measures.corrections import corrected
 from shared_schema.common.atomic_file import complete_or_absent
-from shared_schema.common.errors import WorkError
 from surrogate.data.random_loads import random_loads
 
 SEED = 15
@@ -43,21 +43,15 @@ def main(run: str, count: int, folder: Path) -> None:
             continue
         force = family.draw(1, np.random.default_rng([SEED, number]))[0]
         predicted = model.predict(force)
-        began = time.process_time()
-        try:
-            found = model.correct(force, predicted)
-            corrected, iterations = found.displacement, found.iterations
-        except WorkError:
-            corrected, iterations = np.full_like(force, np.nan), -1
-        seconds = time.process_time() - began
-        with complete_or_absent(path) as partial, partial.open("wb") as file:
+        found, seconds = corrected(partial(model.correct, force, predicted))
+        with complete_or_absent(path) as unfinished, unfinished.open("wb") as file:
             np.savez_compressed(
                 file,
                 coordinates=geometry.coordinates,
                 force=force,
                 displacement=predicted,
-                corrected=corrected,
-                iterations=iterations,
+                corrected=np.full_like(force, np.nan) if found is None else found.displacement,
+                iterations=-1 if found is None else found.iterations,
                 seconds=seconds,
             )
 

@@ -4,9 +4,9 @@
 (`experiments.benchmarks.corrected_loads`). `datagen` solves the same loads from rest and from the
 prediction, in turn in one process. All times are processor times of one thread.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.corrections CASE RUN
+    python -m experiments benchmark corrections CASE RUN
 
-writes `docs/results/benchmark-corrections-CASE.json` and its page. Everything is kept in the folder
+writes its record and its page. Everything is kept in the folder
 `--work` for a later start to resume; `--only-solved` publishes what is there.
 """
 
@@ -26,30 +26,15 @@ from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
 from datagen.solver.given_start import solve_from
 from datagen.solver.load_stepping import solve_load_case
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser
 from shared_schema.common.atomic_file import complete_or_absent
 
 Array = NDArray[np.float64]
 LEARNER = Path(".venv-surrogate/bin/python")
 ROOT = Path(__file__).parents[2]
-
-
-def main() -> None:
-    """Measure, and write the results."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("case")
-    parser.add_argument("run", help="run folder, or a network of the package")
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--work", type=Path, default=Path("runs/corrections"))
-    parser.add_argument("--only-solved", action="store_true")
-    case = parser.parse_args().case
-    run_benchmark(f"corrections-{case}", "corrections", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -75,7 +60,7 @@ def measure(options: argparse.Namespace) -> Results:
         if not solved.is_file():
             solve(path, solved, body, case)
         with np.load(path) as corrected, np.load(solved) as solution:
-            found.append({**compared(corrected, solution)})
+            found.append(compared(corrected, solution))
     return {"case": options.case, **summary(found)}
 
 
@@ -85,12 +70,10 @@ def solve(path: Path, out: Path, body: Body, case: Case) -> None:
         force, predicted = file["force"], file["displacement"]
     nodes = np.flatnonzero(force.any(axis=1))
     arguments = body.problem, nodes, force[nodes], case.solver
-    began = time.process_time()
-    from_rest = solve_load_case(*arguments)
-    rested, at_rest = time.process_time() - began, body.problem.displacement()
-    began = time.process_time()
-    from_start, used = solve_from(predicted, *arguments)
-    seconds = time.process_time() - began
+    from_rest, rested = timed(lambda: solve_load_case(*arguments), time.process_time)
+    at_rest = body.problem.displacement()
+    started, seconds = timed(lambda: solve_from(predicted, *arguments), time.process_time)
+    from_start, used = started
     with complete_or_absent(out) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
@@ -148,7 +131,7 @@ def summary(found: list[dict[str, float]]) -> Results:
     }
 
 
-def table(results: Results) -> str:
+def page(results: Results) -> str:
     """Make the page."""
     iterations, times = results["mean_iterations"], results["median_milliseconds"]
     ways = {
@@ -159,8 +142,6 @@ def table(results: Results) -> str:
     rows = [[what, f"{iterations[key]:.2f}", f"{times[key]:.3g}"] for what, key in ways.items()]
     return "\n".join(
         [
-            f"# Corrected predictions of `{results['case']}`",
-            "",
             f"{results['load_cases']} random loads of the training, {results['lost']} lost. The "
             f"largest error of a component is {results['largest_error_of_a_prediction']:.2g} m "
             f"before, {results['largest_difference_of_correct']:.2g} m after the correction by "
@@ -172,10 +153,24 @@ def table(results: Results) -> str:
             markdown_table(
                 ["way", "Newton iterations, mean", "processor time in ms, median"], rows
             ),
-            footer(results),
         ]
     )
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("case")
+    parser.add_argument("run", help="run folder, or a network of the package")
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--work", type=Path, default=Path("runs/corrections"))
+    parser.add_argument("--only-solved", action="store_true")
+
+
+BENCHMARK = Benchmark(
+    name="corrections",
+    title="Corrected predictions of `{case}`",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+    variant=lambda options: options.case,
+)

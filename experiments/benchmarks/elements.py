@@ -1,39 +1,27 @@
 """Convergence of the elements: a bent beam of 100 x 20 x 16 mm, and Cook's membrane.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.elements
+    python -m experiments benchmark elements
 
-writes `docs/results/benchmark-elements.json` and `docs/benchmarks/elements.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from datagen.discretisation.element import ELEMENTS
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser
 from tests.datagen.solver.cantilever import beam_tip, cook_tip
 
 BEAM_RATIOS = (0.4, 0.45, 0.49, 0.499)
 COOK_RATIOS = (0.3, 0.45, 0.4999)
 COOK_MESHES = (4, 8, 16, 32)
 PUBLISHED = 6.9  # m, Cook's membrane with ν = 0.4999 (Simo and Armero 1992)
-
-
-def timed(solve: Callable[[], float]) -> tuple[float, float]:
-    """Result of a solve, and the processor time in s that it took."""
-    began = time.process_time()
-    found = solve()
-    return found, time.process_time() - began
 
 
 def beam(meshes: tuple[int, ...]) -> list[Results]:
@@ -45,7 +33,7 @@ def beam(meshes: tuple[int, ...]) -> list[Results]:
                 if element == "quadratic" and across == meshes[-1]:
                     continue
                 solves = [partial(beam_tip, across, simplices, element, nu) for nu in BEAM_RATIOS]
-                found = [timed(solve) for solve in solves]
+                found = [timed(solve, time.process_time) for solve in solves]
                 rows.append(
                     {
                         "cells": "tetrahedra" if simplices else "hexahedra",
@@ -73,8 +61,8 @@ def cook() -> list[Results]:
     ]
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     bent = markdown_table(
         ("cells", "`element`", "across", *(f"ν = {nu}" for nu in BEAM_RATIOS), "s"),
         (
@@ -101,7 +89,6 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Convergence of the elements\n\n"
         "A beam of 100 x 20 x 16 mm (E = 0.5 MPa) is held at one end and bent by a traction of "
         "1 kPa over the other. Mean\ndeflection of that end in mm, by Poisson's ratio and cells "
         "across the thickness of 16 mm (tetrahedra: hexahedra, each\ncut into six). The last "
@@ -109,23 +96,26 @@ def table(results: Results) -> str:
         f"included.\n\n{bent}\n"
         "Cook's membrane (E = 240.565 Pa, 100 N over the right side, plane strain): rise of its "
         "upper corner in m. With\nν = 0.4999 it is published as "
-        f"{PUBLISHED} m (Simo and Armero 1992).\n\n{membrane}\n{footer(results)}"
+        f"{PUBLISHED} m (Simo and Armero 1992).\n\n{membrane}"
     )
 
 
-def main() -> None:
-    """Measure, and write the results."""
-    parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--across", type=int, nargs="+", default=[2, 4, 8], help="cells across the beam"
-    )
-    run_benchmark("elements", "elements", parser, measure, table)
-
-
-def measure(options: argparse.Namespace) -> dict[str, Any]:
+def measure(options: argparse.Namespace) -> Results:
     """Results of both studies."""
     return {"cook": cook(), "beam": beam(tuple(options.across))}
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--across", type=int, nargs="+", default=[2, 4, 8], help="cells across the beam"
+    )
+
+
+BENCHMARK = Benchmark(
+    name="elements",
+    title="Convergence of the elements",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

@@ -5,9 +5,9 @@ tangent (MUMPS). Both methods get the same mesh, forms, loads and tolerance (1e-
 residual), and are timed alternately in one process on one core, so that other work on the machine
 slows both. A second pass over the same loads, with PETSc's log on, measures the parts of the time.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.equilibrium
+    python -m experiments benchmark equilibrium
 
-writes `docs/results/benchmark-equilibrium.json` and `docs/benchmarks/equilibrium.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
@@ -25,14 +25,10 @@ from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
 from datagen.loads import LoadCase
 from datagen.solver.load_stepping import solve_load_case
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
+from experiments.framework.report import markdown_table
+from shared_schema.common import Parser
 
 STRIDE = 7919  # between sample numbers; a prime, so that the loads are all over the body
 # PETSc's events, chosen so that no two overlap: dolfinx's solver factorises a new tangent within
@@ -154,8 +150,8 @@ def _logged(events: Events) -> dict[str, float]:
     }
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     comparison = markdown_table(
         ("case", "DOFs", "load cases", "tutorial", "datagen", "ratio", "ratio of sums"),
         (
@@ -184,7 +180,6 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Time to find an equilibrium\n\n"
         "dolfinx's NewtonSolver with MUMPS in every iteration, as in the FEniCSx tutorials, "
         "compared with `datagen`: same\nmesh, loads, forms and tolerance (1e-8 N on the residual), "
         "timed alternately in one process on one core. Median\ntime of a load case in ms. Load "
@@ -199,30 +194,12 @@ def table(results: Results) -> str:
         "the\nloads, so its set-up is that of load cases in which multigrid fails. *Solves* are "
         "triangular or Krylov solves.\n*Rest* is the whole less these: Newton's method, Python, "
         "copies.\n\n"
-        f"{parts}\n{footer(results)}"
+        f"{parts}"
     )
 
 
 def _share(part: float, whole: float) -> str:
     return f"{part:.3g} ({part / whole:.0%})"
-
-
-def main() -> None:
-    """Compare in two and three dimensions, and write the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--samples-2d", type=int, default=500, help="number of load cases of each 2D case"
-    )
-    parser.add_argument("--samples-3d", type=int, default=12, help="number of load cases of beam3d")
-    parser.add_argument(
-        "--platform",
-        default="",
-        metavar="NAME",
-        help="write files of this name's own, such as debian-13 (those without are of Debian 12)",
-    )
-    known, _ = parser.parse_known_args()
-    name = "-".join(filter(None, ("equilibrium", known.platform)))
-    run_benchmark(name, "equilibrium", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -241,5 +218,25 @@ def measure(options: argparse.Namespace) -> Results:
     return {"comparison": comparison, "parts": parts}
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--samples-2d", type=int, default=500, help="number of load cases of each 2D case"
+    )
+    parser.add_argument("--samples-3d", type=int, default=12, help="number of load cases of beam3d")
+    parser.add_argument(
+        "--platform",
+        default="",
+        metavar="NAME",
+        help="write files of this name's own, such as debian-13 (those without are of Debian 12)",
+    )
+
+
+BENCHMARK = Benchmark(
+    name="equilibrium",
+    title="Time to find an equilibrium",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+    variant=lambda options: options.platform,
+)

@@ -7,10 +7,9 @@ steps each. From the same first network, `surrogate refine` trains on without so
 processor time that the training on twice as many random samples takes, and on four times as many.
 Errors are those of the test split.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
-        -m experiments.benchmarks.further_training DATASET CONFIG
+    python -m experiments benchmark further-training DATASET CONFIG
 
-writes `docs/results/benchmark-further-training-CASE-KIND.json` and its page. Networks are kept in
+writes its record and its page. Networks are kept in
 the folder `--work`, from which a later start resumes.
 """
 
@@ -27,16 +26,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results, case_of
+from experiments.framework.report import markdown_table
 from experiments.framework.scale import merged
+from experiments.measures.solutions import typical_seconds
+from shared_schema.common import Parser
 from shared_schema.common.atomic_file import write_text
-from shared_schema.dataset_reader import DatasetReader
 from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.loading import load
@@ -50,32 +45,14 @@ from surrogate.training.loop import train
 from surrogate.training.refinement import refine
 
 Rows = NDArray[np.int64]
-CPU = torch.device("cpu")
 ROUNDS = 2
 TIMED_STEPS = 30
-
-
-def main() -> None:
-    """Measure, and write the results."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("dataset", type=Path, help="structured dataset, beside its nodal one")
-    parser.add_argument("config")
-    parser.add_argument("--samples", type=int, default=250, help="of the first network")
-    parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
-    parser.add_argument("--learning-rate", type=float, default=3e-5, help="without solutions")
-    parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
-    parser.add_argument("--seeds", type=int, default=1, help="repeats")
-    parser.add_argument("--work", type=Path, default=Path("runs/further"))
-    case = DatasetReader(parser.parse_args().dataset, "structured").manifest.name
-    kind = "-".join(parser.parse_args().config.split("-")[1:-1])
-    name = f"further-training-{case}-{kind}"
-    run_benchmark(name, "further_training", parser, measure, table, program="surrogate")
 
 
 def measure(options: argparse.Namespace) -> Results:
     """Train all networks, and measure their errors: means over the seeds."""
     dataset = read_dataset(options.dataset)
-    solving = solving_seconds(options.dataset)
+    solving = typical_seconds(options.dataset.parent / "nodal")
     found = [curves_of(options, dataset, seed, solving) for seed in range(options.seeds)]
     return {
         "case": dataset.manifest.name,
@@ -220,13 +197,7 @@ def errors(surrogate: Surrogate, dataset: Dataset) -> Results:
     }
 
 
-def solving_seconds(dataset: Path) -> float:
-    """Median time in s that `datagen` took for a solution."""
-    arrays = DatasetReader(dataset.parent / "nodal", "nodal").joined(("samples/wall_time",))
-    return float(np.median(arrays["samples/wall_time"]))
-
-
-def table(results: Results) -> str:
+def page(results: Results) -> str:
     """Make the page."""
     rows = [
         [
@@ -240,8 +211,6 @@ def table(results: Results) -> str:
     ]
     return "\n".join(
         [
-            f"# Further training on `{results['case']}`",
-            "",
             f"Models of `{results['config']}`, number of seeds {results['seeds']}; a network sees "
             f"{results['sample_epochs']} samples in its training. Training without solutions "
             "starts from the first network, and takes as long as that on as many random samples "
@@ -251,10 +220,33 @@ def table(results: Results) -> str:
             markdown_table(
                 ["samples", "number", "ē, 10⁻³ m", "median", "95 %", "processor time in s"], rows
             ),
-            footer(results),
         ]
     )
 
 
-if __name__ == "__main__":
-    main()
+def variant(options: argparse.Namespace) -> str:
+    """Case of the dataset, and kind of the configuration."""
+    kind = "-".join(options.config.split("-")[1:-1])
+    return f"{case_of(options.dataset)}-{kind}"
+
+
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("dataset", type=Path, help="structured dataset, beside its nodal one")
+    parser.add_argument("config")
+    parser.add_argument("--samples", type=int, default=250, help="of the first network")
+    parser.add_argument("--sample-epochs", type=int, default=100_000, help="of every network")
+    parser.add_argument("--learning-rate", type=float, default=3e-5, help="without solutions")
+    parser.add_argument("--among", type=int, default=4000, help="samples that are chosen from")
+    parser.add_argument("--seeds", type=int, default=1, help="repeats")
+    parser.add_argument("--work", type=Path, default=Path("runs/further"))
+
+
+BENCHMARK = Benchmark(
+    name="further-training",
+    title="Further training on `{case}`",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+    variant=variant,
+)

@@ -3,19 +3,17 @@
 A beam of 4 x 1 x 1 m is held at one end and bent by nodal forces at the other, which moves by
 0.75 m. Every way is a process of its own (`mpirun` for two ranks); the tolerance is the default.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.large_bodies
+    python -m experiments benchmark large-bodies
 
-writes `docs/results/benchmark-large-bodies.json` and `docs/benchmarks/large-bodies.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import time
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -24,14 +22,10 @@ from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
-from experiments.benchmarks.scaling import ENVIRONMENT
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.scaling import run_program
+from experiments.framework.report import markdown_table
+from shared_schema.common import Parser
 from shared_schema.common.memory import largest_resident
 from shared_schema.material import NeoHookean
 from tests.datagen.solver.cantilever import box
@@ -92,19 +86,15 @@ def in_own_process(way: Results) -> Results:
         sys.executable,
         "-m",
         "experiments.benchmarks.large_bodies",
-        "--way",
         json.dumps(way),
     ]
     words = program if way["ranks"] == 1 else ["mpirun", "-n", str(way["ranks"]), *program]
-    done = subprocess.run(words, env=ENVIRONMENT, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(words)}\n{done.stderr}")
-    found: Results = json.loads(done.stdout.splitlines()[-1])
+    found: Results = json.loads(run_program(words).splitlines()[-1])
     return found
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     rows = markdown_table(
         (
             *("nodes", "cells", "`element`", "linear solver", "ranks"),
@@ -126,37 +116,36 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Time and memory of large bodies\n\n"
         "A beam of 4 x 1 x 1 m, bent until its end has moved by 0.75 m, to a residual of 1e-9 of "
         "the load. The set-up is done once\nfor a body: forms, matrix, and the hierarchy or the "
         "factors of the undeformed body. *Processor* is the time that rank 0\nworked on the solve, "
         "which other work on the machine changes little. Memory is that of all ranks.\n\n"
-        f"{rows}\n{footer(results)}"
+        f"{rows}"
     )
 
 
-def main() -> None:
-    """Measure, and write the results; with ``--way``, solve once and print the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("--way", type=json.loads, help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--sizes", nargs="+", default=list(SIZES), choices=SIZES, help="sizes to measure"
-    )
-    options = parser.parse_args()
-    if options.way is None:
-        run_benchmark("large-bodies", "large_bodies", parser, measure, table)
-        return
-    found = solve_once(options.way)
-    if found is not None:
-        print(json.dumps(found))
-
-
-def measure(options: argparse.Namespace) -> dict[str, Any]:
+def measure(options: argparse.Namespace) -> Results:
     """Results of all ways."""
     names = ("size", "simplices", "element", "linear_solver", "ranks")
     ways = [dict(zip(names, way, strict=True)) for way in WAYS if way[0] in options.sizes]
     return {"ways": [in_own_process(way) for way in ways]}
 
 
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--sizes", nargs="+", default=list(SIZES), choices=SIZES, help="sizes to measure"
+    )
+
+
+BENCHMARK = Benchmark(
+    name="large-bodies",
+    title="Time and memory of large bodies",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)
+
 if __name__ == "__main__":
-    main()
+    if (found := solve_once(json.loads(sys.argv[1]))) is not None:
+        print(json.dumps(found))

@@ -1,41 +1,30 @@
 """Error of the load series alone, without a network, by its order.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
-        -m experiments.benchmarks.load_series data/*/structured
+    python -m experiments benchmark load-series data/*/structured
 
-writes `docs/results/benchmark-load-series.json` and `docs/benchmarks/load-series.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser
 from surrogate.data import Dataset, read_dataset
 from surrogate.series.series_response import SeriesResponse
 
 LARGE = 1000  # nodes, above which fewer loads and orders are measured
 LOADS, ORDERS = {False: 300, True: 60}, {False: range(2, 7), True: range(2, 6)}
 BATCH = 20
-
-
-def main() -> None:
-    """Measure, write results and page."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("data", nargs="+", type=Path, help="structured datasets")
-    run_benchmark("load-series", "load_series", parser, measure, table, "surrogate")
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -59,9 +48,9 @@ def errors_of(dataset: Dataset) -> Results:
             result["orders"]["1"] = {"least": summary(nodal - truth)}
         seconds, least, sums = [], [], []
         for one in torch.split(nodal, 1):
-            start = time.perf_counter()
-            least.append(one + response.beyond_first(one)[0])
-            seconds.append(time.perf_counter() - start)
+            further, taken = timed(partial(response.beyond_first, one))
+            least.append(one + further[0])
+            seconds.append(taken)
             sums.append(torch.stack(response.terms(one.double())[0]).sum(dim=0).float())
         result["orders"][str(order)] = {
             "least": summary(torch.cat(least) - truth),
@@ -89,11 +78,9 @@ def _cell(one: dict[str, Any], key: str) -> str:
     return f"{1e3 * found['mean']:.3g} ({1e3 * found['median']:.2g})"
 
 
-def table(results: Results) -> str:
+def page(results: Results) -> str:
     """Make the page."""
     parts = [
-        "# The load series without a network",
-        "",
         "Mean errors of the [load series](../background/networks.md#load-series) in 10⁻³ m under "
         "loads of the test split, in parentheses\nthe median, by the order of the last term: of "
         "the sum of the terms, and of their combination with the least potential\nenergy. The "
@@ -113,8 +100,18 @@ def table(results: Results) -> str:
         ]
         head = ["order", "sum", "least energy", "time"]
         parts += [f"## `{name}`, {case['samples']} loads", "", markdown_table(head, rows)]
-    return "\n".join([*parts, footer(results)])
+    return "\n".join(parts)
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("data", nargs="+", type=Path, help="structured datasets")
+
+
+BENCHMARK = Benchmark(
+    name="load-series",
+    title="The load series without a network",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

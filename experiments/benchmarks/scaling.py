@@ -5,20 +5,19 @@ rate is the slope between the two, which separates it from start-up (imports, fo
 are timed alternately, in several rounds, so that other work on the machine slows all of them; the
 ratios are computed in each round.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.scaling
+    python -m experiments benchmark scaling
 
-writes `docs/results/benchmark-scaling.json` and `docs/benchmarks/scaling.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,14 +25,10 @@ import numpy as np
 import yaml
 
 from datagen.cases.case import SHIPPED
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    result_path,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results, stored_record
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser, WorkError
 from tools.open_mpi import SETTINGS
 
 ENVIRONMENT = os.environ | SETTINGS
@@ -46,21 +41,37 @@ class Way:
     ranks: int
     ranks_per_solve: int = 1
 
+    def words(self, program: list[str]) -> list[str]:
+        """Command line of a program that is run in this way."""
+        shared = ["--ranks-per-solve", str(self.ranks_per_solve)]
+        return ["mpirun", "-n", str(self.ranks), *program, *shared]
 
-def seconds(case: Path, samples: int, way: Way) -> float:
-    """Wall time in s of one whole `datagen run` into a new folder."""
+
+def run_program(words: Sequence[str], environment: Mapping[str, str] = ENVIRONMENT) -> str:
+    """Run a program; return what it prints.
+
+    Raises
+    ------
+    WorkError
+        If it fails.
+    """
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise WorkError(f"{' '.join(words)}\n{done.stderr}")
+    return done.stdout
+
+
+def run_seconds(
+    launch: Callable[[list[str]], list[str]],
+    case: Path,
+    samples: int,
+    environment: Mapping[str, str] = ENVIRONMENT,
+) -> float:
+    """Wall time in s of one whole `datagen run` into a new folder, launched in some way."""
     with tempfile.TemporaryDirectory() as folder:
-        mpirun = ["mpirun", "-n", str(way.ranks)]
-        datagen = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
-        options = ["--out", f"{folder}/nodal", "--samples", str(samples)]
-        options += ["--ranks-per-solve", str(way.ranks_per_solve)]
-        command_line = [*mpirun, *datagen, *options]
-        began = time.perf_counter()
-        done = subprocess.run(command_line, env=ENVIRONMENT, capture_output=True, text=True)
-        elapsed = time.perf_counter() - began
-        if done.returncode:
-            raise SystemExit(f"{' '.join(command_line)}\n{done.stderr}")
-        return elapsed
+        program = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
+        program += ["--out", f"{folder}/nodal", "--samples", str(samples)]
+        return timed(lambda: run_program(launch(program), environment))[1]
 
 
 def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> list[Results]:
@@ -75,7 +86,10 @@ def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> l
         case = Path(folder) / "case.yaml"
         case.write_text(yaml.safe_dump(content))
         times = np.array(
-            [[[seconds(case, n, way) for n in counts] for way in ways] for _ in range(rounds)]
+            [
+                [[run_seconds(way.words, case, n) for n in counts] for way in ways]
+                for _ in range(rounds)
+            ]
         )  # (rounds, ways, 2)
     slopes = (times[..., 1] - times[..., 0]) / (many - few)
     start_up = times[..., 0] - few * slopes
@@ -95,8 +109,8 @@ def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> l
     ]
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     rows = markdown_table(
         ("case", "ranks", "ranks per solve", "samples / s", "start-up", "speed-up", "efficiency"),
         (
@@ -118,47 +132,25 @@ def table(results: Results) -> str:
         for name, (few, many, size) in counts.items()
     )
     return (
-        "# Scaling of the farm over ranks\n\n"
         "`mpirun -n RANKS datagen run` into new folders. All ways of running are timed "
         f"alternately; values are medians of\n{results['rounds']} rounds. Samples per second is "
         f"the slope between two numbers of samples, writing included:\n{sizes}.\nStart-up is the "
         "remaining time: imports, forms, mesh, mpirun. Speed-up is over one rank; ranks per solve "
-        f"are\nthose of `--ranks-per-solve`.\n\n{rows}\n{of_two_nodes()}{footer(results)}"
+        f"are\nthose of `--ranks-per-solve`.\n\n{rows}{of_two_nodes()}"
     )
 
 
 def of_two_nodes() -> str:
     """What `experiments.benchmarks.two_nodes` has found; nothing before it has run."""
-    found = result_path("two-nodes")
-    if not found.is_file():
+    try:
+        found = stored_record("two-nodes").findings.numbers["comparison"]
+    except FileNotFoundError:
         return ""
-    ratios = " and ".join(
-        f"{r['ratio']:.2f} times (`{r['case']}`)"
-        for r in json.loads(found.read_text())["comparison"]
-    )
+    ratios = " and ".join(f"{r['ratio']:.2f} times (`{r['case']}`)" for r in found)
     return (
-        f"Two nodes with a rank each reach {ratios} the rate of two ranks on one\nnode, without "
-        "options, over TCP ([two nodes](two-nodes.md)).\n\n"
+        f"\nTwo nodes with a rank each reach {ratios} the rate of two ranks on one\nnode, without "
+        "options, over TCP ([two nodes](two-nodes.md)).\n"
     )
-
-
-def main() -> None:
-    """Time all ways in two and three dimensions, and write the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--ranks", type=int, nargs="+", default=[1, 2], help="numbers of ranks; 1 is always timed"
-    )
-    parser.add_argument("--rounds", type=int, default=3)
-    for name, counts in (("beam2d", (2000, 20000)), ("beam3d", (20, 100))):
-        parser.add_argument(
-            f"--{name}",
-            type=int,
-            nargs=2,
-            default=counts,
-            metavar=("FEW", "MANY"),
-            help=f"numbers of samples (default: {counts[0]} {counts[1]})",
-        )
-    run_benchmark("scaling", "scaling", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -174,5 +166,27 @@ def measure(options: argparse.Namespace) -> Results:
     }
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--ranks", type=int, nargs="+", default=[1, 2], help="numbers of ranks; 1 is always timed"
+    )
+    parser.add_argument("--rounds", type=int, default=3)
+    for name, counts in (("beam2d", (2000, 20000)), ("beam3d", (20, 100))):
+        parser.add_argument(
+            f"--{name}",
+            type=int,
+            nargs=2,
+            default=counts,
+            metavar=("FEW", "MANY"),
+            help=f"numbers of samples (default: {counts[0]} {counts[1]})",
+        )
+
+
+BENCHMARK = Benchmark(
+    name="scaling",
+    title="Scaling of the farm over ranks",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

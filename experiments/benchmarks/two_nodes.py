@@ -5,18 +5,15 @@ cores, and differ in their messages: TCP over a virtual cable, or shared memory.
 `experiments.benchmarks.scaling`, rates are slopes between two numbers of samples, timed
 alternately.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.two_nodes
+    python -m experiments benchmark two-nodes
 
-writes `docs/results/benchmark-two-nodes.json` and `docs/benchmarks/two-nodes.md`, as root.
+writes its record and its page, as root.
 """
 
 from __future__ import annotations
 
 import argparse
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -24,30 +21,18 @@ import numpy as np
 import yaml
 
 from datagen.cases.case import SHIPPED
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
-from experiments.benchmarks.scaling import ENVIRONMENT
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.scaling import run_seconds
+from experiments.framework.report import markdown_table
+from shared_schema.common import Parser
 from tools.two_nodes import TwoNodes, two_nodes
 
 
 def seconds(case: Path, samples: int, nodes: TwoNodes | None) -> float:
     """Wall time in s of one whole run by two ranks into a new folder: on one node, or on two."""
-    with tempfile.TemporaryDirectory() as folder:
-        program = [sys.executable, "-m", "datagen.command_line", "run", str(case)]
-        program += ["--out", f"{folder}/nodal", "--samples", str(samples)]
-        words = nodes.words(program) if nodes else ["mpirun", "-n", "2", *program]
-        environment = nodes.environment() if nodes else ENVIRONMENT
-        began = time.perf_counter()
-        done = subprocess.run(words, env=environment, capture_output=True, text=True)
-        elapsed = time.perf_counter() - began
-        if done.returncode:
-            raise SystemExit(f"{' '.join(words)}\n{done.stderr}")
-        return elapsed
+    if nodes is None:
+        return run_seconds(lambda program: ["mpirun", "-n", "2", *program], case, samples)
+    return run_seconds(nodes.words, case, samples, nodes.environment())
 
 
 def compare(name: str, counts: tuple[int, int], rounds: int, nodes: TwoNodes) -> Results:
@@ -72,8 +57,8 @@ def compare(name: str, counts: tuple[int, int], rounds: int, nodes: TwoNodes) ->
     }
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     rows = markdown_table(
         ("case", "samples", "2 ranks on one node", "2 nodes × 1 rank", "ratio", "of the rounds"),
         (
@@ -89,20 +74,12 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Two nodes\n\n"
         "`mpirun --hostfile` over two nodes, which are network namespaces of one machine joined by "
         "a virtual cable\n([`tools/two_nodes.py`](../../tools/two_nodes.py)), without options, "
         "compared with two ranks on one node. Rates are slopes\nbetween two numbers of samples, "
         f"timed alternately; medians of {results['rounds']} rounds, and the ratio of each round.\n"
-        f"\n{rows}\n{footer(results)}"
+        f"\n{rows}"
     )
-
-
-def main() -> None:
-    """Compare in two and three dimensions, and write the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("--rounds", type=int, default=5)
-    run_benchmark("two-nodes", "two_nodes", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -117,5 +94,15 @@ def measure(options: argparse.Namespace) -> Results:
         }
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("--rounds", type=int, default=5)
+
+
+BENCHMARK = Benchmark(
+    name="two-nodes",
+    title="Two nodes",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

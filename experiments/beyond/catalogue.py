@@ -12,10 +12,11 @@ from experiments.beyond import (
     training_samples,
     uncertainty_outside,
 )
-from experiments.framework.studies_report import Report
-from experiments.framework.study import Study
+from experiments.framework.experiment import Experiment
+from experiments.framework.report import Report
+from experiments.framework.resources import Resources
 
-STUDIES: tuple[Study, ...] = (
+STUDIES: tuple[Experiment[Resources], ...] = (
     loads_by_number.STUDY,
     places.STUDY,
     force_sizes.STUDY,

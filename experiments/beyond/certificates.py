@@ -7,27 +7,17 @@ import warnings
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
-from experiments.beyond.alarms import alarms, auroc_of_errors, judge, judge_unusual
-from experiments.beyond.certified_samples import (
-    SAMPLES,
-    WITHIN,
-    Certified,
-    alarm_claims,
-    certified,
-    claims,
-    fast_claims,
-    within,
-)
 from experiments.beyond.error_curves import HEIGHT, WIDTH
 from experiments.beyond.networks import BODIES, kind_of, patterns, stem_of
-from experiments.components.errors_on_test_split import MM
-from experiments.components.newton_starts import PREDICTION, ZERO, newton_starts
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Table
 from experiments.framework.timing import median_seconds
+from experiments.measures.alarms import alarms, auroc_of_errors, judge, judge_unusual
+from experiments.measures.certificates import WITHIN, Certified, certified, fast_measures
+from experiments.measures.corrections import PREDICTION, ZERO, newton_starts
+from experiments.measures.errors_on_test_split import MM
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.common.errors import InputError
 from surrogate.certify.certificate import certify
@@ -46,19 +36,20 @@ PREDICTED = (
 )
 SINGLE = ("forces", "forces-mle", "forces-vb", "forces-ensemble", "reduced")  # on single loads
 STEMS = tuple(stem_of(case) for case in BODIES)
+SAMPLES = {2: 300, 3: 60}  # of the test split, by the dimension of the body
 SOLVED = {2: 100, 3: 12}  # loads that are brought to equilibrium from every start
 PASSES = 20  # of stochastic networks, under the unusual loads
 TOLERANCE = 1e-3  # error e_m in m that an alarm should be given for
 MS = 1e3
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure everything on every run of the scale that has a mesh to certify on."""
     runs = resources.scale.matching(STUDY.runs)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", OutsideTrainingWarning)
-        found = {run: certified(resources, run) for run in runs}
-        result = StudyResult(
+        found = {run: certified_samples(resources, run) for run in runs}
+        result = Findings(
             [
                 estimate_table(resources, found),
                 correction_table(resources, found),
@@ -68,9 +59,6 @@ def measure(resources: Resources) -> StudyResult:
                 start_table(resources, found),
             ]
         )
-    for run, one in found.items():
-        result.claims += claims(label(resources, run), one)
-    result.claims += alarm_claims(result.tables[3]) + fast_claims(result.tables[2])
     result.figures["estimates"] = (
         draw(resources, found),
         "Estimated over true mean error of every load of the test splits.",
@@ -87,27 +75,35 @@ def label(resources: Resources, run: str) -> str:
     return f"{body}, {kind_of(run).label}{single}"
 
 
-def percentile(ratio: Array, level: float) -> Cell:
-    """Percentile of effectivities; the estimate of a prediction that inverts cells is infinite."""
-    value = float(np.percentile(ratio, level, method="inverted_cdf"))
-    return value if np.isfinite(value) else "∞"
+def certified_samples(resources: Resources, run: str) -> Certified:
+    """Certify the predictions of a run on its test split."""
+    surrogate, test = resources.surrogate(run), resources.dataset_of(run).nodal_test
+    count = SAMPLES[test.force.shape[2]]
+    predicted = resources.predicted_test(run).mean[:count]
+    return certified(surrogate, test.force[:count], test.displacement[:count], predicted)
+
+
+def percent_cell(ratio: float) -> Cell:
+    """Cell of a percentile of effectivities, which may be infinite."""
+    return ratio if np.isfinite(ratio) else "∞"
 
 
 def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
     """Table of estimated against true errors."""
     rows: list[tuple[Cell, ...]] = []
     for run, one in found.items():
-        ratio = one.effectivity
+        measures = one.measures()
+        percentiles = measures["effectivity_percentiles"]
         force, u, equilibrium = one.force[:20], one.predicted[:20], one.surrogate.equilibrium
         seconds = median_seconds(lambda: certify(equilibrium, force, u), resources.scale.timing)  # noqa: B023
         rows.append(
             (
                 label(resources, run),
-                MM * float(one.errors[0].mean()),
-                *(percentile(ratio, level) for level in (5, 50, 95)),
-                100 * within(ratio),
-                float(spearmanr(one.errors[0], one.judged.certificate.mean_error)[0]),
-                100 * float(one.judged.certificate.settled.mean()),
+                MM * measures["mean_error"],
+                *(percent_cell(percentiles[level]) for level in ("5", "50", "95")),
+                100 * measures["within_0.8_and_1.5"],
+                measures["spearman"],
+                100 * measures["settled"],
                 MS * seconds / len(force),
             )
         )
@@ -134,8 +130,9 @@ def correction_table(resources: Resources, found: dict[str, Certified]) -> Table
     """Table of the errors before and after corrections."""
     rows: list[tuple[Cell, ...]] = []
     for run, one in found.items():
-        before, once, twice = (float(np.median(error)) for error in one.errors)
-        raised = int((one.errors[1] > one.errors[0]).sum())
+        measures = one.measures()
+        before, once = measures["median_error_before"], measures["median_error_without_estimate"]
+        twice, raised = measures["median_error_after_two"], measures["raised"]
         rows.append(
             (label(resources, run), MM * before, MM * once, MM * twice, before / once, raised)
         )
@@ -158,23 +155,20 @@ def fast_table(resources: Resources, found: dict[str, Certified]) -> Table:
             fast = fit_fast_certificate(one.surrogate, resources.dataset_of(run), 1, 0)
         except InputError:  # no held-out samples
             continue
-        measures = fast.measures(one.force, one.predicted, one.truth)
-        bounds = {entry["level"]: entry for entry in measures["mean"]}
+        measures = fast_measures(fast, one, one.truth, resources.scale.timing)
+        bounds = {entry["level"]: entry for entry in measures["test_split"]["mean"]}
         if len(bounds) < 2:
             continue
-        f, u = one.force[:1], one.predicted[:1]
-        seconds = median_seconds(lambda: fast.estimate(f, u), resources.scale.timing)  # noqa: B023
-        estimated = np.abs(fast.estimate(one.force, one.predicted)).mean(axis=(1, 2))
         rows.append(
             (
                 label(resources, run),
-                measures["samples"],
+                measures["test_split"]["samples"],
                 100 * bounds[0.9]["coverage"],
                 100 * bounds[0.95]["coverage"],
                 bounds[0.9]["median_width"],
                 bounds[0.95]["median_width"],
-                float(spearmanr(one.errors[0], estimated)[0]),
-                MS * seconds,
+                measures["spearman"],
+                measures["median_milliseconds"],
             )
         )
     return Table(
@@ -309,7 +303,7 @@ def draw(resources: Resources, found: dict[str, Certified]) -> Figure:
             one, kind = found[run], kind_of(run)
             style = {"ls": "", "marker": kind.marker, "color": kind.color, "ms": 2.5, "alpha": 0.6}
             name = label(resources, run).partition(", ")[2]
-            true, estimated = one.errors[0], one.judged.certificate.mean_error
+            true, estimated = one.errors[0], one.certificate.mean_error
             axes.loglog(MM * true, MM * estimated, label=name, **style)
         axes.set_title(body, fontsize=10)
         axes.set_ylabel("estimated error [mm]")
@@ -318,10 +312,9 @@ def draw(resources: Resources, found: dict[str, Certified]) -> Figure:
     return figure
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="certificates",
     title="Certificates",
-    labels=(),
     question="How well does the certificate of a prediction know its error, which loads does it "
     "give an alarm for, and what do corrections gain?",
     measure=measure,

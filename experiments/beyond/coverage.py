@@ -12,11 +12,11 @@ from experiments.beyond.networks import (
     patterns,
     runs_by_body,
 )
-from experiments.beyond.predicted_samples import PredictedSamples, predicted_samples
-from experiments.components.errors_on_test_split import MM, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.measures.errors_on_test_split import MM
+from experiments.measures.predicted_samples import PredictedSamples, predicted_samples
 from surrogate.probabilistic.calibration import (
     INTERVALS,
     CalibrationMeasures,
@@ -25,14 +25,12 @@ from surrogate.probabilistic.calibration import (
 
 UNCERTAIN = ("mechanics-mle", "mechanics-vb", "mechanics-ensemble", "reduced-vb", "modal-gp")
 BAYESIAN = {"mechanics-vb": "mechanics", "reduced-vb": "reduced"}  # and their deterministic kinds
-HELD = (0.93, 0.97)  # coverage of the 95 % intervals that counts as right
 OF_SIZE = " of the size of the fast certificate"
-PRICE = 2.0  # largest ratio of the errors of variational Bayes and of the deterministic network
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure the calibration of all networks that predict standard deviations."""
-    result = StudyResult()
+    result = Findings()
     runs = [run for runs in runs_by_body(resources.scale, UNCERTAIN).values() for run in runs]
     samples = {run: predicted_samples(resources, run, certified=True) for run in runs}
     calibrations = {run: calibration(found) for run, found in samples.items()}
@@ -58,14 +56,6 @@ def measure(resources: Resources) -> StudyResult:
         ),
         "Observed coverage of central intervals on the test split over their level.",
     )
-    for case, body in BODIES.items():
-        for kind, deterministic in BAYESIAN.items():
-            if (run := f"{case}-{kind}") in samples:
-                result.claims.append(covers(body, run, samples[run]))
-                if run in certified:
-                    result.claims.append(covers(body, run, samples[run], with_size=True))
-                if (plain := f"{case}-{deterministic}") in resources.scale.runs:
-                    result.claims.append(price(resources, body, run, plain))
     return result
 
 
@@ -133,36 +123,9 @@ def by_number(samples: PredictedSamples, with_size: bool = False) -> dict[int, f
     return {int(n): float(covered[samples.number == n].mean()) for n in numbers}
 
 
-def covers(body: str, run: str, samples: PredictedSamples, with_size: bool = False) -> Claim:
-    """Claim on the coverage of the 95 % intervals, over all and under each number of loads."""
-    shares = by_number(samples, with_size)
-    low, high = HELD
-    listed = ", ".join(f"{n}: {100 * share:.3g} %" for n, share in shares.items())
-    return Claim(
-        what=f"{body}, {kind_of(run).label}: the 95 % intervals{OF_SIZE if with_size else ''} hold "
-        "as they say, under any number of loads of the training.",
-        holds=all(low <= share <= high for share in shares.values()),
-        evidence=f"Inside, by number of loads: {listed} ({100 * low:g} to {100 * high:g} %).",
-        of_paper=False,
-    )
-
-
-def price(resources: Resources, body: str, run: str, plain: str) -> Claim:
-    """Claim on the errors of a Bayesian network and of the deterministic one."""
-    ours, deterministic = (split_errors(resources, r).mean_error for r in (run, plain))
-    return Claim(
-        what=f"{body}, {kind_of(run).label}: the error is at most {PRICE:g} times that of the "
-        "deterministic network.",
-        holds=ours <= PRICE * deterministic,
-        evidence=f"ē = {MM * ours:.3g} and {MM * deterministic:.3g} mm.",
-        of_paper=False,
-    )
-
-
-STUDY = Study(
+STUDY = Experiment(
     name="coverage",
     title="Coverage of predicted intervals",
-    labels=(),
     question="Do the intervals of maximum likelihood, variational Bayes, ensembles and Gaussian "
     "processes contain as many errors as they say, under one load and under several?",
     measure=measure,

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.beyond.error_curves import Curve, draw_curves
 from experiments.beyond.networks import (
     BODIES,
-    KINDS,
     kind_of,
     patterns,
     runs_by_body,
     stem_of,
 )
-from experiments.components.errors_on_test_split import MM
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.measures.errors_on_test_split import MM
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 
 COMPARED = ("forces", "mechanics", "reduced", "gp", "modal-gp")
 REACHES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # forces of the table, over the largest in training
-MATCH, FAR = 0.01, 0.05  # errors over the largest displacement that are small, inside and outside
-TWICE = 2.0
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors under sweeps of the force on every body of the scale that has one."""
-    result, scale = StudyResult(), resources.scale
+    result, scale = Findings(), resources.scale
     sweeps = {
         run: force_sweep(resources.predicted_loads(run, dataset))
         for case, runs in runs_by_body(scale, COMPARED).items()
@@ -45,9 +41,6 @@ def measure(resources: Resources) -> StudyResult:
         errors = (MM * sweep.node_error).tolist()
         panels.setdefault(body, []).append(Curve(sweep.force.tolist(), errors, kind_of(run)))
         trained[body] = (-sweep.limit, sweep.limit)
-        if kind_of(run) in (KINDS["mechanics"], KINDS["reduced"]):
-            name = f"{body}, {kind_of(run).label}"
-            result.claims += [match_inside(name, sweep), follows_beyond(name, sweep)]
     result.figures["errors"] = (
         draw_curves(
             panels,
@@ -81,41 +74,9 @@ def reach_table(resources: Resources, sweeps: dict[str, ForceSweep]) -> Table:
     )
 
 
-def relative_error(sweep: ForceSweep, where: NDArray[np.bool_]) -> float:
-    """Largest ‖U − u‖₂ over the largest ‖u‖₂ at the loaded node, for the forces `where`."""
-    return float(sweep.node_error[where].max() / sweep.moved[where].max())
-
-
-def match_inside(name: str, sweep: ForceSweep) -> Claim:
-    """Claim on the error inside the range of the training."""
-    error = relative_error(sweep, ~sweep.outside)
-    return Claim(
-        what=f"{name}: within the range of the training, the prediction matches the finite "
-        "elements.",
-        holds=error <= MATCH,
-        evidence=f"Largest error {100 * error:.3g} % of the largest displacement (≤ "
-        f"{100 * MATCH:g} %).",
-        of_paper=False,
-    )
-
-
-def follows_beyond(name: str, sweep: ForceSweep) -> Claim:
-    """Claim on the error up to twice the largest force in training."""
-    error = relative_error(sweep, np.abs(sweep.force) <= TWICE * sweep.limit * (1 + 1e-6))
-    return Claim(
-        what=f"{name}: up to {TWICE:g} times the largest force of the training, the prediction "
-        "follows the finite elements.",
-        holds=error <= FAR,
-        evidence=f"Largest error {100 * error:.3g} % of the largest displacement (≤ "
-        f"{100 * FAR:g} %).",
-        of_paper=False,
-    )
-
-
-STUDY = Study(
+STUDY = Experiment(
     name="force-sizes",
     title="Error by the size of the force",
-    labels=(),
     question="How do errors grow with the force at one node, within the range of the training and "
     "up to four times as far or more?",
     measure=measure,

@@ -8,25 +8,23 @@ from numpy.typing import NDArray
 from experiments.beyond.error_curves import Curve, draw_curves
 from experiments.beyond.networks import (
     BODIES,
-    KINDS,
     kind_of,
     patterns,
     runs_by_body,
     stem_of,
 )
-from experiments.beyond.predicted_samples import PredictedSamples, predicted_samples
-from experiments.components.errors_on_test_split import MM
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.measures.errors_on_test_split import MM
+from experiments.measures.predicted_samples import PredictedSamples, predicted_samples
 
 COMPARED = ("forces", "mechanics", "reduced")
-INSIDE, BEYOND = 1.5, 3.0  # largest ratios of relative errors, within the training and beyond
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors by the number of loads on every body of the scale."""
-    result = StudyResult()
+    result = Findings()
     samples = {
         run: predicted_samples(resources, run, f"{stem_of(case)}_many")
         for case, runs in runs_by_body(resources.scale, COMPARED).items()
@@ -42,8 +40,6 @@ def measure(resources: Resources) -> StudyResult:
         panels.setdefault(BODIES[case], []).append(Curve(counts.tolist(), errors, kind_of(run)))
         limit = loads_in_training(resources, run)
         trained[BODIES[case]] = (0.5, limit + 0.5)
-        if kind_of(run) is not KINDS["forces"]:
-            result.claims += growth_claims(resources, run, found, limit)
     result.figures["errors"] = (
         draw_curves(panels, "number of loads", "mean error [mm]", trained),
         "Mean error over the number of loaded nodes; grey, the numbers in the training.",
@@ -81,39 +77,9 @@ def number_table(
     )
 
 
-def growth_claims(
-    resources: Resources, run: str, found: PredictedSamples, trained: int
-) -> list[Claim]:
-    """Claims on the relative errors under several loads, over that under one."""
-    body, label = BODIES[resources.case_of(run)], kind_of(run).label
-    counts = np.unique(found.number)
-    if counts[0] != 1:
-        return []
-    one = found.relative(found.number == 1)
-    ratios = {int(n): found.relative(found.number == n) / one for n in counts[1:]}
-    claims = []
-    for within, limit in ((True, INSIDE), (False, BEYOND)):
-        here = {n: ratio for n, ratio in ratios.items() if (n <= trained) == within}
-        if here:
-            where = "as many loads as in training" if within else "more loads than in training"
-            claims.append(
-                Claim(
-                    what=f"{body}, {label}: under {where}, the error relative to the displacement "
-                    f"is at most {limit:g} times that under one.",
-                    holds=max(here.values()) <= limit,
-                    evidence="By number: "
-                    + ", ".join(f"{n}: {ratio:.2f}" for n, ratio in here.items())
-                    + ".",
-                    of_paper=False,
-                )
-            )
-    return claims
-
-
-STUDY = Study(
+STUDY = Experiment(
     name="loads-by-number",
     title="Error by the number of loads",
-    labels=(),
     question="How does the error grow with the number of loads, up to that of the training and to "
     "twice as many?",
     measure=measure,

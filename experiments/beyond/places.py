@@ -13,22 +13,21 @@ from numpy.typing import NDArray
 from experiments.beyond.error_curves import WIDTH, Curve, draw_curves
 from experiments.beyond.networks import (
     BODIES,
-    KINDS,
     kind_of,
     patterns,
     runs_by_body,
     stem_of,
 )
-from experiments.beyond.predicted_samples import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
+from experiments.framework.resources import Resources
+from experiments.measures.errors_on_test_split import MM
+from experiments.measures.predicted_samples import (
     PredictedSamples,
     distance_from,
     distance_groups,
     predicted_samples,
 )
-from experiments.components.errors_on_test_split import MM
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
 from shared_schema.common.drawing.figure_style import UNDEFORMED, make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.data.geometry import Geometry
@@ -36,13 +35,11 @@ from surrogate.data.geometry import Geometry
 Array = NDArray[np.float64]
 COMPARED = ("forces", "mechanics", "reduced")
 STEMS = tuple(stem_of(case) for case in BODIES)
-SMALL = 0.01  # largest error over displacement under loads on any node
-FACTOR = 10.0  # smallest ratio of errors that counts as an order of magnitude
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors by place on every body of the scale."""
-    result, scale = StudyResult(), resources.scale
+    result, scale = Findings(), resources.scale
     panels: dict[str, list[Curve]] = {}
     for case, runs in runs_by_body(scale, COMPARED).items():
         stem, body = stem_of(case), BODIES[case]
@@ -53,11 +50,6 @@ def measure(resources: Resources) -> StudyResult:
         samples = {run: predicted_samples(resources, run, dataset) for run in (*runs, *singles)}
         maps = {label_of(run): by_node(found, found.error) for run, found in samples.items()}
         result.tables.append(place_table(body, samples))
-        result.claims += [
-            everywhere(f"{body}, {kind_of(run).label}", samples[run])
-            for run in runs
-            if kind_of(run) is not KINDS["forces"]
-        ]
         geometry = next(iter(samples.values())).geometry
         result.figures[f"map-{stem}"] = (
             draw_maps(geometry, maps),
@@ -68,7 +60,6 @@ def measure(resources: Resources) -> StudyResult:
             groups = distance_groups(distance_from(samples[singles[0]], trained))
             result.tables.append(distance_table(body, samples, groups))
             panels[body] = [curve(run, found, groups) for run, found in samples.items()]
-            result.claims += better_elsewhere(body, stem, samples, groups)
     if panels:
         result.figures["distance"] = (
             draw_curves(
@@ -150,42 +141,6 @@ def distance_table(
     )
 
 
-def everywhere(name: str, samples: PredictedSamples) -> Claim:
-    """Claim on the error relative to the displacement at the worst node."""
-    worst = float(np.nanmax(relative_by_node(samples)))
-    return Claim(
-        what=f"{name}: the error is small wherever the load acts.",
-        holds=worst <= SMALL,
-        evidence=f"Mean error under loads on the worst node {100 * worst:.3g} % of the mean "
-        f"displacement under these (≤ {100 * SMALL:g} %).",
-        of_paper=False,
-    )
-
-
-def better_elsewhere(
-    body: str,
-    stem: str,
-    samples: dict[str, PredictedSamples],
-    groups: list[tuple[float, NDArray[np.bool_]]],
-) -> list[Claim]:
-    """Claim on the errors of both U-Nets trained on single loads, under loads elsewhere."""
-    runs = [f"{stem}-{kind}" for kind in ("forces", "mechanics")]
-    elsewhere = np.any([group for distance, group in groups if distance > 0], axis=0)
-    if not set(runs) <= samples.keys() or not np.any(elsewhere):
-        return []
-    forces, mechanics = (float(samples[run].error[elsewhere].mean()) for run in runs)
-    return [
-        Claim(
-            what=f"{body}: trained on single loads on a few nodes, the U-Net with mechanics errs "
-            "less by an order of magnitude under loads elsewhere than the one without.",
-            holds=forces >= FACTOR * mechanics,
-            evidence=f"{MM * mechanics:.3g} and {MM * forces:.3g} mm, {forces / mechanics:.3g} "
-            f"times (≥ {FACTOR:g}).",
-            of_paper=False,
-        )
-    ]
-
-
 @styled
 def draw_maps(geometry: Geometry, maps: dict[str, Array]) -> Figure:
     """Draw the errors in m at the loaded nodes, a panel a network, on one logarithmic scale."""
@@ -213,10 +168,9 @@ def draw_maps(geometry: Geometry, maps: dict[str, Array]) -> Figure:
     return figure
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="places",
     title="Error by the place of the load",
-    labels=(),
     question="Where on the body must a load act to be predicted badly, and how far from what the "
     "training loaded?",
     measure=measure,

@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 from experiments.beyond.error_curves import Curve, draw_curves
 from experiments.beyond.networks import BODIES, KINDS, Kind, kind_of
-from experiments.components.errors_on_test_split import MM, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.measures.errors_on_test_split import MM, split_errors
 
 SERIES = "*-n[0-9]*"
-QUARTER = 4  # ratio of the numbers of samples
 
 
 class Point(NamedTuple):
@@ -25,9 +24,9 @@ class Point(NamedTuple):
 Series = dict[str, dict[int, Point]]  # by the label of the kind, then by the number of samples
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure the errors of all series of the scale on their test splits."""
-    result, scale = StudyResult(), resources.scale
+    result, scale = Findings(), resources.scale
     found: dict[str, Series] = {}
     for run in scale.matching((SERIES,)):
         count = scale.config_of(run).training.samples
@@ -39,8 +38,6 @@ def measure(resources: Resources) -> StudyResult:
     kinds = {kind.label: kind for kind in KINDS.values()}
     for body, series in found.items():
         result.tables += [series_table(body, series, minutes) for minutes in (False, True)]
-        result.claims += fewer_samples(body, series)
-        result.claims += fewest_samples(body, series)
     result.figures["errors"] = (
         draw_curves(
             {body: curves(series, kinds) for body, series in found.items()},
@@ -77,53 +74,9 @@ def series_table(body: str, series: Series, minutes: bool) -> Table:
     )
 
 
-def fewer_samples(body: str, series: Series) -> list[Claim]:
-    """Claim that the U-Net with mechanics needs a quarter of the samples of the one without."""
-    forces, mechanics = (series.get(KINDS[kind].label, {}) for kind in ("forces", "mechanics"))
-    pairs = {n: (mechanics[n // QUARTER], forces[n]) for n in forces if n // QUARTER in mechanics}
-    if not pairs:
-        return []
-    evidence = ", ".join(
-        f"{n // QUARTER} samples {ours.error:.3g} mm, {n} samples {theirs.error:.3g} mm"
-        for n, (ours, theirs) in pairs.items()
-    )
-    return [
-        Claim(
-            what=f"{body}: the U-Net with mechanics on a quarter of the samples has a smaller "
-            "error than the one without.",
-            holds=all(ours.error < theirs.error for ours, theirs in pairs.values()),
-            evidence=f"With and without: {evidence}.",
-            of_paper=False,
-        )
-    ]
-
-
-def fewest_samples(body: str, series: Series) -> list[Claim]:
-    """Claim that the reduced network is the best network on the fewest samples."""
-    fewest = min(n for points in series.values() for n in points)
-    errors = {
-        label: points[fewest].error
-        for kind in ("forces", "mechanics", "reduced")
-        if fewest in (points := series.get((label := KINDS[kind].label), {}))
-    }
-    label = KINDS["reduced"].label
-    if label not in errors or len(errors) == 1:
-        return []
-    listed = ", ".join(f"{name} {error:.3g} mm" for name, error in errors.items())
-    return [
-        Claim(
-            what=f"{body}: on the fewest samples, the reduced network errs least of the networks.",
-            holds=errors[label] == min(errors.values()),
-            evidence=f"On {fewest} samples: {listed}.",
-            of_paper=False,
-        )
-    ]
-
-
-STUDY = Study(
+STUDY = Experiment(
     name="training-samples",
     title="Error over the number of training samples",
-    labels=(),
     question="How many samples do networks and regressions need, with linear elasticity inside and "
     "without?",
     measure=measure,

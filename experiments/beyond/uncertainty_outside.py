@@ -7,33 +7,30 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.beyond.coverage import HELD, OF_SIZE, UNCERTAIN
+from experiments.beyond.coverage import OF_SIZE, UNCERTAIN
 from experiments.beyond.error_curves import Curve, draw_curves
-from experiments.beyond.loads_by_number import loads_in_training
 from experiments.beyond.networks import BODIES, kind_of, patterns, runs_by_body, stem_of
-from experiments.beyond.predicted_samples import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Table
+from experiments.framework.resources import Resources
+from experiments.measures.errors_on_test_split import MM
+from experiments.measures.predicted_samples import (
     PredictedSamples,
     distance_from,
     distance_groups,
     predicted_samples,
 )
-from experiments.components.errors_on_test_split import MM
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
 
 SINGLE = ("forces-vb", "mechanics-vb", "reduced-vb")  # kinds also trained on single loads
 STEMS = tuple(stem_of(case) for case in BODIES)
 REACHES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # ends of the groups of forces, over that of the training
-CLOSE = 2.0  # factor within which σ grows as the error does
-RELIABLE = 0.5  # share of components in their 95 % intervals from which σ is of use
 
 Group = tuple[str, float, NDArray[np.bool_]]  # label, abscissa, mask of the samples (M,)
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors, standard deviations and coverage outside the training."""
-    result, scale = StudyResult(), resources.scale
+    result, scale = Findings(), resources.scale
     bodies = runs_by_body(scale, UNCERTAIN)
     larger: dict[str, list[Curve]] = {}
     for case, runs in bodies.items():
@@ -46,19 +43,10 @@ def measure(resources: Resources) -> StudyResult:
                 group_table(f"{body}, one force beyond the range", samples, groups)
             )
             larger[body] = error_and_std(samples, groups)
-            for run in runs:
-                where = f"{body}, {kind_of(run).label}, larger forces"
-                result.claims += outside_claims(where, samples[run], groups, limit=1.0)
         if (dataset := f"{stem}_many") in scale.datasets:
             samples = {run: predicted_samples(resources, run, dataset, True) for run in runs}
             groups = number_groups(next(iter(samples.values())))
             result.tables.append(group_table(f"{body}, number of loads", samples, groups))
-            for run in runs:
-                where, most = (
-                    f"{body}, {kind_of(run).label}, more loads",
-                    loads_in_training(resources, run),
-                )
-                result.claims += outside_claims(where, samples[run], groups, limit=most)
     if larger:
         result.figures["forces"] = (
             draw_curves(
@@ -81,9 +69,6 @@ def measure(resources: Resources) -> StudyResult:
         )
         result.tables.append(group_table(caption, samples, groups))
         elsewhere[body] = error_and_std(samples, groups)
-        for run in singles:
-            where = f"{body}, {kind_of(run).label}, loads elsewhere"
-            result.claims += outside_claims(where, samples[run], groups, limit=0.0)
     if elsewhere:
         result.figures["places"] = (
             draw_curves(
@@ -146,57 +131,9 @@ def error_and_std(samples: dict[str, PredictedSamples], groups: Sequence[Group])
     ]
 
 
-def outside_claims(
-    where: str, samples: PredictedSamples, groups: Sequence[Group], limit: float
-) -> list[Claim]:
-    """Claims on the coverage and on the growth of σ outside the training, beyond `limit`."""
-    outside = [(label, mask) for label, place, mask in groups if place > limit]
-    inside = [mask for _, place, mask in groups if place <= limit]
-    if not outside or not inside:
-        return []
-    shares = {label: float(samples.covered[mask].mean()) for label, mask in outside}
-    listed = ", ".join(f"{label}: {100 * share:.3g} %" for label, share in shares.items())
-    std, error = (
-        float(values[outside[-1][1]].mean() / values[np.any(inside, axis=0)].mean())
-        for values in (samples.std, samples.error)
-    )
-    return [
-        Claim(
-            what=f"{where}: the 95 % intervals still contain most errors.",
-            holds=min(shares.values()) >= RELIABLE,
-            evidence=f"Inside: {listed} (each ≥ {100 * RELIABLE:g} %).",
-            of_paper=False,
-        ),
-        Claim(
-            what=f"{where}: the uncertainty grows as the error does.",
-            holds=1 / CLOSE <= std / error <= CLOSE,
-            evidence=f"From inside to the farthest outside ({outside[-1][0]}), σ grows "
-            f"{std:.3g} times, the error {error:.3g} times (within a factor of {CLOSE:g}).",
-            of_paper=False,
-        ),
-        *size_claims(where, samples, np.any([mask for _, mask in outside], axis=0)),
-    ]
-
-
-def size_claims(where: str, samples: PredictedSamples, outside: NDArray[np.bool_]) -> list[Claim]:
-    """Claim on the intervals that have the size of the fast estimate, if the run has them."""
-    if samples.certificate is None:
-        return []
-    share = float(samples.covered_with_size[outside].mean())
-    return [
-        Claim(
-            what=f"{where}: the 95 % intervals{OF_SIZE} contain as many errors as they say.",
-            holds=share >= HELD[0],
-            evidence=f"Inside: {100 * share:.3g} % (≥ {100 * HELD[0]:g} %).",
-            of_paper=False,
-        )
-    ]
-
-
-STUDY = Study(
+STUDY = Experiment(
     name="uncertainty-outside",
     title="Uncertainty outside the training",
-    labels=(),
     question="Does the uncertainty grow as the errors do, under forces beyond the range of the "
     "training, under more loads, and under loads on nodes that the training left out?",
     measure=measure,

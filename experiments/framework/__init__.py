@@ -1,1 +1,1 @@
-"""Machinery of the studies: scales, resources, timing, records and the report."""
+"""One framework for all experiments: what one is, its record, the runner, the report."""

@@ -9,8 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
+from experiments.framework.experiment import Experiment, Setting
+from experiments.framework.machine import machine
+from experiments.framework.record import DatasetRecord, RunRecord
 from experiments.framework.scale import Scale
-from experiments.framework.study_record import DatasetRecord, RunRecord
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Kind
 from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
@@ -18,6 +20,7 @@ from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data import Dataset, read_dataset
 from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
 from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
+from surrogate.hardware import hardware
 from surrogate.inference.calibration import fit_fast_certificate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
@@ -27,11 +30,11 @@ from surrogate.runs.folder import RunFolder
 from surrogate.training.loop import train
 
 Value = TypeVar("Value")
-SEED = 0  # of the stochastic passes
+SEED = Setting.seed  # of the stochastic passes
 
 
-class Resources:
-    """Datasets, trained networks and predictions of one scale.
+class Resources(Setting):
+    """Datasets, trained networks and predictions of one scale: the setting of a study.
 
     Parameters
     ----------
@@ -49,6 +52,49 @@ class Resources:
         self.device = device
         self.data, self.runs = data, runs
         self._cache: dict[Hashable, Any] = {}
+
+    def configuration(self) -> dict[str, Any]:
+        """Name of the scale and number of stochastic passes."""
+        return {"scale": self.scale.name, "passes": self.scale.passes}
+
+    def machine(self) -> dict[str, Any]:
+        """Describe processor, load and device."""
+        return {**machine(), "hardware": hardware(self.device)}
+
+    def fingerprint(self, experiment: Experiment[Any]) -> str:
+        """Digest of all that the findings of a study depend on.
+
+        The timing of the scale is left out: more repeats change the noise of a time only.
+        """
+        scale = self.scale
+        return digest_of(
+            {
+                "study": experiment.name,
+                "device": self.device.type if experiment.times else None,
+                "passes": scale.passes,
+                "datasets": {
+                    name: self.manifest(name).digest
+                    for name in scale.matching_datasets(experiment.datasets)
+                },
+                "runs": {run: self.run_fingerprint(run) for run in scale.matching(experiment.runs)},
+            }
+        )
+
+    def prepare(self, experiment: Experiment[Any]) -> None:
+        """Train the missing networks of a study."""
+        for run in self.scale.matching(experiment.runs):
+            self.trained(run)
+
+    def used_datasets(self, experiment: Experiment[Any]) -> dict[str, DatasetRecord]:
+        """Entries of the datasets of a study, those of its runs included."""
+        scale = self.scale
+        of_runs = [scale.runs[run].data for run in scale.matching(experiment.runs)]
+        names = dict.fromkeys([*scale.matching_datasets(experiment.datasets), *of_runs])
+        return {name: self.dataset_record(name) for name in names}
+
+    def used_runs(self, experiment: Experiment[Any]) -> dict[str, RunRecord]:
+        """Entries of the trained networks of a study."""
+        return {run: self.run_record(run) for run in self.scale.matching(experiment.runs)}
 
     def manifest(self, dataset: str) -> Manifest:
         """Read the manifest of the structured dataset, or of the nodal one if it has no grid.

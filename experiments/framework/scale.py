@@ -20,8 +20,6 @@ from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES
 from surrogate.runs.recipes import read_recipe
 from surrogate.runs.run_config import run_config
 
-SCALES = Path(__file__).parents[1] / "scales"
-
 
 class DatasetSpec(Frozen):
     """Origin of a dataset made by `datagen`: a case, or another dataset of the same scale.
@@ -208,14 +206,14 @@ def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, A
     return result
 
 
-def read_scale(name: str, shipped: Path = SCALES, changes: Sequence[str] = ()) -> Scale:
-    """Read a scale: ``smoke``, ``laptop``, ``paper``, or a YAML file.
+def read_scale(name: str, shipped: Path, changes: Sequence[str] = ()) -> Scale:
+    """Read a scale: the name of a shipped one such as ``smoke``, or a YAML file.
 
     Parameters
     ----------
     name : str
     shipped : Path
-        Folder of the shipped scales of a report; by default those of the reproduction.
+        Folder of the shipped scales of a report.
     changes : sequence of str
         New values of keys, such as ``passes=20`` (`changed`).
 

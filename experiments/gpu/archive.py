@@ -1,6 +1,6 @@
 """Put the results of all steps into one small file, and weights of runs into files of 16 MiB.
 
-    python3 -m experiments.gpu.archive OUT FOLDER [--weights RUN …]
+    python3 -m experiments gpu archive OUT FOLDER [--weights RUN …]
 
 `results.tar.gz` has everything in OUT but datasets and tensors. The weights of a run are split into
 RUN.safetensors.00, .01, …; `cat` joins them.
@@ -8,13 +8,10 @@ RUN.safetensors.00, .01, …; `cat` joins them.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tarfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from shared_schema.common.command_line import run_command
 from shared_schema.common.errors import InputError, WorkError
 
 LIMIT = 16 * 2**20  # bytes of a file
@@ -46,22 +43,3 @@ def split(out: Path, folder: Path, name: str) -> list[Path]:
         parts.append(folder / f"{name}.safetensors.{number:02d}")
         parts[-1].write_bytes(content[start : start + LIMIT])
     return parts
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("out", type=Path)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--weights", nargs="+", default=[], metavar="RUN")
-    options = parser.parse_args(arguments)
-
-    def work() -> None:
-        for path in archive(options.out, options.folder, options.weights):
-            print(path)
-
-    return run_command("experiments.gpu.archive", work)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

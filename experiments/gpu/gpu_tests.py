@@ -6,12 +6,14 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from experiments.gpu.setting import ROOT, Results, Setting
+from experiments.framework.experiment import Findings
+from experiments.framework.machine import ROOT
+from experiments.gpu.setting import GpuSetting
 
 SMALL = "tests/surrogate/training/test_precision.py"
 
 
-def gpu_tests(setting: Setting) -> Results:
+def gpu_tests(setting: GpuSetting) -> Findings:
     """Run them; the log is `gpu-tests.log`."""
     report = setting.out / "gpu-tests.xml"
     command = [sys.executable, "-m", "pytest", "-m", "gpu", "-p", "no:cacheprovider", "-q"]
@@ -26,7 +28,7 @@ def gpu_tests(setting: Setting) -> Results:
                 timeout=setting.seconds_left,
             )
         except subprocess.TimeoutExpired:
-            return {"command": command[1:], "timed_out": True}
+            return Findings(numbers={"command": command[1:], "timed_out": True})
     cases = list(ElementTree.parse(report).iter("testcase"))
 
     def named(*outcomes: str) -> list[str]:
@@ -38,10 +40,12 @@ def gpu_tests(setting: Setting) -> Results:
         ]
 
     failed, skipped = named("failure", "error"), named("skipped")
-    return {
-        "command": command[1:],
-        "tests": len(cases),
-        "passed": len(cases) - len(failed) - len(skipped),
-        "failed": failed,
-        "skipped": skipped,
-    }
+    return Findings(
+        numbers={
+            "command": command[1:],
+            "tests": len(cases),
+            "passed": len(cases) - len(failed) - len(skipped),
+            "failed": failed,
+            "skipped": skipped,
+        }
+    )

@@ -18,18 +18,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.prediction_latency import (
-    RECIPES,
-    Body,
-    Work,
-    by_compiling,
-    shape_of,
-    untrained,
-)
+from experiments.framework.experiment import Findings
 from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.cuda_graphs import captured
-from experiments.gpu.setting import CASES, Results, Setting
-from surrogate.data.dataset import Dataset
+from experiments.gpu.setting import CASES, GpuSetting, Results
+from experiments.measures.latency import Work, by_compiling
+from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
+from surrogate.data import Dataset
 from surrogate.device import Precision, convolutions
 from surrogate.inference.export import NodalFunction
 from surrogate.inference.loading import load
@@ -42,7 +37,6 @@ BATCHES = (1, 4, 16, 64, 256, 1024, 4096)
 LARGEST_IN_SPACE = 256
 COMPILING = 30.0  # s that compiling one network may take
 GRAPH_PRECISIONS: tuple[Precision, ...] = ("float32", "tensorfloat32")
-LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")
 
 Array = NDArray[np.float64]
 
@@ -90,7 +84,7 @@ class GraphPrediction:
         return self.received.numpy().astype(np.float64)
 
 
-def latency(setting: Setting) -> Results:
+def latency(setting: GpuSetting) -> Findings:
     """Time all networks; those for which there is no time are left out."""
     found: list[Results] = []
     datasets = {case: setting.dataset(case) for case in CASES}
@@ -101,16 +95,16 @@ def latency(setting: Setting) -> Results:
     ]
     for network in networks:
         if setting.seconds_left < 5:
-            return {"latencies": found, "complete": False}
+            return Findings(numbers={"latencies": found, "complete": False})
         found += of_network(setting, *network)
     for network in networks if setting.on_gpu else ():
         if setting.seconds_left > COMPILING:
             found.append(compiled(setting, *network))
-    return {"latencies": found, "complete": True}
+    return Findings(numbers={"latencies": found, "complete": True})
 
 
 def make(
-    setting: Setting, dataset: Dataset, recipe: str, likelihood: Likelihood
+    setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Likelihood
 ) -> tuple[Surrogate, int | None, Results]:
     """Make a network; return it with its number of passes and its description."""
     body = Body(dataset.manifest, dataset.geometry, dataset.nodal_test.force[:1], np.nan)
@@ -132,7 +126,7 @@ def make(
 
 
 def of_network(
-    setting: Setting, dataset: Dataset, recipe: str, likelihood: Likelihood
+    setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Likelihood
 ) -> Iterator[Results]:
     """Yield the times of one network for every number of loads."""
     model, passes, described = make(setting, dataset, recipe, likelihood)
@@ -142,14 +136,14 @@ def of_network(
         yield {**described, "batch": batch, **ways(setting, model, loads(dataset, batch), passes)}
 
 
-def compiled(setting: Setting, dataset: Dataset, recipe: str, likelihood: Likelihood) -> Results:
+def compiled(setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Likelihood) -> Results:
     """Time one load by the compiled network."""
     model, passes, described = make(setting, dataset, recipe, likelihood)
     work = by_compiling(model, passes, loads(dataset, 1))
     return {**described, "batch": 1, "compiled_ms": milliseconds(setting, work)}
 
 
-def ways(setting: Setting, model: Surrogate, forces: Array, passes: int | None) -> Results:
+def ways(setting: GpuSetting, model: Surrogate, forces: Array, passes: int | None) -> Results:
     """Times of one batch in ms, and how far the graphs' results are from the eager ones."""
     result: Results = {}
     expected = model.predict_distribution(forces, passes or 1).mean
@@ -168,7 +162,7 @@ def ways(setting: Setting, model: Surrogate, forces: Array, passes: int | None) 
     return result
 
 
-def repeated(setting: Setting, predict: GraphPrediction, replays: int) -> Work:
+def repeated(setting: GpuSetting, predict: GraphPrediction, replays: int) -> Work:
     """Make a function that replays many times and then waits: the time without the host's."""
 
     def work() -> None:
@@ -179,13 +173,13 @@ def repeated(setting: Setting, predict: GraphPrediction, replays: int) -> Work:
     return work
 
 
-def milliseconds(setting: Setting, work: Work, repeats: int = 100) -> float:
+def milliseconds(setting: GpuSetting, work: Work, repeats: int = 100) -> float:
     """Median wall time in ms."""
     timing = Timing(repeats=1 if setting.small else repeats, seconds=0.15)
     return round(1e3 * median_seconds(work, timing), 4)
 
 
-def batches(setting: Setting, dimension: int, passes: int | None) -> tuple[int, ...]:
+def batches(setting: GpuSetting, dimension: int, passes: int | None) -> tuple[int, ...]:
     """Numbers of loads in a batch; one load if there are many passes."""
     if passes is not None:
         return (1,)

@@ -7,17 +7,20 @@ import sys
 
 import yaml
 
-from experiments.gpu.setting import ROOT, Results, Setting
-from experiments.gpu.trainings import adapted, changed
+from experiments.framework.experiment import Findings
+from experiments.framework.machine import ROOT
+from experiments.gpu.setting import GpuSetting
+from experiments.gpu.trainings import adapted
+from experiments.measures.untrained import changed, shipped_unet
+from shared_schema.common import WorkError
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.loop import train
-from tests.surrogate.unet_configs import shipped_unet
 
 CASE = "beam2d"
 
 
-def one_process(setting: Setting) -> Results:
+def one_process(setting: GpuSetting) -> Findings:
     """Train two epochs both ways; return the losses and the time of both."""
     config = changed(adapted(shipped_unet(f"{CASE}-det-fast"), setting), {}, {"epochs": 2})
     plain, started = (RunFolder(setting.out / "runs" / f"one-process-{n}") for n in (1, 2))
@@ -25,16 +28,19 @@ def one_process(setting: Setting) -> Results:
     failure = by_torchrun(config, setting, started)
     losses = [[line["train_loss"] for line in run.metric_lines()] for run in (plain, started)]
     differences = [abs(a - b) / abs(a) for a, b in zip(*losses, strict=False)]
-    return {
-        "config": config.plain(),
-        "losses": losses[0],
-        "losses_by_torchrun": losses[1],
-        "largest_relative_difference": max(differences, default=None),
-        **({"error": failure} if failure else {}),
-    }
+    if failure:
+        raise WorkError(failure)
+    return Findings(
+        numbers={
+            "config": config.plain(),
+            "losses": losses[0],
+            "losses_by_torchrun": losses[1],
+            "largest_relative_difference": max(differences, default=None),
+        }
+    )
 
 
-def by_torchrun(config: UNetModel, setting: Setting, run: RunFolder) -> str | None:
+def by_torchrun(config: UNetModel, setting: GpuSetting, run: RunFolder) -> str | None:
     """Train by `torchrun`; return what it says if it fails."""
     path = setting.out / "one-process.yaml"
     path.write_text(yaml.safe_dump(config.plain()))

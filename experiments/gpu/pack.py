@@ -1,6 +1,6 @@
 """Make the folder that is carried to the machine with the GPU: wheels and datasets.
 
-    .venv-surrogate/bin/python -m experiments.gpu.pack build/gpu --data data
+    python -m experiments gpu pack build/gpu --data data
 
 The 2D datasets are copied whole; that of the 3D beam is rounded and packed
 (`experiments.gpu.carried_dataset`), with as many samples as there are, or as ``--samples`` says.
@@ -8,16 +8,14 @@ The 2D datasets are copied whole; that of the 3D beam is rounded and packed
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.framework.machine import ROOT
 from experiments.gpu.carried_dataset import SUFFIX, pack
-from experiments.gpu.setting import CASES, ROOT
-from shared_schema.common.command_line import run_command
+from experiments.gpu.setting import CASES
 from shared_schema.common.errors import InputError, WorkError
 
 LIMIT = 64 * 2**20  # bytes of the carried folder and the repository
@@ -75,12 +73,12 @@ def bytes_of_repository() -> int:
     return sum(path.stat().st_size for path in paths if path.is_file())
 
 
-def make(options: argparse.Namespace) -> None:
+def make(folder: Path, data: Path, samples: int | None, wheels: bool) -> None:
     """Fill the folder, and say what is in it and how large it is."""
-    lines = pack_datasets(options.data, options.folder / "data", options.samples)
-    if not options.no_wheels:
-        download_wheels(options.folder / "wheels")
-    carried, repository = bytes_of(options.folder), bytes_of_repository()
+    lines = pack_datasets(data, folder / "data", samples)
+    if wheels:
+        download_wheels(folder / "wheels")
+    carried, repository = bytes_of(folder), bytes_of_repository()
     lines.append(
         f"{carried / 2**20:.1f} MiB, and {repository / 2**20:.1f} MiB of repository, "
         f"of {LIMIT / 2**20:.0f} MiB"
@@ -88,18 +86,3 @@ def make(options: argparse.Namespace) -> None:
     print("\n".join(lines))
     if carried + repository > LIMIT:
         raise WorkError("too large; expected fewer --samples")
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--data", type=Path, default=Path("data"), help="datasets of make data")
-    parser.add_argument("--samples", type=int, help="number of samples of the 3D beam")
-    parser.add_argument("--no-wheels", action="store_true", help="pack the datasets only")
-    options = parser.parse_args(arguments)
-    return run_command("experiments.gpu.pack", lambda: make(options))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

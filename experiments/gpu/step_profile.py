@@ -24,12 +24,13 @@ from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 from torch.utils.flop_counter import FlopCounterMode
 
-from experiments.benchmarks.training_throughput import configuration
+from experiments.benchmarks.training import configuration
+from experiments.framework.experiment import Findings
 from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.cuda_graphs import captured
-from experiments.gpu.setting import Results, Setting
+from experiments.gpu.setting import GpuSetting, Results
 from experiments.gpu.throughput import NETWORKS, small_or_whole
-from surrogate.data.dataset import Dataset
+from surrogate.data import Dataset
 from surrogate.data.samples import Samples
 from surrogate.device import Precision, convolutions, lay_out
 from surrogate.models.unet_model import UNetModel
@@ -45,7 +46,7 @@ PASSES = 300
 DRAWN_LAYERS = ((128, 20, 8), (256, 10, 4), (512, 5, 2))  # channels and grid of the paper's
 
 
-def step_profile(setting: Setting) -> Results:
+def step_profile(setting: GpuSetting) -> Findings:
     """Profile steps of all networks, eager and as graphs."""
     result: Results = {
         "ceilings": measured_ceilings(setting),
@@ -56,15 +57,15 @@ def step_profile(setting: Setting) -> Results:
         for precision in ("tensorfloat32", "bfloat16"):
             for graphs in (False, True):
                 if setting.seconds_left < 5:
-                    return {**result, "complete": False}
+                    return Findings(numbers={**result, "complete": False})
                 described = {"network": name, "precision": precision, "graphs": graphs}
                 measured = of_network(setting, name, precision, graphs)
                 least = least_times(measured, precision, result["ceilings"])
                 result["steps"].append({**described, **measured, "least_ms": least})
-    return {**result, "complete": True}
+    return Findings(numbers={**result, "complete": True})
 
 
-def measured_ceilings(setting: Setting) -> Results:
+def measured_ceilings(setting: GpuSetting) -> Results:
     """Rates of a large copy, bytes read and written per s, and of large matrix products, FLOP/s."""
     size = 2**20 if setting.small else 2**29
     source = torch.rand(size, device=setting.device)
@@ -91,7 +92,7 @@ def least_times(step: Results, precision: Precision, ceilings: Results) -> Resul
     }
 
 
-def median(setting: Setting, work: Callable[[], object]) -> float:
+def median(setting: GpuSetting, work: Callable[[], object]) -> float:
     """Median time of some work in s, up to the end of its last kernel."""
 
     def whole() -> None:
@@ -101,7 +102,7 @@ def median(setting: Setting, work: Callable[[], object]) -> float:
     return median_seconds(whole, Timing(repeats=1 if setting.small else 5, seconds=1.0))
 
 
-def of_network(setting: Setting, name: str, precision: Precision, graphs: bool) -> Results:
+def of_network(setting: GpuSetting, name: str, precision: Precision, graphs: bool) -> Results:
     """Profile the steps of one network."""
     recipe, case, shape = NETWORKS[name]
     changes = {"precision": precision, "cuda_graphs": graphs, "batch_size": BATCH}
@@ -124,7 +125,7 @@ def of_network(setting: Setting, name: str, precision: Precision, graphs: bool) 
     return {"step_ms": 1e3 * seconds, **least, **by_kind(recorded, steps)}
 
 
-def make_trainer(setting: Setting, config: UNetModel, dataset: Dataset) -> Trainer:
+def make_trainer(setting: GpuSetting, config: UNetModel, dataset: Dataset) -> Trainer:
     """Make a trainer on the device."""
     network = config.build(dataset.geometry, dataset.info)
     lay_out(network, dataset.geometry.dimension, config.training.precision, setting.device)
@@ -174,7 +175,7 @@ def by_kind(recorded: profile, steps: int) -> Results:
     }
 
 
-def drawn_kernels(setting: Setting) -> list[Results]:
+def drawn_kernels(setting: GpuSetting) -> list[Results]:
     """Time 300 passes of one layer, each with its own kernel: grouped convolution, or matrices.
 
     As matrices, the 9 neighbours of every grid point are gathered, and every pass is one product.
@@ -204,7 +205,7 @@ def drawn_kernels(setting: Setting) -> list[Results]:
     return found
 
 
-def graph_seconds(setting: Setting, work: Callable[[], object]) -> float:
+def graph_seconds(setting: GpuSetting, work: Callable[[], object]) -> float:
     """Median time of some work as a CUDA graph, in s."""
     with torch.no_grad():
         return median(setting, captured(work, setting.device))

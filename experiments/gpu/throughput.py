@@ -9,16 +9,17 @@ from typing import Any
 
 import torch
 
-from experiments.benchmarks.training_throughput import (
+from experiments.benchmarks.training import (
     Epoch,
     configuration,
     our_epochs,
     plain_epochs,
     seconds,
 )
-from experiments.gpu.setting import Results, Setting
-from experiments.gpu.trainings import changed
-from surrogate.data.dataset import Dataset
+from experiments.framework.experiment import Findings
+from experiments.gpu.setting import GpuSetting, Results
+from experiments.measures.untrained import changed
+from surrogate.data import Dataset
 from surrogate.models.unet_model import UNetModel
 
 NETWORKS = {  # configuration, dataset, changes of the network
@@ -42,7 +43,7 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 
 
-def throughput(setting: Setting) -> Results:
+def throughput(setting: GpuSetting) -> Findings:
     """Time all networks and batches, compiled ones last; without time, the rest is left out."""
     found: list[Results] = []
     datasets = {case: setting.dataset(case) for _, case, _ in NETWORKS.values()}
@@ -50,17 +51,17 @@ def throughput(setting: Setting) -> Results:
     for name, batch, way in combinations(setting):
         recipe, case, shape = NETWORKS[name]
         if setting.seconds_left < (COMPILING if way == COMPILED else 4):
-            return {"training": found, "complete": False}
+            return Findings(numbers={"training": found, "complete": False})
         changes = {**WAYS[way], "batch_size": batch}
         config = small_or_whole(setting, configuration(recipe, case, changes), shape)
         result = timed(setting, config, datasets[case], way == PLAIN)
         rate = result["samples_per_second"]
         ratio = round(rate / plain.setdefault((name, batch), rate), 3)
         found.append({"network": name, "way": way, **result, "ratio": ratio})
-    return {"training": found, "complete": True}
+    return Findings(numbers={"training": found, "complete": True})
 
 
-def combinations(setting: Setting) -> list[tuple[str, int, str]]:
+def combinations(setting: GpuSetting) -> list[tuple[str, int, str]]:
     """Networks, batches and ways in order; the plain loop is the first of its network and batch."""
     result = [
         (name, batch, way)
@@ -75,13 +76,13 @@ def combinations(setting: Setting) -> list[tuple[str, int, str]]:
     return result
 
 
-def small_or_whole(setting: Setting, config: UNetModel, shape: dict[str, Any]) -> UNetModel:
+def small_or_whole(setting: GpuSetting, config: UNetModel, shape: dict[str, Any]) -> UNetModel:
     """Return a configuration with another shape; of four channels in a rehearsal."""
     training = {} if setting.on_gpu else {"cuda_graphs": False}
     return changed(config, {**shape, **({"channels": 4} if setting.small else {})}, training)
 
 
-def timed(setting: Setting, config: UNetModel, dataset: Dataset, plain: bool) -> Results:
+def timed(setting: GpuSetting, config: UNetModel, dataset: Dataset, plain: bool) -> Results:
     """Time the epochs of one way, after one that warms up."""
     batch = config.training.batch_size
     samples = dataset.train[: 8 if setting.small else SAMPLES[batch]]

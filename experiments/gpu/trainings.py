@@ -7,8 +7,10 @@ from typing import Any
 
 import torch
 
-from experiments.gpu.setting import Results, Setting
-from surrogate.data.dataset import Dataset
+from experiments.framework.experiment import Findings
+from experiments.gpu.setting import GpuSetting
+from experiments.measures.untrained import changed
+from surrogate.data import Dataset
 from surrogate.evaluation.evaluate import Evaluation, evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
@@ -20,17 +22,7 @@ CURVE = 200  # lines of the learning curve in the result
 PASSES = 300
 
 
-def changed(config: UNetModel, network: dict[str, Any], training: dict[str, Any]) -> UNetModel:
-    """Return a configuration with some changed keys."""
-    return config.model_copy(
-        update={
-            "network": config.network.model_copy(update=network),
-            "training": config.training.model_copy(update=training),
-        }
-    )
-
-
-def adapted(config: UNetModel, setting: Setting, **training: Any) -> UNetModel:
+def adapted(config: UNetModel, setting: GpuSetting, **training: Any) -> UNetModel:
     """Return a configuration for the device: with CUDA graphs on a GPU, and small if asked."""
     training |= {"cuda_graphs": setting.on_gpu}
     network: dict[str, Any] = {}
@@ -40,7 +32,7 @@ def adapted(config: UNetModel, setting: Setting, **training: Any) -> UNetModel:
     return changed(config, network, training)
 
 
-def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
+def train_within(setting: GpuSetting, name: str, config: UNetModel) -> Findings:
     """Train for the time of the setting, resuming what an earlier call has begun, and evaluate."""
     dataset = setting.dataset(config.case)
     run = RunFolder(setting.out / "runs" / name)
@@ -58,13 +50,12 @@ def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
     finished = run.model.is_file()
     evaluation = evaluated(run if finished else as_it_is(run, dataset), setting, config.case)
     lines = run.metric_lines()
-    result: Results = {
+    numbers: dict[str, Any] = {
         "config": config.plain(),
         "seed": config.seed,
         "train_samples": len(dataset.train),
         "test_samples": len(dataset.test),
         "data_digest": dataset.manifest.digest,
-        "finished": finished,
         "epochs": lines[-1]["epoch"],
         "training_seconds": lines[-1]["seconds"],
         "peak_memory_bytes": memory,
@@ -72,11 +63,11 @@ def train_within(setting: Setting, name: str, config: UNetModel) -> Results:
         "curve": lines[:: max(1, len(lines) // CURVE)],
     }
     if evaluation.calibration is not None:
-        result["uncertainty"] = evaluation.calibration.plain()
-    return result
+        numbers["uncertainty"] = evaluation.calibration.plain()
+    return Findings(numbers=numbers, finished=finished)
 
 
-def evaluated(run: RunFolder, setting: Setting, case: str) -> Evaluation:
+def evaluated(run: RunFolder, setting: GpuSetting, case: str) -> Evaluation:
     """Evaluate a run on the test split."""
     passes = 5 if setting.small else PASSES
     return evaluate(run.folder, setting.folder_of(case), setting.device.type, passes)

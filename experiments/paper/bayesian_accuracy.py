@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from experiments.components.errors_on_test_split import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table
+from experiments.framework.resources import Resources
+from experiments.measures.errors_on_test_split import (
     BODIES,
     MM,
     accuracy_table,
@@ -10,9 +13,6 @@ from experiments.components.errors_on_test_split import (
     name_of,
     split_errors,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table
 from experiments.paper.published_numbers import PAPER
 from surrogate.probabilistic.calibration import INTERVALS, CalibrationMeasures, measure_calibration
 
@@ -21,10 +21,10 @@ BAYESIAN = tuple(f"{case}-vb" for case in CASES)
 RUNS = tuple(f"{case}-{kind}" for case in CASES for kind in ("vb", "det"))
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure ē, σ(e) and the coverage of intervals of both plane cases."""
     caption = "Errors of the mean of variational Bayes (VB) and of deterministic U-Nets (D)."
-    return StudyResult(
+    return Findings(
         tables=[accuracy_table(resources, RUNS, caption), coverage_table(resources)],
         comparisons=[
             comparison
@@ -75,7 +75,7 @@ def larger_error(resources: Resources, case: str) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="bayesian-accuracy",
     title="Accuracy of Bayesian U-Nets",
     labels=("tab:bayesian_table",),

@@ -1,8 +1,10 @@
 """All studies in the order of the report: the paper's tables, then its figures."""
 
-from experiments.framework.scale import SCALES
-from experiments.framework.studies_report import Report
-from experiments.framework.study import Study
+from pathlib import Path
+
+from experiments.framework.experiment import Experiment
+from experiments.framework.report import Report
+from experiments.framework.resources import Resources
 from experiments.paper import (
     bayesian_accuracy,
     constant_channels,
@@ -22,8 +24,9 @@ from experiments.paper import (
     training_times,
     uncertainty_fields,
 )
+from experiments.paper.published_numbers import PAPER
 
-STUDIES: tuple[Study, ...] = (
+STUDIES: tuple[Experiment[Resources], ...] = (
     datasets.STUDY,
     linear_network.STUDY,
     node_order.STUDY,
@@ -43,4 +46,10 @@ STUDIES: tuple[Study, ...] = (
     force_sweeps.LSHAPE,
     noisy_data.STUDY,
 )
-REPRODUCTION = Report("reproduction", "The paper's tables and figures", STUDIES, SCALES)
+REPRODUCTION = Report(
+    "reproduction",
+    "The paper's tables and figures",
+    STUDIES,
+    Path(__file__).parent / "scales",
+    PAPER.title_of,
+)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from experiments.components.errors_on_test_split import MM, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import MARGIN, Cell, Claim, Table, compare
 from experiments.framework.resources import Resources
 from experiments.framework.scale import Scale
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import MARGIN, Cell, Claim, Table, compare
-from experiments.framework.timing import prediction_seconds
+from experiments.measures.errors_on_test_split import MM, split_errors
+from experiments.measures.latency import prediction_seconds
 from experiments.paper.published_numbers import PAPER, PaperChannels, PaperNetwork
 from surrogate.hardware import hardware
 from surrogate.inference.loading import load
@@ -88,7 +88,7 @@ def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
     return STANDARD if standard.network.multiplier > 1 and as_long else None
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors, times and losses of all runs of the scale."""
     scale = resources.scale
     runs = {scale.unet_of(run).network.channels: run for run in scale.matching((RUNS,))}
@@ -109,7 +109,7 @@ def measure(resources: Resources) -> StudyResult:
     if standard is not None:
         rows += [("standard", "here", *standard.cells())]
         rows += [("standard", "paper", *PAPER_STANDARD.cells())]
-    return StudyResult(
+    return Findings(
         [channels_table(rows, hardware(resources.device))], comparisons, claims_on(found, standard)
     )
 
@@ -198,7 +198,7 @@ def as_good_sooner(best: Network, standard: Network) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="constant-channels",
     title="Number of channels",
     labels=("const_channel",),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.components.dataset_figures import draw_bodies, draw_padding
-from experiments.components.errors_on_test_split import BODIES
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Claim, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.measures.dataset_figures import draw_bodies, draw_padding
+from experiments.measures.errors_on_test_split import BODIES
 from experiments.paper.published_numbers import PAPER
 
 NAMES = {"beam2d": "2D beam", "beam2d_f1": "2D beam#"} | BODIES
@@ -90,7 +90,7 @@ def characteristics(resources: Resources, name: str) -> Characteristics:
     )
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Compare every dataset with the paper's; draw the bodies and the padded grid."""
     rows: list[tuple[Cell, ...]] = []
     claims = []
@@ -108,7 +108,7 @@ def measure(resources: Resources) -> StudyResult:
         )
     head = ("dataset", "", "DOFs (padded)", "force component [N]", "N + M", "failed load cases")
     caption = "Datasets to train on. In brackets: components on the zero-padded grid."
-    return StudyResult(
+    return Findings(
         tables=[Table(caption=caption, head=head, rows=tuple(rows)), table_of_others(resources)],
         claims=claims,
         figures={
@@ -141,7 +141,7 @@ def table_of_others(resources: Resources) -> Table:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="datasets",
     title="Datasets",
     labels=("tab:datasets", "fig: three benchmark examples schematics", "L_padding"),

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from experiments.components.errors_on_test_split import accuracy_table, error_comparisons
+from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
+from experiments.measures.errors_on_test_split import accuracy_table, error_comparisons
 from experiments.paper.published_numbers import PAPER
 
 RUNS = ("beam2d-det", "lshape2d-det", "beam3d-det")
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure ē and σ(e) of all three cases."""
-    return StudyResult(
+    return Findings(
         tables=[accuracy_table(resources, RUNS, "Errors of deterministic U-Nets on test splits.")],
         comparisons=[
             comparison
@@ -24,7 +24,7 @@ def measure(resources: Resources) -> StudyResult:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="deterministic-accuracy",
     title="Accuracy of deterministic U-Nets",
     labels=("tab: det_metrics",),

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.components.errors_on_test_split import MM, name_of, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import MARGIN, Claim, Table, compare
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import MARGIN, Claim, Table, compare
+from experiments.measures.errors_on_test_split import MM, name_of, split_errors
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from surrogate.evaluation.error_metrics import displacement_at_load, sample_errors
@@ -47,7 +47,7 @@ def errors_over_displacement(resources: Resources, runs: Sequence[str]) -> Figur
     return figure
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure slopes, and draw the deterministic cases and the probabilistic ones."""
     runs = (*DETERMINISTIC, *BAYESIAN)
     lines = {run: split_errors(resources, run) for run in runs}
@@ -79,7 +79,7 @@ def measure(resources: Resources) -> StudyResult:
         for run, line in lines.items()
     ]
     caption = "Mean error of every test sample over the displacement at its load: {} U-Nets."
-    return StudyResult(
+    return Findings(
         tables=[table],
         comparisons=comparisons,
         claims=[sensitivity_claim({names[run]: line.slope for run, line in lines.items()})],
@@ -120,7 +120,7 @@ def sensitivity_claim(slopes: dict[str, float]) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="error-against-displacement",
     title="Error against displacement",
     labels=("fig: det_sensitivity", "average_errors_bayesian"),

@@ -11,10 +11,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.components.errors_on_test_split import MM
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table
+from experiments.measures.errors_on_test_split import MM
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.figures.sweep_curves import sweep_curves
 
@@ -24,7 +24,7 @@ CONFIDENT = 2.0  # smallest factor between uncertainty outside and inside
 CAPTURED = 0.95  # smallest share of forces with the error inside the 95 % band
 
 
-def measure(resources: Resources, case: str, with_capture: bool) -> StudyResult:
+def measure(resources: Resources, case: str, with_capture: bool) -> Findings:
     """Compare the Bayesian and the deterministic network of a case with the finite elements.
 
     Parameters
@@ -47,7 +47,7 @@ def measure(resources: Resources, case: str, with_capture: bool) -> StudyResult:
     ]
     if with_capture:
         claims.append(captured_outside(vb))
-    return StudyResult(
+    return Findings(
         tables=[sweep_table(vb, d)],
         claims=claims,
         figures={
@@ -175,9 +175,9 @@ def captured_outside(sweep: ForceSweep) -> Claim:
 
 def make_study(
     name: str, title: str, label: str, question: str, case: str, with_capture: bool
-) -> Study:
+) -> Experiment[Resources]:
     """Make the study of the sweep on the body of a case; for `with_capture` see `measure`."""
-    return Study(
+    return Experiment(
         name=name,
         title=title,
         labels=(label,),

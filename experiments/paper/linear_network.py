@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from experiments.components.errors_on_test_split import BODIES, MM, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Claim, Comparison, Table, compare
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Comparison, Table, compare
+from experiments.measures.errors_on_test_split import BODIES, MM, split_errors
 from experiments.paper.published_numbers import PAPER
 
 LINEAR = "*-linear"
@@ -52,7 +52,7 @@ def measure_network(resources: Resources, run: str) -> Network:
     return Network(parameters / 1e6, MM * errors.mean_error, MM * errors.std_error)
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure every linear network of the scale, and the U-Net on the same samples."""
     rows: list[tuple[Cell, ...]] = []
     claims: list[Claim] = []
@@ -78,7 +78,7 @@ def measure(resources: Resources) -> StudyResult:
         f"well, {PAPER_DOFS}² weights."
     )
     head = ("example", "network", "parameters [M]", "ē [mm]", "σ(e) [mm]")
-    return StudyResult([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
+    return Findings([Table(caption=caption, head=head, rows=tuple(rows))], comparisons, claims)
 
 
 def worse(body: str, linear: Network, unet: Network) -> Claim:
@@ -94,7 +94,7 @@ def worse(body: str, linear: Network, unet: Network) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="linear-network",
     title="U-Net and linear network",
     labels=("CNN_MLP",),

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.components.errors_by_load_distance import ErrorsByLoadDistance
-from experiments.components.errors_on_test_split import MM
-from experiments.components.vertical_force import describe_vertical_force
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table
+from experiments.measures.errors_by_load_distance import ErrorsByLoadDistance
+from experiments.measures.errors_on_test_split import MM
+from experiments.measures.vertical_force import describe_vertical_force
 from shared_schema.common.drawing.figure_style import NETWORK, make_figure, styled
 from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.figures.curve_colours import CURVES
@@ -50,7 +50,7 @@ def errors_over_nodes(
     return figure
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure errors of both networks under each load, and show those at the 2nd and last node."""
     loads = resources.predicted_loads(RUNS[0], LOADS)
     d = ErrorsByLoadDistance(loads)
@@ -58,7 +58,7 @@ def measure(resources: Resources) -> StudyResult:
     load = describe_vertical_force(loads.samples.force[d.order[0]])
     second, farthest = (meshes(loads, d.order[number]) for number in (1, -1))
     share_view(second, farthest)
-    return StudyResult(
+    return Findings(
         tables=[errors_table(d, vb, load)],
         claims=[
             growth_claim(d.mean_error),
@@ -178,7 +178,7 @@ def join_numbers(numbers: Array) -> str:
     return ", ".join(f"{number:.3g}" for number in numbers)
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="loads-away",
     title="Loads away from the training line",
     labels=("fig: training_away",),

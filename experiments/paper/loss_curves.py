@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from experiments.components.errors_on_test_split import name_of
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table
+from experiments.measures.errors_on_test_split import name_of
 from experiments.paper.published_numbers import PAPER
 from surrogate.figures.loss_curves import loss_curves
 
@@ -16,7 +16,7 @@ FALL = 0.1  # largest relative fall of the training loss in the last tenth of th
 RISE = 1.1  # largest ratio of the last validation loss and the smallest
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Draw the losses of both cases, and test convergence and overfitting."""
     rows, curves, losses = [], {}, []
     training: Losses = {}
@@ -30,7 +30,7 @@ def measure(resources: Resources) -> StudyResult:
         if watched:
             validation[name] = watched
         rows.append((name, len(lines), training[name][-1], *last_and_smallest(watched)))
-    result = StudyResult(claims=[convergence_claim(training)])
+    result = Findings(claims=[convergence_claim(training)])
     if validation:
         result.claims.append(overfitting_claim(training, validation))
     head = ("example", "epochs", "training loss, last", "validation loss, last", "smallest")
@@ -81,7 +81,7 @@ def overfitting_claim(training: Losses, validation: Losses) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="loss-curves",
     title="Loss curves",
     labels=("fig: loss",),

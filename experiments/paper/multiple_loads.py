@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.components.error_displacement_correlation import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table, compare
+from experiments.framework.resources import Resources
+from experiments.measures.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from experiments.components.errors_on_test_split import MM, split_errors
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table, compare
+from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
@@ -28,7 +28,7 @@ CLOSELY = 0.05  # largest median relative tip error
 LESS = 0.1  # smallest drop of the rank correlation that counts as another trend
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Draw the example, and measure errors under single and under several loads."""
     loads = resources.predicted_loads(RUN, LOADS)
     geometry, samples, predicted = loads.surrogate.geometry, loads.samples, loads.predicted.mean
@@ -43,7 +43,7 @@ def measure(resources: Resources) -> StudyResult:
     ]
     moved, error = tips[number]
     newtons = ", ".join(f"{size:.2f}" for size in load_norms(force, geometry.coordinates))
-    return StudyResult(
+    return Findings(
         tables=[error_table(resources, loads)],
         comparisons=[
             compare(
@@ -153,7 +153,7 @@ def pattern_claim(single: float, several: float) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="multiple-loads",
     title="Several loads at once",
     labels=("fig: multiple_force",),

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from experiments.components.errors_on_test_split import MM, split_errors
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table, compare
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table, compare
+from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER, PaperErrors
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.grid import Grid
@@ -25,7 +25,7 @@ SEVERAL = 3.0  # smallest ratio that counts as several times
 IntArray = NDArray[np.int64]
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Measure ē and σ(e) of all three orders, and draw them."""
     errors = {order: split_errors(resources, run) for order, run in RUNS.items()}
     means = {order: MM * e.mean_error for order, e in errors.items()}
@@ -40,7 +40,7 @@ def measure(resources: Resources) -> StudyResult:
                 compare(f"{order} order: σ(e)", "mm", std, paper.std_error_mm),
             ]
     geometries = {order: resources.dataset_of(run).geometry for order, run in RUNS.items()}
-    return StudyResult(
+    return Findings(
         tables=[
             Table(
                 caption="Errors of the 3D beam by the order of the nodes on the grid.",
@@ -123,7 +123,7 @@ def draw_numbers(geometries: dict[str, Geometry]) -> Figure:
     return figure
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="node-order",
     title="Order of the nodes",
     labels=("order_table", "node_order"),

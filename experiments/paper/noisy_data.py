@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.components.errors_on_test_split import BODIES, MM
-from experiments.components.noisy_data_sweeps import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table, join_named
+from experiments.framework.resources import Resources
+from experiments.measures.errors_on_test_split import BODIES, MM
+from experiments.measures.noisy_data_sweeps import (
     END,
     draw_uncertainties,
     noise_ratio,
     predict_sweep,
     without_noise,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table, join_named
 from experiments.paper.force_sweeps import GROWTH
 from surrogate.evaluation.force_sweep import ForceSweep
 
@@ -26,11 +26,11 @@ CAPTURED = 2.0  # factor within which the noise is captured
 RELIABLE = 0.5  # share of errors inside the 95 % band below which σ is not reliable
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Compare the uncertainties of both kinds of networks with noise and errors, on both bodies."""
     mle, vb = (predicted_by(resources, kind) for kind in ("mle", "vb"))
     noise_free = [predict_sweep(resources, run, SWEEPS[body]) for body, run in NOISE_FREE.items()]
-    return StudyResult(
+    return Findings(
         tables=[noise_table(mle | vb)],
         claims=[
             captured("Maximum likelihood", mle),
@@ -127,7 +127,7 @@ def noise_table(sweeps: dict[str, ForceSweep]) -> Table:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="noisy-data",
     title="Networks trained on noisy data",
     labels=("fig: MLEvsBayes",),

@@ -6,13 +6,19 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.components.bayesian_prediction_times import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Comparison, compare
+from experiments.framework.resources import Resources
+from experiments.framework.timing import alternating_seconds
+from experiments.measures.bayesian_prediction_times import (
     PassTimes,
     pass_comparisons,
     pass_table,
 )
-from experiments.components.errors_on_test_split import BODIES
-from experiments.components.speed_up import (
+from experiments.measures.errors_on_test_split import BODIES
+from experiments.measures.latency import prediction, prediction_seconds
+from experiments.measures.solutions import Solutions, read_solutions
+from experiments.measures.speed_up import (
     CPU,
     PAPER_TIMES,
     Times,
@@ -20,23 +26,13 @@ from experiments.components.speed_up import (
     real_time,
     times_table,
 )
-from experiments.components.times_by_load import (
+from experiments.measures.times_by_load import (
     Ends,
     TimesByLoad,
     load_table,
     predicting_does_not,
     solving_ends,
     solving_grows,
-)
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Comparison, compare
-from experiments.framework.timing import (
-    Solutions,
-    alternating_seconds,
-    prediction,
-    prediction_seconds,
-    read_solutions,
 )
 from experiments.paper.published_numbers import PAPER
 from surrogate.hardware import hardware
@@ -47,7 +43,7 @@ DETERMINISTIC = {case: f"{case}-det" for case in BODIES}
 BAYESIAN = {case: f"{case}-vb" for case in ("beam2d", "lshape2d")}
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Time predictions, and take the solver's times from the datasets."""
     solutions = {
         case: read_solutions(resources.nodal_folder(resources.scale.runs[run].data))
@@ -69,7 +65,7 @@ def measure(resources: Resources) -> StudyResult:
             claims.append(real_time(name, found.network["GPU"], paper.network["GPU"]))
     if resources.scale.passes == PAPER.bayesian_prediction.passes:
         comparisons += pass_comparisons(passes)
-    return StudyResult(
+    return Findings(
         tables=[
             times_table(here),
             load_table(by_load),
@@ -128,7 +124,7 @@ def network_ms(
     return MS * prediction_seconds(surrogate, force, scale.passes, scale.timing, drawn_anew)
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="prediction-times",
     title="Time of a prediction",
     labels=("Tab: prediction_times",),

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.components.error_displacement_correlation import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table, compare
+from experiments.framework.resources import Resources
+from experiments.measures.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from experiments.components.errors_on_test_split import BODIES, MM
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table, compare
+from experiments.measures.errors_on_test_split import BODIES, MM
 from experiments.paper.published_numbers import PAPER, PaperExample
 from surrogate.data.geometry import Geometry
 from surrogate.evaluation.shown_sample import find_example, tip_measures
@@ -84,9 +84,9 @@ def sample_of(resources: Resources, example: Example) -> tuple[Array, Array, Arr
     return test.force[number], predicted[number], test.displacement[number]
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Draw each example, and measure the error of its tip displacement."""
-    result, rows = StudyResult(), []
+    result, rows = Findings(), []
     for name, example in EXAMPLES.items():
         geometry = resources.dataset_of(example.run).geometry
         force, predicted, reference = sample_of(resources, example)
@@ -145,7 +145,7 @@ def pattern_claim(follows: dict[str, Array]) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="single-predictions",
     title="Single predictions of deterministic U-Nets",
     labels=("2d_beam_test", "2d_L_test", "fig: 3d_test"),

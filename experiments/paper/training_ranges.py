@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.components.errors_on_test_split import MM
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Claim, Table
+from experiments.measures.errors_on_test_split import MM
 from shared_schema.common.drawing.figure_style import NETWORK, legend_below, make_figure, styled
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
@@ -20,12 +20,12 @@ FORCES = tuple(range(1, 9))  # rows of the table, in N
 MOST = 0.9  # smallest share of the forces that counts as nearly all
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Compare the standard deviations of both networks along the sweep."""
     larger, smaller = (
         force_sweep(resources.predicted_loads(run, SWEEP)) for run in (LARGER, SMALLER)
     )
-    return StudyResult(
+    return Findings(
         tables=[ratio_table(larger, smaller)],
         claims=[more_uncertain(larger, smaller)],
         figures={
@@ -89,7 +89,7 @@ def draw_bands(larger: ForceSweep, smaller: ForceSweep) -> Figure:
     return figure
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="training-ranges",
     title="Uncertainty by the range of forces in training",
     labels=("overlap_intervals",),

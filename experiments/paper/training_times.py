@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from experiments.components.errors_on_test_split import BODIES, name_of
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import Cell, Claim, Table, compare, format_cell
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
-from experiments.framework.study_record import Cell, Claim, Table, compare, format_cell
+from experiments.measures.errors_on_test_split import BODIES, name_of
 from experiments.paper.published_numbers import PAPER
 from surrogate.probabilistic.likelihoods import Likelihood
 
@@ -33,10 +33,10 @@ def papers_duration(case: str, likelihood: Likelihood) -> Duration:
     return Duration(paper.epochs, paper.training_minutes)
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Compare the minutes with the paper's; the sizes of the networks are in the table only."""
     rows: list[tuple[Cell, ...]] = []
-    result, durations = StudyResult(), {}
+    result, durations = Findings(), {}
     for run in RUNS:
         name, case = name_of(resources, run), resources.case_of(run)
         record, config = resources.run_record(run), resources.scale.config_of(run)
@@ -110,7 +110,7 @@ def space_is_longer(durations: dict[str, Duration]) -> Claim:
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="training-times",
     title="Time of training",
     labels=("Tab: training_times",),

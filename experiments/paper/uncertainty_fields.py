@@ -8,16 +8,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.components.error_uncertainty_correlation import (
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.resources import Resources
+from experiments.measures.error_uncertainty_correlation import (
     FieldMeasures,
     close,
     correlated,
     fields_table,
     measure_fields,
 )
-from experiments.components.vertical_force import describe_vertical_force
-from experiments.framework.resources import Resources
-from experiments.framework.study import Study, StudyResult
+from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.multiple_loads import LOADS, find_papers_example
 from experiments.paper.published_numbers import PAPER
 from surrogate.data.geometry import Geometry
@@ -42,7 +42,7 @@ class Example:
     std: Array
 
 
-def measure(resources: Resources) -> StudyResult:
+def measure(resources: Resources) -> Findings:
     """Compare error and uncertainty of three examples."""
     geometry = resources.surrogate(RUN).geometry
     free = ~geometry.clamped
@@ -52,7 +52,7 @@ def measure(resources: Resources) -> StudyResult:
         example.what: measure_fields(example.mean[free], example.std[free], example.reference[free])
         for example in (*shown.values(), opposite)
     }
-    return StudyResult(
+    return Findings(
         tables=[fields_table(measured)],
         claims=[
             *(correlated(example.what, measured[example.what]) for example in shown.values()),
@@ -126,7 +126,7 @@ def figure_of(geometry: Geometry, example: Example, measures: FieldMeasures) -> 
     )
 
 
-STUDY = Study(
+STUDY = Experiment(
     name="uncertainty-fields",
     title="Error and uncertainty fields of the 2D beam",
     labels=(

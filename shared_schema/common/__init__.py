@@ -1,1 +1,45 @@
-"""Code of both programs beside the contract: errors, configuration, command line, loads, files."""
+"""Code of both programs beside the contract: errors, configuration, command line, files, loads.
+
+Figures are in `shared_schema.common.drawing`, which needs matplotlib.
+"""
+
+from shared_schema.common.atomic_file import complete_or_absent, require_writable, write_text
+from shared_schema.common.changed_keys import changed, source_of
+from shared_schema.common.command_line import (
+    Commands,
+    Parser,
+    add_command,
+    add_set,
+    make_parser,
+    run_command,
+)
+from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.memory import largest_resident
+from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.common.processor import processor
+from shared_schema.common.progress import Progress
+
+__all__ = [
+    "Commands",
+    "Frozen",
+    "InputError",
+    "Parser",
+    "Progress",
+    "WorkError",
+    "add_command",
+    "add_set",
+    "changed",
+    "complete_or_absent",
+    "largest_resident",
+    "make_parser",
+    "processor",
+    "read_named",
+    "read_yaml",
+    "require_writable",
+    "run_command",
+    "scatter_forces",
+    "source_of",
+    "validate",
+    "write_text",
+]

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-import json
-from types import ModuleType
+from pathlib import Path
 
 import pytest
 import torch
 
-from experiments.benchmarks import (
-    load_series,
-    prediction_latency,
-    trained_latency,
-    training_throughput,
-)
-from experiments.benchmarks.publication import machine, page_path, result_path
-from surrogate.data.dataset import Dataset
+from experiments import benchmarks
+from experiments.__main__ import main
+from experiments.benchmark_commands import PROGRAMS, find_benchmark
+from experiments.benchmarks import benchmark, training
+from experiments.benchmarks.benchmark import page_path, stored_record
+from shared_schema.common import InputError
+from surrogate.data import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNetConfig
 
 
 def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two batches an epoch, three rounds, of a network of four channels."""
-    configuration = training_throughput.configuration
+    configuration = training.configuration
 
     def small(*arguments: object) -> UNetModel:
         network = UNetConfig(levels=2, channels=4)
         return configuration(*arguments).model_copy(update={"network": network})  # type: ignore[arg-type]
 
-    monkeypatch.setattr(training_throughput, "configuration", small)
-    (result,) = training_throughput.compare(
+    monkeypatch.setattr(training, "configuration", small)
+    (result,) = training.compare(
         "paper", "beam2d-det-paper", dataset, torch.device("cpu"), batches=2, rounds=3
     )
     assert len(result["rounds_s"]) == 3
@@ -37,12 +35,8 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     # 8 samples in the median time, which is rounded to 0.1 ms
     assert result["plain_samples_per_second"] == pytest.approx(8 / plain, rel=0.05)
     assert result["samples_per_second"] == pytest.approx(8 / ours, rel=0.05)
-    described = machine(lambda: {"torch": "2.13"})
-    described["load_averages"] *= 2
-    page = training_throughput.table(
+    page = training.page(
         {
-            "command": "a",
-            "machine": described,
             "case": "beam2d",
             "batch": 4,
             "batches": 2,
@@ -52,19 +46,76 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     )
     assert "| paper, c = 4 | 0.01 M | float32 | 30 |" in page
     assert "| **1.50** |" in page
-    assert "PyTorch 2.13. Made by" in page
 
 
 @pytest.mark.parametrize(
-    ("name", "benchmark"),
+    "name",
     [
-        ("load-series", load_series),
-        ("training", training_throughput),
-        ("prediction", prediction_latency),
-        ("trained", trained_latency),
+        "alarms-lshape2d",
+        "certificates-beam2d_any",
+        "certificates-beam3d_any",
+        "further-training-beam3d_coarse-reduced",
+        "further-training-lshape2d_any-modal-gp",
+        "further-training-lshape2d_any-reduced",
+        "load-series",
+        "page",
+        "prediction",
+        "trained",
+        "training",
     ],
 )
-def test_pages_are_made_from_the_results(name: str, benchmark: ModuleType) -> None:
-    results = json.loads(result_path(name).read_text())
-    assert page_path(name).read_text() == benchmark.table(results)
-    assert f"python -m {benchmark.__name__}" in results["command"]
+def test_pages_are_made_from_the_records(name: str) -> None:
+    (of,) = [found for found in PROGRAMS if name == found or name.startswith(f"{found}-")]
+    benchmark, record = find_benchmark(of), stored_record(name)
+    page = page_path(name).read_text()
+    assert page == benchmark.page_of(record)
+    assert "PyTorch 2.13.0+cpu. Made by" in page
+    assert f"python -m experiments benchmark {of}" in record.command
+
+
+def test_programs_are_those_of_the_files() -> None:
+    files = {path.stem.replace("_", "-") for path in Path(benchmarks.__path__[0]).glob("*.py")}
+    no_benchmarks = {"--init--", "benchmark", "corrected-loads", "page-pictures", "tutorial"}
+    assert set(PROGRAMS) == files - no_benchmarks
+
+
+def test_a_benchmark_is_recorded_and_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its record holds options, machine, versions, command and digest; the page is made from it."""
+    monkeypatch.setattr(benchmark, "DOCS", tmp_path)
+    monkeypatch.setattr(benchmark, "RESULTS", tmp_path / "results")
+    made_up = benchmark.Benchmark(
+        name="made-up",
+        title="Made up for `{case}`",
+        measure=lambda options: {"case": "beam2d", "twice": 2 * options.count},
+        page=lambda numbers: f"Twice: {numbers['twice']}.\n",
+        arguments=lambda parser: parser.add_argument("--count", type=int, default=1),
+        variant=lambda options: f"of-{options.count}",
+    )
+    path = made_up.run(["--count", "3"], "python -m experiments benchmark made-up")
+    assert path == tmp_path / "benchmarks" / "made-up-of-3.md"
+    assert path.read_text().startswith("# Made up for `beam2d`\n\nTwice: 6.\n\n")
+    record = stored_record("made-up-of-3")
+    assert record.configuration == {"count": 3}
+    assert record.command == "python -m experiments benchmark made-up --count 3"
+    assert len(record.machine["load_averages"]) == 2
+    assert record.software["torch"] == torch.__version__
+    file = tmp_path / "results" / "benchmark-made-up-of-3.json"
+    file.write_text(file.read_text().replace('"twice": 6', '"twice": 7'))
+    with pytest.raises(InputError, match="damaged"):
+        stored_record("made-up-of-3")
+
+
+def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["benchmark", "nothing"]) == 2
+    assert "benchmark 'nothing': expected one of alarms, certificates" in capsys.readouterr().err
+
+
+def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    lines = [line.split("\t") for line in capsys.readouterr().out.splitlines()]
+    counts = {command: sum(line[0] == command for line in lines) for command, _, _ in lines}
+    assert counts == {"reproduce": 18, "beyond": 8, "benchmark": 15, "gpu": 15}
+    assert ["benchmark", "two-nodes"] in [line[:2] for line in lines]
+    assert all(line[2] for line in lines)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import argparse
 import math
 import tarfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,15 +14,19 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.gpu import __main__ as command
+from experiments import gpu_commands
+from experiments.__main__ import main
+from experiments.framework.experiment import Findings
+from experiments.framework.record import Record, read_record, write_record
+from experiments.framework.runner import run
 from experiments.gpu import archive
 from experiments.gpu.carried_dataset import pack, rounded_differences, summed, unpack
-from experiments.gpu.fast_recipes import fast_recipe
-from experiments.gpu.pack import main as pack_command
-from experiments.gpu.setting import Results, Setting
+from experiments.gpu.catalogue import STEPS, Step
+from experiments.gpu.recipes import fast_recipe
+from experiments.gpu.setting import GpuSetting
 from experiments.gpu.step_profile import by_kind
-from experiments.gpu.steps import STEPS, Step, run_steps
 from shared_schema.checker import check_dataset
+from shared_schema.common import make_parser
 from surrogate.data import read_dataset
 
 CPU = torch.device("cpu")
@@ -36,17 +39,19 @@ def datasets(make_dataset: Callable[..., Path], tmp_path_factory: pytest.TempPat
     for case, dimension in {"beam2d": 2, "lshape2d": 2, "beam3d": 3}.items():
         make_dataset(folder / "data" / case, dimension, name=case)
     packing = [str(folder / "packed"), "--data", str(folder / "data"), "--no-wheels"]
-    assert pack_command(packing) == 0
+    assert main(["gpu", "pack", *packing]) == 0
     return folder / "packed" / "data"
 
 
 @pytest.fixture
-def setting(datasets: Path, tmp_path: Path) -> Setting:
-    return Setting(tmp_path, datasets, CPU, True, time.monotonic() + 1000)
+def setting(datasets: Path, tmp_path: Path) -> GpuSetting:
+    return GpuSetting(tmp_path, datasets, CPU, True, time.monotonic() + 1000)
 
 
-def result_of(out: Path, name: str) -> Results:
-    return dict(json.loads((out / f"{name}.json").read_text()))
+def record_of(out: Path, name: str) -> Record:
+    record = read_record(out / f"{name}.json")
+    assert record is not None
+    return record
 
 
 def test_differences_by_hand() -> None:
@@ -82,86 +87,104 @@ def test_steps_take_less_than_half_an_hour() -> None:
     assert len({step.name for step in STEPS}) == len(STEPS)
 
 
-def test_what_is_done_is_not_done_again(setting: Setting) -> None:
+def test_what_is_done_is_not_done_again(setting: GpuSetting) -> None:
     """A step that fails leaves its traceback; one that is not finished goes on in the next call."""
     calls: list[str] = []
 
-    def step(name: str, *outcomes: Results) -> Step:
+    def step(name: str, *outcomes: Findings) -> Step:
         following = iter(outcomes)
 
-        def work(_: Setting) -> Results:
+        def work(_: GpuSetting) -> Findings:
             calls.append(name)
             return next(following)
 
-        return Step(name, 100, work)
+        return Step(name, name, "", work, seconds=100)
 
-    steps = [step("a", {"x": 1}), step("b"), step("c", {"finished": False}, {"x": 3})]
+    first, second = Findings(numbers={"x": 1}, finished=False), Findings(numbers={"x": 3})
+    steps = [step("a", Findings(numbers={"x": 1})), step("b"), step("c", first, second)]
     following: list[str] = []
 
     def after_error(rest: Sequence[Step]) -> None:
         following.extend(step.name for step in rest)
 
-    assert run_steps(setting, steps, False, None, after_error) == ["c"]
-    assert following == ["c"]
-    assert "StopIteration" in result_of(setting.out, "b")["error"]
-    assert run_steps(setting, steps, False, None) == []
+    outcome = run(steps, setting, setting.out, after_error=after_error)
+    assert (outcome.unfinished, outcome.failed, following) == (["c"], ["b"], ["c"])
+    assert "StopIteration" in record_of(setting.out, "b").error
+    assert run(steps, setting, setting.out, after_error=after_error).unfinished == []
     assert calls == ["a", "b", "c", "c"]
-    assert result_of(setting.out, "c")["x"] == 3
-    described = result_of(setting.out, "a")
-    assert described["finished"]
-    assert described["machine"]["torch"] == torch.__version__
+    assert record_of(setting.out, "c").findings.numbers == {"x": 3}
+    described = record_of(setting.out, "a")
+    assert described.finished
+    assert described.software["torch"] == torch.__version__
+    assert described.configuration == {"small": True}
+
+
+def test_without_a_function_for_errors_one_ends_the_run(setting: GpuSetting) -> None:
+    def fail(_: GpuSetting) -> Findings:
+        raise ValueError("no")
+
+    with pytest.raises(ValueError, match="no"):
+        run([Step("a", "a", "", fail)], setting, setting.out)
+    assert not (setting.out / "a.json").exists()
 
 
 def test_after_an_error_on_a_gpu_a_new_process_goes_on(
-    setting: Setting, monkeypatch: pytest.MonkeyPatch
+    setting: GpuSetting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[list[str]] = []
     monkeypatch.setattr("os.execv", lambda _, words: started.append(words))
-    call = [str(setting.out), "--data", "d", "--total", "100", "--small"]
+    call = ["gpu", "run", str(setting.out), "--data", "d", "--total", "100", "--small"]
+    rest = [Step("c", "c", "", lambda _: Findings())]
     for device, again in (("cpu", []), ("cuda", []), ("cuda", ["--step", "b", "--step", "c"])):
-        options = command.parser().parse_args([*call, "--device", device, *again])
-        given = replace(setting, device=torch.device(device), deadline=time.monotonic() + 60)
-        command.start_afresh(options, given, [])
-        command.start_afresh(options, given, [Step("c", 1, lambda _: {})])
+        options = parsed([*call, "--device", device, *again])
+        given = setting.until(time.monotonic() + 60)
+        given.device = torch.device(device)
+        gpu_commands.start_afresh(options, given, [])
+        gpu_commands.start_afresh(options, given, rest)
     assert len(started) == 2
-    later = [command.parser().parse_args(words[3:]) for words in started]
-    assert all(words[1:3] == ["-m", "experiments.gpu"] for words in started)
+    assert all(words[1:3] == ["-m", "experiments"] for words in started)
+    later = [parsed(words[3:]) for words in started]
     assert [options.total for options in later] == pytest.approx([60, 60], abs=1)
     assert [options.step for options in later] == [None, ["c"]]
     assert all(options.small and options.device == "cuda" for options in later)
 
 
-def test_a_step_gets_what_is_left_of_its_time(setting: Setting) -> None:
+def parsed(arguments: list[str]) -> argparse.Namespace:
+    parser, commands = make_parser("experiments", "", "0")
+    gpu_commands.add_to(commands)
+    return parser.parse_args(arguments)
+
+
+def test_a_step_gets_what_is_left_of_its_time(setting: GpuSetting) -> None:
     """Of 100 s in all, the call has 50; a step that has spent its time is finished as it is."""
     left: list[float] = []
 
-    def work(given: Setting) -> Results:
+    def work(given: GpuSetting) -> Findings:
         left.append(given.seconds_left)
-        return {"finished": False}
+        return Findings(finished=False)
 
-    step = Step("a", 100, work)
-    short = replace(setting, deadline=time.monotonic() + 50)
-    assert run_steps(short, [step], False, None) == ["a"]
-    path = setting.out / "a.json"
-    path.write_text(json.dumps(result_of(setting.out, "a") | {"seconds": 95.0}))
-    assert run_steps(setting, [step], False, None) == []
+    step = Step("a", "a", "", work, seconds=100)
+    short = setting.until(time.monotonic() + 50)
+    assert run([step], short, setting.out).unfinished == ["a"]
+    spent = record_of(setting.out, "a").model_copy(update={"seconds": 95.0})
+    write_record(spent, setting.out / "a.json")
+    assert run([step], setting, setting.out).unfinished == []
     assert left == pytest.approx([50, 5], abs=0.5)
-    late = replace(setting, deadline=time.monotonic() + 10)
-    assert run_steps(late, [Step("b", 100, work)], False, None) == ["b"]
+    late = setting.until(time.monotonic() + 10)
+    assert run([Step("b", "b", "", work)], late, setting.out).unfinished == ["b"]
     assert not (setting.out / "b.json").exists()
 
 
-def test_a_training_goes_on_where_the_call_before_stopped(setting: Setting) -> None:
+def test_a_training_goes_on_where_the_call_before_stopped(setting: GpuSetting) -> None:
     """Without time, one of the two epochs is trained and its network evaluated."""
     work = fast_recipe("lshape2d-det-fast")
-    now = replace(setting, deadline=time.monotonic())
-    first, second = work(now), work(setting)
-    assert [first["epochs"], first["finished"]] == [1, False]
-    assert [second["epochs"], second["finished"]] == [2, True]
-    assert first["test"]["mean_error"] > 0
-    assert second["curve"][0] == first["curve"][0]
-    whole = work(replace(setting, out=setting.out / "whole"))
-    assert whole["test"] == second["test"]
+    first, second = work(setting.until(time.monotonic())), work(setting)
+    assert [first.numbers["epochs"], first.finished] == [1, False]
+    assert [second.numbers["epochs"], second.finished] == [2, True]
+    assert first.numbers["test"]["mean_error"] > 0
+    assert second.numbers["curve"][0] == first.numbers["curve"][0]
+    elsewhere = GpuSetting(setting.out / "whole", setting.data, CPU, True, setting.deadline)
+    assert work(elsewhere).numbers["test"] == second.numbers["test"]
 
 
 def test_kinds_of_events_of_a_profile() -> None:
@@ -193,7 +216,7 @@ def test_kinds_of_events_of_a_profile() -> None:
 
 
 def test_archive_has_results_and_parts_of_weights(
-    setting: Setting, monkeypatch: pytest.MonkeyPatch
+    setting: GpuSetting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = setting.out / "runs" / "a"
     run.mkdir(parents=True)
@@ -213,7 +236,7 @@ def test_archive_has_results_and_parts_of_weights(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--step", "nothing"], "--step 'nothing': expected one of gpu-tests"),
+        (["--step", "nothing"], "'nothing': expected one of gpu-tests"),
         (["--total", "0"], "--total 0.0: expected more than 0"),
         (["--data", "nowhere"], "--data 'nowhere': no dataset of 'beam2d' in it"),
     ],
@@ -222,7 +245,7 @@ def test_wrong_options(
     arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert command.main([str(out), "--device", "cpu", *arguments]) == 2
+    assert main(["gpu", "run", str(out), "--device", "cpu", *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
 
@@ -233,12 +256,12 @@ def test_rehearsal_on_the_cpu(
 ) -> None:
     """All steps run with small networks; a second call has nothing to do."""
     options = ["--device", "cpu", "--small", "--seconds", "500"]
-    call = [str(tmp_path), "--data", str(datasets), *options]
-    assert command.main(call) == 0
+    call = ["gpu", "run", str(tmp_path), "--data", str(datasets), *options]
+    assert main(call) == 0
     assert "all steps are done" in capsys.readouterr().out
-    results = {step.name: result_of(tmp_path, step.name) for step in STEPS}
-    assert all(result["finished"] for result in results.values())
-    assert not any("error" in result for result in results.values())
+    records = {step.name: record_of(tmp_path, step.name) for step in STEPS}
+    assert all(record.finished and not record.error for record in records.values())
+    results = {name: record.findings.numbers for name, record in records.items()}
     assert all(results[name]["complete"] for name in ("latency", "throughput", "profile"))
     assert results["gpu-tests"]["failed"] == []
     cases = [found["case"] for found in results["latency"]["latencies"]]
@@ -260,5 +283,5 @@ def test_rehearsal_on_the_cpu(
         if name.startswith(("fast", "paper", "beam3d")):
             assert math.isfinite(result["test"]["mean_error"])
             assert result["epochs"] == 2
-    assert command.main(call) == 0
-    assert "latency: done" in capsys.readouterr().err
+    assert main(call) == 0
+    assert "latency (2 of 15): up to date" in capsys.readouterr().err

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from experiments.beyond.catalogue import BEYOND
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.framework.scale import Scale, merged, read_scale
-from experiments.framework.study import StudyResult
 from tests.experiments.paper.made_up import SAMPLES, made_up_resources, results
 
 
@@ -39,6 +39,6 @@ def resources(
 
 
 @pytest.fixture(scope="session")
-def result_of(resources: Resources) -> Callable[[str], StudyResult]:
+def result_of(resources: Resources) -> Callable[[str], Findings]:
     """Results of the studies by name, each measured once."""
     return results(resources)

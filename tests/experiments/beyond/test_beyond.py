@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,24 +12,26 @@ import torch
 from experiments.beyond import force_sizes
 from experiments.beyond.catalogue import BEYOND
 from experiments.beyond.networks import KINDS, kind_of, runs_by_body
+from experiments.catalogue import find_studies
+from experiments.framework.report import PAGE, write_current
 from experiments.framework.resources import Resources
-from experiments.framework.run_report import find_report, find_studies, reproduce
+from experiments.framework.runner import run
 from experiments.framework.scale import Scale, read_scale
-from experiments.framework.studies_report import PAGE
-from experiments.framework.study_record import Claim
 from shared_schema.common.errors import InputError
 from surrogate.runs.recipes import read_recipe
 
+ROOT = Path(__file__).parents[3]
 
-@pytest.mark.parametrize("name", ["smoke", "plane", "space", "laptop", "day"])
-def test_runs_of_the_shipped_scales(name: str) -> None:
+
+@pytest.mark.parametrize("scale_name", ["smoke", "plane", "space", "laptop", "day"])
+def test_runs_of_the_shipped_scales(scale_name: str) -> None:
     """Every run has a configuration and a kind, and is needed by a study."""
-    scale = read_scale(name, BEYOND.scales)
-    used = {run for study in BEYOND.studies for run in scale.matching(study.runs)}
+    scale = read_scale(scale_name, BEYOND.scales)
+    used = {name for study in BEYOND.studies for name in scale.matching(study.runs)}
     assert used == set(scale.runs)
-    for run in scale.runs:
-        assert scale.config_of(run).case == scale.case_of(scale.runs[run].data)
-        assert kind_of(run) in KINDS.values()
+    for name in scale.runs:
+        assert scale.config_of(name).case == scale.case_of(scale.runs[name].data)
+        assert kind_of(name) in KINDS.values()
 
 
 def test_series_of_a_day() -> None:
@@ -82,34 +85,46 @@ def test_bodies_without_a_network_are_left_out(resources: Resources) -> None:
 
 
 def test_studies_of_two_reports_are_refused() -> None:
-    assert find_report(["places"]) is BEYOND
-    assert [study.name for study in find_studies(["places", "coverage"])] == ["places", "coverage"]
+    report, studies = find_studies(["places", "coverage"])
+    assert report is BEYOND
+    assert [study.name for study in studies] == ["places", "coverage"]
     with pytest.raises(InputError, match="study 'datasets': expected one of the report of 'place"):
         find_studies(["places", "datasets"])
 
 
-@pytest.mark.parametrize(("holds", "verdict"), [(True, "holds"), (False, "fails")])
-def test_verdicts_beyond_the_paper(holds: bool, verdict: str) -> None:
-    claim = Claim(what="It holds.", holds=holds, evidence="1 < 2", of_paper=False)
-    assert claim.verdict == verdict
+@pytest.mark.parametrize("scale", ["plane", "space"])
+def test_the_committed_report_is_that_of_the_committed_records(scale: str, tmp_path: Path) -> None:
+    """Without data at hand, all records count as current; statements have no verdicts."""
+    committed, out, none = ROOT / "docs" / "beyond" / scale, tmp_path / scale, tmp_path / "none"
+    shutil.copytree(committed, out)
+    (out / PAGE).unlink()
+    resources = Resources(read_scale(scale, BEYOND.scales), none, none, torch.device("cpu"))
+    write_current(BEYOND, resources, out)
+    assert (out / PAGE).read_text() == (committed / PAGE).read_text()
 
 
+@pytest.mark.studies
 def test_the_whole_report(resources: Resources, tmp_path: Path) -> None:
     """Records hold configuration, seed and digests; the page has every study and figure."""
     count = len(BEYOND.studies)
-    assert reproduce(BEYOND.studies, resources, tmp_path, of=BEYOND) == count
-    assert reproduce(BEYOND.studies, resources, tmp_path, of=BEYOND) == 0
+    assert run(BEYOND.studies, resources, tmp_path).done == count
+    assert run(BEYOND.studies, resources, tmp_path).done == 0
+    write_current(BEYOND, resources, tmp_path)
     page = (tmp_path / PAGE).read_text()
     assert page.startswith("# Beyond the paper, at scale `made-up`")
     assert "In the paper" not in page
     assert "not done" not in page
+    assert "verdict" not in page
     for study in BEYOND.studies:
         record = json.loads((tmp_path / f"{study.name}.json").read_text())
         assert record["findings"]["tables"], study.name
-        for run in record["runs"].values():
-            assert read_recipe(run["config"])
-            assert run["seed"] == 0
-            assert len(run["fingerprint"]) == 64
+        assert len(record["digest"]) == len(record["inputs"]) == 64
+        assert record["software"]["torch"] == torch.__version__
+        assert record["configuration"] == {"scale": "made-up", "passes": resources.scale.passes}
+        for network in record["runs"].values():
+            assert read_recipe(network["config"])
+            assert network["seed"] == 0
+            assert len(network["fingerprint"]) == 64
         for figure in record["findings"]["captions"]:
             assert f"({figure})" in page
 
@@ -117,7 +132,7 @@ def test_the_whole_report(resources: Resources, tmp_path: Path) -> None:
 def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> None:
     empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
     with pytest.raises(InputError, match="none/beam2d_many-60/nodal"):
-        reproduce(BEYOND.studies, empty, tmp_path / "out", of=BEYOND)
+        run(BEYOND.studies, empty, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -126,7 +141,8 @@ def test_a_scale_without_the_datasets_of_a_study(resources: Resources, tmp_path:
     kept = {k: v for k, v in resources.scale.datasets.items() if not k.endswith("_sweep")}
     scale = resources.scale.model_copy(update={"datasets": kept})
     without = Resources(scale, resources.data, resources.runs, torch.device("cpu"))
-    reproduce([force_sizes.STUDY], without, tmp_path, of=BEYOND)
+    run([force_sizes.STUDY], without, tmp_path)
+    write_current(BEYOND, without, tmp_path)
     page = (tmp_path / PAGE).read_text()
     section = page.partition(f"## {force_sizes.STUDY.title}")[2].partition("\n## ")[0]
     assert "This scale has no dataset for it." in section

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.beyond.alarms import (
+from experiments.beyond.certificates import STUDY
+from experiments.framework.experiment import Findings
+from experiments.framework.resources import Resources
+from experiments.measures.alarms import (
     FOUR_TIMES,
     MATERIAL,
     PLACE,
@@ -22,17 +25,13 @@ from experiments.beyond.alarms import (
     true_errors,
     unusual_loads,
 )
-from experiments.beyond.certificates import STUDY
-from experiments.beyond.certified_samples import alarm_claims, fast_claims, within
-from experiments.components.newton_starts import (
+from experiments.measures.certificates import within
+from experiments.measures.corrections import (
     LINEAR,
     PREDICTION,
     ZERO,
     newton_starts,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
-from experiments.framework.study_record import Table
 from surrogate.certify.certificate import certify
 from surrogate.certify.correction import correct
 from surrogate.inference.loading import load
@@ -104,17 +103,12 @@ def test_starts_of_newtons_method() -> None:
     assert found[LINEAR].iterations.tolist() == from_nothing[LINEAR].iterations.tolist()
 
 
-def test_claims() -> None:
+def test_share_of_effectivities_close_to_one() -> None:
     assert within(np.array([0.7, 0.9, 1.1, 1.6])) == 0.5
-    head = ("network", "alarm", PLACE, TWICE)
-    name = "estimated error over displacement"
-    table = Table(caption="", head=head, rows=(("a", name, 1.0, 0.995), ("b", name, None, 0.98)))
-    assert [claim.holds for claim in alarm_claims(table)] == [True, False]
-    rows = (("a", 99, 91.0, 96.5, 1.1, 1.3, 0.9, 0.3), ("b", 99, 87.0, 95.0, 1.1, 1.3, 0.9, 0.3))
-    assert [c.holds for c in fast_claims(Table(caption="", head=(), rows=rows))] == [True, False]
 
 
-def test_tables(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+@pytest.mark.studies
+def test_tables(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Every network has its rows, in the plane and in space."""
     result = result_of("certificates")
     estimates, corrections, _, single, several, wrong, starts = result.tables

@@ -8,26 +8,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.beyond.coverage import by_number, covers
-from experiments.beyond.loads_by_number import growth_claims
+from experiments.beyond.coverage import by_number
+from experiments.beyond.loads_by_number import number_table
 from experiments.beyond.places import (
-    better_elsewhere,
     by_node,
+    distance_table,
     draw_maps,
-    everywhere,
+    place_table,
     relative_by_node,
 )
-from experiments.beyond.predicted_samples import (
+from experiments.beyond.training_samples import Point, series_table
+from experiments.beyond.uncertainty_outside import group_table, number_groups, reach_groups
+from experiments.framework.experiment import Findings
+from experiments.framework.resources import Resources
+from experiments.measures.errors_on_test_split import split_errors
+from experiments.measures.predicted_samples import (
     PredictedSamples,
     distance_from,
     distance_groups,
 )
-from experiments.beyond.training_samples import Point, fewer_samples, fewest_samples
-from experiments.beyond.uncertainty_outside import number_groups, outside_claims, reach_groups
-from experiments.components.errors_on_test_split import split_errors
-from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
-from surrogate.data.dataset import Dataset
+from surrogate.data import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.probabilistic.distribution import Distribution
 
@@ -70,10 +70,8 @@ def test_errors_by_node(three: PredictedSamples) -> None:
     assert errors[[5, 9]] == pytest.approx([0.2, 0.25])
     assert np.isnan(np.delete(errors, [5, 9])).all()
     assert relative_by_node(three)[[5, 9]] == pytest.approx([0.2, 0.25])
-    claim = everywhere("network", three)
-    assert not claim.holds
-    assert "worst node 25 %" in claim.evidence
-    assert everywhere("network", samples_with(three.geometry, [[5], [9]], [0.009, 0.001])).holds
+    (row,) = place_table("beam", {"beam2d_any-forces": three}).rows
+    assert row[1:] == pytest.approx((225, 225, 200, 250, 25))
 
 
 def test_distance_from_nodes(dataset: Dataset) -> None:
@@ -96,6 +94,45 @@ def test_groups_of_distances() -> None:
     assert many[1][0] == pytest.approx(2.5)
 
 
+def test_table_by_group(three: PredictedSamples) -> None:
+    """Half of the errors under one load are inside the band, none of that under two."""
+    table = group_table("beam", {"beam2d_any-mechanics-vb": three}, number_groups(three))
+    assert table.head == ("network", "", "1", "2")
+    assert [row[2:] for row in table.rows] == [
+        pytest.approx((150, 300)),
+        pytest.approx((100, 100)),
+        pytest.approx((50, 0)),
+    ]
+
+
+def test_table_by_number(resources: Resources, dataset: Dataset) -> None:
+    """Relative errors 10, 14 and 31 % under one, two and three loads."""
+    samples = samples_with(dataset.geometry, [[5], [5, 9], [5, 9, 13]], [0.1, 0.14, 0.31])
+    (row,) = number_table(resources, {"beam2d_any-mechanics": samples}, 4, relative=True).rows
+    assert row[2:5] == pytest.approx((10, 14, 31))
+    assert row[5] is None
+
+
+def test_table_by_distance(dataset: Dataset) -> None:
+    samples = samples_with(dataset.geometry, [[7], [4]], [0.001, 0.09])
+    groups = distance_groups(np.array([0.0, 1.5]))
+    table = distance_table("beam", {"beam2d-mechanics": samples}, groups)
+    assert table.rows[0][1:] == pytest.approx((1, 90))
+
+
+def test_table_of_a_series() -> None:
+    """Errors, or minutes, by the number of samples; a dash where there is no run."""
+    series = {
+        "U-Net, forces in": {250: Point(4.0, 1), 1000: Point(2.0, 3)},
+        "reduced network": {250: Point(0.9, 2)},
+    }
+    assert series_table("beam", series, minutes=False).rows == (
+        ("U-Net, forces in", 4.0, 2.0),
+        ("reduced network", 0.9, None),
+    )
+    assert series_table("beam", series, minutes=True).rows[0] == ("U-Net, forces in", 1, 3)
+
+
 def test_groups_of_reach() -> None:
     """The corner of the range, 1.005 after rounding, is inside."""
     groups = reach_groups(np.array([0.0, 0.5, 1.005, 1.4, 4.0]))
@@ -104,63 +141,6 @@ def test_groups_of_reach() -> None:
         ("up to 1.5 a", [3]),
         ("up to 4 a", [4]),
     ]
-
-
-def test_claims_outside(three: PredictedSamples) -> None:
-    """Half of the errors under one load are inside the band, none of that under two.
-
-    σ is the same everywhere; the error grows from 0.15 to 0.3 m, within a factor of two.
-    """
-    groups = number_groups(three)
-    reliable, growing = outside_claims("beam", three, groups, limit=1)
-    assert not reliable.holds
-    assert "2: 0 %" in reliable.evidence
-    assert growing.holds
-    assert "σ grows 1 times, the error 2 times" in growing.evidence
-    assert outside_claims("beam", three, groups, limit=2) == []
-
-
-def test_coverage_claim(three: PredictedSamples) -> None:
-    claim = covers("beam", "beam2d_any-mechanics-vb", three)
-    assert not claim.holds
-    assert "1: 50 %, 2: 0 %" in claim.evidence
-
-
-def test_growth_claims(resources: Resources, dataset: Dataset) -> None:
-    """Relative errors 0.1, 0.14 and 0.31 under one, two and three loads; two in training."""
-    samples = samples_with(dataset.geometry, [[5], [5, 9], [5, 9, 13]], [0.1, 0.14, 0.31])
-    within, beyond = growth_claims(resources, "beam2d_any-mechanics", samples, trained=2)
-    assert (within.holds, beyond.holds) == (True, False)
-    assert "3: 3.10" in beyond.evidence
-
-
-def test_better_elsewhere(dataset: Dataset) -> None:
-    loads = [[7], [4]]
-    samples = {
-        "beam2d-forces": samples_with(dataset.geometry, loads, [0.001, 1.0]),
-        "beam2d-mechanics": samples_with(dataset.geometry, loads, [0.001, 0.09]),
-    }
-    groups = distance_groups(np.array([0.0, 1.5]))
-    (claim,) = better_elsewhere("beam", "beam2d", samples, groups)
-    assert claim.holds
-    assert "90 and 1e+03 mm, 11.1 times" in claim.evidence
-
-
-def test_claims_on_samples() -> None:
-    """A quarter of 1000 samples is 250; there the reduced network is best."""
-    series = {
-        "U-Net, forces in": {250: Point(4.0, 1), 1000: Point(2.0, 1)},
-        "U-Net with mechanics": {250: Point(1.0, 1), 1000: Point(0.2, 1)},
-        "reduced network": {250: Point(0.9, 1), 1000: Point(0.5, 1)},
-    }
-    (quarter,), (fewest,) = fewer_samples("beam", series), fewest_samples("beam", series)
-    assert quarter.holds
-    assert "250 samples 1 mm, 1000 samples 2 mm" in quarter.evidence
-    assert fewest.holds
-    series["U-Net with mechanics"][250] = Point(2.1, 1)
-    (quarter,), (fewest,) = fewer_samples("beam", series), fewest_samples("beam", series)
-    assert not quarter.holds
-    assert fewest.holds
 
 
 def test_maps_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -> None:
@@ -181,7 +161,7 @@ def test_maps_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -
 
 
 def test_errors_over_samples_are_those_of_the_test_split(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     table = result_of("training-samples").tables[0]
     assert table.head == ("network", "25", "45")
@@ -191,7 +171,7 @@ def test_errors_over_samples_are_those_of_the_test_split(
         assert errors[label] == pytest.approx([1e3 * error for error in expected])
 
 
-def test_table_of_places(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_table_of_places(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """The made-up loads are all on the nodes of the training: one distance, zero."""
     places, distances = result_of("places").tables
     assert distances.head == ("network", "0.00 m")
@@ -202,14 +182,14 @@ def test_table_of_places(resources: Resources, result_of: Callable[[str], StudyR
     assert [row[0] for row in places.rows] == [row[0] for row in distances.rows]
 
 
-def test_table_of_forces(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_table_of_forces(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """±8 N are 3.2 times the 2.5 N of the made-up training: no column of 4 a."""
     rows = result_of("force-sizes").tables[0].rows
     assert [row[2] for row in rows] == pytest.approx([2.5] * 5, rel=0.05)
     assert all(row[-1] is None and row[-2] is not None for row in rows)
 
 
-def test_times_of_all_kinds(result_of: Callable[[str], StudyResult]) -> None:
+def test_times_of_all_kinds(result_of: Callable[[str], Findings]) -> None:
     """The made-up solutions take 0.5 s each."""
     rows = result_of("times").tables[0].rows
     assert {row[4] for row in rows} == {500.0}

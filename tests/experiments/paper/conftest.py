@@ -11,15 +11,16 @@ from pathlib import Path
 
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.framework.scale import Scale, merged, read_scale
-from experiments.framework.study import StudyResult
+from experiments.paper.catalogue import REPRODUCTION
 from tests.experiments.paper.made_up import SAMPLES, made_up_resources, results
 
 
 def made_up_scale() -> Scale:
     """Scale ``smoke`` without noise and node orders; every dataset is a case."""
-    smoke = read_scale("smoke")
+    smoke = read_scale("smoke", REPRODUCTION.scales)
     content = smoke.model_dump()
     for name, spec in content["datasets"].items():
         content["datasets"][name] = {"case": name, "samples": SAMPLES, "grid": spec["grid"]}
@@ -37,6 +38,6 @@ def resources(
 
 
 @pytest.fixture(scope="session")
-def result_of(resources: Resources) -> Callable[[str], StudyResult]:
+def result_of(resources: Resources) -> Callable[[str], Findings]:
     """Results of the studies by name, each measured once."""
     return results(resources)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from experiments.catalogue import find_studies
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.run_report import find_studies
 from experiments.framework.scale import Scale
-from experiments.framework.study import StudyResult
 
 SAMPLES = 60
 
@@ -33,12 +33,12 @@ def made_up_resources(
     return Resources(scale, folder / "data", folder / "runs", torch.device("cpu"))
 
 
-def results(resources: Resources) -> Callable[[str], StudyResult]:
+def results(resources: Resources) -> Callable[[str], Findings]:
     """Results of the studies by name, each measured once."""
 
     @cache
-    def measured(name: str) -> StudyResult:
-        (study,) = find_studies([name])
+    def measured(name: str) -> Findings:
+        _, (study,) = find_studies([name])
         return study.measure(resources)
 
     return measured

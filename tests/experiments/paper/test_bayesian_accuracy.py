@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.bayesian_accuracy import BAYESIAN, RUNS
 
 
@@ -19,7 +19,7 @@ def errors(resources: Resources, run: str) -> np.ndarray:
     return result
 
 
-def test_errors_and_coverage(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_errors_and_coverage(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Shares of |u − μ| ≤ Φ⁻¹((1 + p) / 2) σ over the nodes that are not clamped."""
     accuracy, coverage = result_of("bayesian-accuracy").tables
     for run, row in zip(RUNS, accuracy.rows, strict=True):
@@ -34,7 +34,7 @@ def test_errors_and_coverage(resources: Resources, result_of: Callable[[str], St
         assert row[1:] == pytest.approx((*shares, 1e3 * std.mean()))
 
 
-def test_beside_the_paper(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_beside_the_paper(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Table "bayesian_table" of the paper, in mm; a claim for each body, of a failure."""
     result = result_of("bayesian-accuracy")
     assert [c.paper for c in result.comparisons] == pytest.approx([1.3, 1.3, 5.3, 3.7])

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.framework.scale import Scale, merged, read_scale
-from experiments.framework.study import StudyResult
+from experiments.paper.catalogue import REPRODUCTION
 from experiments.paper.constant_channels import (
     PAPER_NETWORKS,
     PAPER_STANDARD,
@@ -19,7 +20,7 @@ from experiments.paper.constant_channels import (
 )
 
 
-def test_rows(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_rows(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Runs of 1 and 2 channels, of which the paper has none; losses of their last epochs."""
     result = result_of("constant-channels")
     rows = result.tables[0].rows
@@ -76,8 +77,8 @@ def test_standard_network() -> None:
         runs = {int(run[8:]): run for run in scale.matching(("beam3d-c*",))}
         return standard_run(scale, runs)
 
-    paper = read_scale("paper")
+    paper = read_scale("paper", REPRODUCTION.scales)
     assert found(paper) == "beam3d-det"
-    assert found(read_scale("laptop")) is None
+    assert found(read_scale("laptop", REPRODUCTION.scales)) is None
     shorter = {"runs": {"beam3d-det": {"change": {"training": {"epochs": 74}}}}}
     assert found(Scale.model_validate(merged(paper.model_dump(), shorter))) is None

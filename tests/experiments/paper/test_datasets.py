@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from experiments.framework.study import StudyResult
+from experiments.framework.experiment import Findings
 from experiments.paper.datasets import PAPER_DATASETS
 
 
-def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], StudyResult]) -> None:
+def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], Findings]) -> None:
     """8 x 4 and 8 x 4 x 4 nodes, 60 samples of which 12 are tests, forces up to 2.5 N."""
     result = result_of("datasets")
     table, others = result.tables
@@ -20,7 +20,7 @@ def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], St
     assert not any(claim.holds for claim in result.claims)
 
 
-def test_the_papers_rows(result_of: Callable[[str], StudyResult]) -> None:
+def test_the_papers_rows(result_of: Callable[[str], Findings]) -> None:
     """Table "tab:datasets" of the paper; 256 are those of the padded L-shape."""
     rows = [row[2:5] for row in result_of("datasets").tables[0].rows[1::2]]
     assert rows == [

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.deterministic_accuracy import RUNS
 
 
 def test_errors_are_those_of_the_predictions(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """ē = mean over samples of the mean absolute error of all components (paper, Eq. 27)."""
     result = result_of("deterministic-accuracy")
@@ -22,7 +22,7 @@ def test_errors_are_those_of_the_predictions(
         assert row[1:] == pytest.approx((12, 1e3 * errors.mean(), 1e3 * errors.std(ddof=1)))
 
 
-def test_numbers_stand_beside_the_papers(result_of: Callable[[str], StudyResult]) -> None:
+def test_numbers_stand_beside_the_papers(result_of: Callable[[str], Findings]) -> None:
     """Table "det_metrics" of the paper, in mm."""
     papers = [comparison.paper for comparison in result_of("deterministic-accuracy").comparisons]
     assert papers == pytest.approx([0.3, 0.2, 0.8, 0.4, 0.6, 0.3])

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.error_against_displacement import (
     BAYESIAN,
     DETERMINISTIC,
@@ -15,7 +15,7 @@ from experiments.paper.error_against_displacement import (
 )
 
 
-def test_slopes(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_slopes(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Cov(x, e) / Var(x), of e_m = mean absolute error and x = ‖u‖ at the loaded node."""
     result = result_of("error-against-displacement")
     for run, row in zip((*DETERMINISTIC, *BAYESIAN), result.tables[0].rows, strict=True):
@@ -30,7 +30,7 @@ def test_slopes(resources: Resources, result_of: Callable[[str], StudyResult]) -
         assert row[1:] == pytest.approx((1e3 * slope, 1e3 * (e.mean() - slope * x.mean()), ratio))
 
 
-def test_the_papers_slopes(result_of: Callable[[str], StudyResult]) -> None:
+def test_the_papers_slopes(result_of: Callable[[str], Findings]) -> None:
     """Figures "det_sensitivity" and "average_errors_bayesian" of the paper, in 10⁻³."""
     comparisons = result_of("error-against-displacement").comparisons
     assert [c.paper for c in comparisons] == pytest.approx([0.8, 0.5, 1, 5, 6])

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Experiment
 from experiments.framework.resources import Resources
-from experiments.framework.study import Study
 from experiments.paper.force_sweeps import (
     BEAM,
     LSHAPE,
@@ -102,7 +102,7 @@ def test_rows_by_signed_force() -> None:
 
 
 @pytest.mark.parametrize("study", [BEAM, LSHAPE])
-def test_last_row(resources: Resources, study: Study) -> None:
+def test_last_row(resources: Resources, study: Experiment[Resources]) -> None:
     """The made-up corner under vertical forces, the largest of them upwards."""
     result = study.measure(resources)
     body = study.name.removeprefix("force-sweep-")

@@ -7,10 +7,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from experiments.components.errors_by_load_distance import ErrorsByLoadDistance
-from experiments.components.vertical_force import describe_vertical_force
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
+from experiments.measures.errors_by_load_distance import ErrorsByLoadDistance
+from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.loads_away import (
     drop_claim,
     growth_claim,
@@ -60,7 +60,7 @@ def test_errors_by_distance() -> None:
 
 
 def test_rows_are_the_errors_of_both_networks(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """The made-up loads are all at one node of the training line: order and distance stay."""
     result = result_of("loads-away")

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.loss_curves import (
     convergence_claim,
     last_and_smallest,
@@ -17,7 +17,7 @@ from experiments.paper.loss_curves import (
 
 
 def test_losses_are_those_of_the_runs(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     result = result_of("loss-curves")
     (table,) = result.tables
@@ -33,7 +33,7 @@ def test_losses_are_those_of_the_runs(
 
 
 def test_caption_says_which_loss(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """The made-up scale trains on the mean absolute error, in units of the displacements' RMS."""
     result = result_of("loss-curves")

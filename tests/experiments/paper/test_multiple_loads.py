@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.multiple_loads import (
     accuracy_claim,
     load_norms,
@@ -16,7 +16,7 @@ from experiments.paper.multiple_loads import (
 
 
 def test_errors_under_one_and_under_several_loads(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """Errors by their definitions; the example has the tip displacement nearest to 0.55 m.
 

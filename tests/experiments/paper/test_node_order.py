@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.node_order import (
     draw_numbers,
     gmsh_is_between,
@@ -16,7 +16,7 @@ from experiments.paper.node_order import (
 )
 
 
-def test_errors_and_ratios(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_errors_and_ratios(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     result = result_of("node-order")
     means = []
     for run in ("beam3d_preferred-det", "beam3d_gmsh-det", "beam3d_random-det"):

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.components.noisy_data_sweeps import (
+from experiments.framework.experiment import Findings
+from experiments.framework.resources import Resources
+from experiments.measures.noisy_data_sweeps import (
     noise_ratio,
     refined,
     true_std,
     without_noise,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.noisy_data import captured, growing, unreliable
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.evaluation.force_sweep import ForceSweep
@@ -82,7 +82,7 @@ def test_a_refined_sweep() -> None:
     np.testing.assert_allclose(samples.displacement[:, 2, 0], np.tanh(FORCE / 2), atol=1e-5)
 
 
-def test_networks(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_networks(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Rows by likelihood, panels by body; errors at 4 N are those of the refined sweep."""
     result = result_of("noisy-data")
     beam, lshape = "2D beam", "2D L-shape"

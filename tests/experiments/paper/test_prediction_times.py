@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
-from experiments.components.bayesian_prediction_times import PassTimes, pass_comparisons
-from experiments.framework.study import StudyResult
+from experiments.framework.experiment import Findings
+from experiments.measures.bayesian_prediction_times import PassTimes, pass_comparisons
 
 
-def test_times_and_ratios(result_of: Callable[[str], StudyResult]) -> None:
+def test_times_and_ratios(result_of: Callable[[str], Findings]) -> None:
     """0.5 s and one iteration for every made-up sample, small load or large; no GPU."""
     result = result_of("prediction-times")
     times, by_load, passes = result.tables

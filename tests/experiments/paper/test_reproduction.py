@@ -8,19 +8,20 @@ from pathlib import Path
 import pytest
 import torch
 
-from experiments.framework.resources import Resources, minutes_of
-from experiments.framework.run_report import find_studies, report, reproduce
-from experiments.framework.scale import merged, read_scale
-from experiments.framework.studies_report import PAGE
-from experiments.framework.study import Study, StudyResult, current_record
-from experiments.framework.study_record import (
+from experiments.catalogue import find_studies
+from experiments.framework.experiment import Experiment, Findings
+from experiments.framework.record import (
     Claim,
     RecordedFindings,
     compare,
     format_cell,
     tally,
 )
-from experiments.paper.catalogue import STUDIES
+from experiments.framework.report import PAGE, write_current
+from experiments.framework.resources import Resources, minutes_of
+from experiments.framework.runner import current_record, run
+from experiments.framework.scale import merged, read_scale
+from experiments.paper.catalogue import REPRODUCTION, STUDIES
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing.figure_style import make_figure
 from shared_schema.common.errors import InputError
@@ -28,26 +29,26 @@ from shared_schema.common.errors import InputError
 ROOT = Path(__file__).parents[3]
 
 
-def make_studies(calls: list[str]) -> list[Study]:
+def make_studies(calls: list[str]) -> list[Experiment[Resources]]:
     """Two studies that record their calls, one on a dataset and one on a network."""
 
-    def measure(name: str) -> StudyResult:
+    def measure(name: str) -> Findings:
         calls.append(name)
         claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
-        return StudyResult(claims=[claim], figures={"a": (make_figure(1, 1), "Nothing.")})
+        return Findings(claims=[claim], figures={"a": (make_figure(1, 1), "Nothing.")})
 
     labels, question = ("tab:datasets",), "Does it?"
     return [
-        Study("one", "One", labels, question, lambda _: measure("one"), datasets=("beam2d",)),
-        Study("two", "Two", labels, question, lambda _: measure("two"), runs=("beam2d-d*",)),
+        Experiment("one", "One", question, lambda _: measure("one"), labels, datasets=("beam2d",)),
+        Experiment("two", "Two", question, lambda _: measure("two"), labels, runs=("beam2d-d*",)),
     ]
 
 
 def test_a_second_start_does_nothing(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
-    assert reproduce(studies, resources, tmp_path) == 2
-    assert reproduce(studies, resources, tmp_path) == 0
+    assert run(studies, resources, tmp_path).done == 2
+    assert run(studies, resources, tmp_path).done == 0
     assert calls == ["one", "two"]
 
 
@@ -57,9 +58,9 @@ def test_what_was_deleted_is_made_again_and_nothing_else(
 ) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
-    reproduce(studies, resources, tmp_path)
+    run(studies, resources, tmp_path)
     (tmp_path / lost).unlink()
-    assert reproduce(studies, resources, tmp_path) == 1
+    assert run(studies, resources, tmp_path).done == 1
     assert calls == ["one", "two", "two"]
     assert (tmp_path / lost).is_file()
 
@@ -67,44 +68,44 @@ def test_what_was_deleted_is_made_again_and_nothing_else(
 def test_another_network_makes_its_studies_again(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
-    reproduce(studies, resources, tmp_path)
+    run(studies, resources, tmp_path)
     change = {"runs": {"beam2d-det": {"change": {"seed": 1}}}}
     other = type(resources.scale).model_validate(merged(resources.scale.model_dump(), change))
     changed = Resources(other, resources.data, resources.runs, torch.device("cpu"))
     assert current_record(studies[0], changed, tmp_path) is not None
     assert current_record(studies[1], changed, tmp_path) is None
-    reproduce(studies, changed, tmp_path)
+    run(studies, changed, tmp_path)
     assert calls == ["one", "two", "two"]
 
 
 def test_again_runs_current_studies(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
-    reproduce(studies, resources, tmp_path)
-    assert reproduce(studies[:1], resources, tmp_path, again=True) == 1
+    run(studies, resources, tmp_path)
+    assert run(studies[:1], resources, tmp_path, again=True).done == 1
     assert calls == ["one", "two", "one"]
 
 
 def test_a_record_without_its_data_is_kept(resources: Resources, tmp_path: Path) -> None:
     studies = make_studies([])
-    reproduce(studies, resources, tmp_path)
+    run(studies, resources, tmp_path)
     empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
     assert current_record(studies[0], empty, tmp_path) is not None
 
 
 def test_a_network_is_trained_once(resources: Resources, tmp_path: Path) -> None:
-    run = resources.trained("beam2d-det")
-    written = run.model.stat().st_mtime_ns
+    trained = resources.trained("beam2d-det")
+    written = trained.model.stat().st_mtime_ns
     fresh = Resources(resources.scale, resources.data, resources.runs, torch.device("cpu"))
-    assert fresh.trained("beam2d-det").folder == run.folder
-    assert run.model.stat().st_mtime_ns == written
+    assert fresh.trained("beam2d-det").folder == trained.folder
+    assert trained.model.stat().st_mtime_ns == written
 
 
 def test_a_missing_dataset_is_named_before_any_work(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
     with pytest.raises(InputError, match=r"none/beam2d-60/structured"):
-        reproduce(make_studies(calls), empty, tmp_path / "out")
+        run(make_studies(calls), empty, tmp_path / "out")
     assert calls == []
     assert not (tmp_path / "out").exists()
 
@@ -120,7 +121,8 @@ def test_a_grid_of_other_samples_is_named(resources: Resources, tmp_path: Path) 
 
 
 def test_the_report_has_verdicts_numbers_and_figures(resources: Resources, tmp_path: Path) -> None:
-    reproduce(find_studies(["deterministic-accuracy"]), resources, tmp_path)
+    report, studies = find_studies(["deterministic-accuracy"])
+    run(studies, resources, tmp_path, after=lambda: write_current(report, resources, tmp_path))
     text = (tmp_path / PAGE).read_text()
     assert "[Accuracy of deterministic U-Nets](#accuracy-of-deterministic-u-nets)" in text
     assert "| 2D beam (D): ē [mm] |" in text
@@ -134,7 +136,8 @@ def test_the_committed_report_is_that_of_the_committed_records(tmp_path: Path) -
     shutil.copytree(committed, out)
     (out / PAGE).unlink()
     none = tmp_path / "none"
-    report(Resources(read_scale("laptop"), none, none, torch.device("cpu")), out)
+    scale = read_scale("laptop", REPRODUCTION.scales)
+    write_current(REPRODUCTION, Resources(scale, none, none, torch.device("cpu")), out)
     assert (out / PAGE).read_text() == (committed / PAGE).read_text()
 
 
@@ -175,16 +178,16 @@ def test_tally() -> None:
     better, same = compare("ē", "mm", 0.1, 0.3), compare("σ(e)", "mm", 0.3, 0.3)
     claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
     found = RecordedFindings(comparisons=(better, same), claims=(claim,))
-    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0, "holds": 0, "fails": 0}
+    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0}
 
 
 def test_configurations_in_words() -> None:
     """Recipes `fast` of variational Bayes and `paper` of the deterministic U-Net."""
-    scale = read_scale("laptop")
+    scale = read_scale("laptop", REPRODUCTION.scales)
     config = scale.config_of("beam2d-vb")
     assert config.architecture == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
     assert config.training_summary == "variational Bayes, Muon, 40 epochs, batches of 32"
-    config = read_scale("paper").config_of("beam2d-det")
+    config = read_scale("paper", REPRODUCTION.scales).config_of("beam2d-det")
     assert config.architecture == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
     assert config.training_summary == "squared error, Adam, 600 epochs, batches of 4"
     assert scale.config_of("beam3d-linear").architecture == "linear layer"

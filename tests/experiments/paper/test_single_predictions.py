@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from experiments.components.error_displacement_correlation import (
+from experiments.framework.experiment import Findings
+from experiments.framework.resources import Resources
+from experiments.measures.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.single_predictions import EXAMPLES, pattern_claim
 
 
 def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """Loads on bodies of 3.5 m: at the end, in the last quarter, between 1/4 and 3/4."""
     result = result_of("single-predictions")
@@ -44,7 +44,7 @@ def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(
         assert comparison.ours == pytest.approx(100 * np.linalg.norm(error[tip]) / moved[number])
 
 
-def test_the_papers_numbers(result_of: Callable[[str], StudyResult]) -> None:
+def test_the_papers_numbers(result_of: Callable[[str], Findings]) -> None:
     """Section "Prediction accuracy" of the paper: relative tip errors in %, displacements in m."""
     result = result_of("single-predictions")
     assert [c.paper for c in result.comparisons] == pytest.approx([0.6, 0.4, 0.6, 1.6])
@@ -68,7 +68,7 @@ def test_error_that_follows_the_displacement() -> None:
 
 
 def test_pattern_of_the_whole_test_split(
-    resources: Resources, result_of: Callable[[str], StudyResult]
+    resources: Resources, result_of: Callable[[str], Findings]
 ) -> None:
     """Twelve samples a body, each by SciPy; the claim is on all three bodies."""
     for run in ("beam2d-det", "beam3d-det"):

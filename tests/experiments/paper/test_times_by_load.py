@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.components.times_by_load import (
+from experiments.measures.solutions import Solutions
+from experiments.measures.times_by_load import (
     Ends,
     TimesByLoad,
     load_table,
@@ -11,7 +12,6 @@ from experiments.components.times_by_load import (
     solving_ends,
     solving_grows,
 )
-from experiments.framework.timing import Solutions
 
 SAME, TWICE = Ends(1.0, 1.0), Ends(1.0, 2.0)
 

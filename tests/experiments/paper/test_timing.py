@@ -11,6 +11,9 @@ import torch
 from experiments.framework import timing
 from experiments.framework.resources import Resources
 from experiments.framework.scale import read_scale
+from experiments.measures import latency
+from experiments.measures.solutions import read_solutions
+from experiments.paper.catalogue import REPRODUCTION
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 
 
@@ -75,7 +78,7 @@ def test_weights_are_drawn_once_or_for_every_prediction(
 
     monkeypatch.setattr(GaussianParameter, "draw", counted)
     force = resources.dataset_of("beam2d-vb").nodal_test.force[0]
-    timing.prediction_seconds(surrogate, force, 5, timing.Timing(repeats=1), drawn_anew)
+    latency.prediction_seconds(surrogate, force, 5, timing.Timing(repeats=1), drawn_anew)
     parameters = sum(isinstance(m, GaussianParameter) for m in surrogate.network.modules())
     assert drawn == times * parameters * [5]
 
@@ -83,7 +86,7 @@ def test_weights_are_drawn_once_or_for_every_prediction(
 def test_solutions(make_dataset: Callable[..., Path], tmp_path: Path) -> None:
     """The made-up dataset has 0.5 s and one iteration; samples ascend."""
     forces = np.stack([np.arange(60.0), np.zeros(60)], axis=1)
-    solutions = timing.read_solutions(make_dataset(tmp_path, corner_forces=forces).parent / "nodal")
+    solutions = read_solutions(make_dataset(tmp_path, corner_forces=forces).parent / "nodal")
     assert solutions.force.tolist() == list(range(60))
     assert solutions.seconds.tolist() == 60 * [0.5]
     assert solutions.iterations.tolist() == 60 * [1]
@@ -98,7 +101,11 @@ def test_repeats_end_the_timing() -> None:
 
 def test_timing_of_the_scales() -> None:
     """200 repeats or 5 s, at the scale `smoke` 3 repeats or 0.05 s."""
-    assert read_scale("laptop").timing == read_scale("paper").timing == timing.Timing()
+    assert (
+        read_scale("laptop", REPRODUCTION.scales).timing
+        == read_scale("paper", REPRODUCTION.scales).timing
+        == timing.Timing()
+    )
     assert (timing.Timing().repeats, timing.Timing().seconds) == (200, 5.0)
-    smoke = read_scale("smoke").timing
+    smoke = read_scale("smoke", REPRODUCTION.scales).timing
     assert (smoke.repeats, smoke.seconds) == (3, 0.05)

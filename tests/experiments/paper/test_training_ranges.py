@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.training_ranges import more_uncertain
 from tests.surrogate.force_sweeps import hand_made
 
@@ -23,7 +23,7 @@ def test_more_uncertain_at_nearly_every_force_outside() -> None:
     assert not more_uncertain(larger, smaller).holds
 
 
-def test_ratios(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_ratios(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Ratio of both networks' σ at the forces nearest to ±8 N, the ends of the made-up sweep."""
     result = result_of("training-ranges")
     larger, smaller = (

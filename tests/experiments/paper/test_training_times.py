@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
+from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 from experiments.paper.training_times import (
     RUNS,
     Duration,
@@ -15,7 +15,7 @@ from experiments.paper.training_times import (
 )
 
 
-def test_rows(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_rows(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """N = 48, of which 2 % are for validation and 2 % for calibration, by the fast recipes.
 
     Epochs and minutes are those of the last line of ``metrics.jsonl``.
@@ -28,7 +28,7 @@ def test_rows(resources: Resources, result_of: Callable[[str], StudyResult]) -> 
         assert row[2:7] == pytest.approx(expected)
 
 
-def test_beside_the_paper(result_of: Callable[[str], StudyResult]) -> None:
+def test_beside_the_paper(result_of: Callable[[str], Findings]) -> None:
     """Table "Tab: training_times", Section "sec:training_UNets": N, epochs, min, 10⁶ parameters."""
     result = result_of("training-times")
     assert [row[2:3] + row[4:7] for row in result.tables[0].rows[1::2]] == [

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from experiments.components.error_uncertainty_correlation import (
+from experiments.framework.experiment import Findings
+from experiments.framework.resources import Resources
+from experiments.measures.error_uncertainty_correlation import (
     close,
     correlated,
     measure_fields,
 )
-from experiments.framework.resources import Resources
-from experiments.framework.study import StudyResult
 
 # Three nodes in the plane, in m: errors of 5, 10 and 15 mm, σ of 5, 10 and 30 mm in norm.
 REFERENCE = np.array([[0.0, 0.2], [0.1, 0.0], [0.0, 0.3]])
@@ -49,7 +49,7 @@ def test_close_within_a_factor_of_2(factor: float, holds: bool) -> None:
     assert close("It is.", measure_fields(MEAN, factor * STD, REFERENCE)).holds == holds
 
 
-def test_examples(resources: Resources, result_of: Callable[[str], StudyResult]) -> None:
+def test_examples(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """The test sample loaded at the corner whose tip is nearest to 0.95 m, and forces of ±5 N."""
     result = result_of("uncertainty-fields")
     free = np.arange(32) >= 4  # all but the four clamped nodes

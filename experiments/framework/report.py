@@ -1,19 +1,22 @@
-"""Report on all studies of a scale: a Markdown page made from their records."""
+"""Reports in Markdown, made from records: one on all studies of a scale, and their parts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from experiments.framework.scale import Scale
-from experiments.framework.study import Study
-from experiments.framework.study_record import Comparison, Record, Verdict, format_cell, tally
-from experiments.paper.published_numbers import PAPER
-from shared_schema.common.atomic_file import write_text
-from shared_schema.common.configuration import Frozen, read_yaml, validate
+from experiments.framework.experiment import Experiment
+from experiments.framework.record import Comparison, Record, Verdict, format_cell, tally
+from experiments.framework.runner import current_record
+from shared_schema.common import Frozen, read_yaml, validate, write_text
+
+if TYPE_CHECKING:
+    from experiments.framework.resources import Resources
+    from experiments.framework.scale import Scale
 
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
@@ -29,16 +32,24 @@ class Report:
     name : str
         Name of its folder in ``docs``.
     title : str
-    studies : tuple of Study
+    studies : tuple of Experiment
         All studies in the order of the report.
     scales : Path
         Folder of its shipped scales.
+    title_of : callable, optional
+        Number of a table or figure of the paper by its label. Only a report on the paper has
+        verdicts.
     """
 
     name: str
     title: str
-    studies: tuple[Study, ...]
+    studies: tuple[Experiment[Any], ...]
     scales: Path
+    title_of: Callable[[str], str] | None = None
+
+    def places(self, study: Experiment[Any]) -> str:
+        """Numbers of the tables and figures of a study in the paper."""
+        return ", ".join(map(self.title_of, study.labels)) if self.title_of else ""
 
 
 class Discussion(Frozen):
@@ -83,9 +94,9 @@ def write_report(
         f"# {report.title}, at scale `{scale.name}`",
         scale.description,
         discussion.introduction,
-        verdicts(report.studies, records),
+        contents(report, records),
         *(
-            section(study, record, discussion.studies.get(study.name, ""))
+            section(report, study, record, discussion.studies.get(study.name, ""))
             for study in report.studies
             if (record := records[study.name]) is not None
         ),
@@ -94,27 +105,26 @@ def write_report(
     write_text(out / PAGE, "\n\n".join(block.strip() for block in blocks if block.strip()) + "\n")
 
 
-def verdicts(studies: Sequence[Study], records: Mapping[str, Record | None]) -> str:
-    """Table of all studies with the counts of their verdicts."""
+def write_current(report: Report, resources: Resources, out: Path) -> None:
+    """Write the page on all studies of a report with a current record."""
+    records = {study.name: current_record(study, resources, out) for study in report.studies}
+    write_report(report, resources.scale, records, out)
+
+
+def contents(report: Report, records: Mapping[str, Record | None]) -> str:
+    """Table of all studies; of the paper's, with the counts of their verdicts."""
     rows = []
-    for study in studies:
+    for study in report.studies:
         record = records[study.name]
-        if record is None:
-            rows.append([study.title, paper_numbers(study), NOT_DONE])
-        else:
-            title = f"[{study.title}](#{anchor(study.title)})"
-            counts = [f"{n} {verdict}" for verdict, n in tally(record.findings).items() if n]
-            rows.append([title, paper_numbers(study), " · ".join(counts) or "–"])
-    head = ["study", "in the paper", "verdicts"]
-    if not any(study.labels for study in studies):
-        for line in (head, *rows):
-            del line[1]
+        title = f"[{study.title}](#{anchor(study.title)})" if record else study.title
+        if report.title_of is None:
+            rows.append([title, "done" if record else NOT_DONE])
+            continue
+        counted = tally(record.findings).items() if record else ()
+        counts = " · ".join(f"{n} {verdict}" for verdict, n in counted if n) or "–"
+        rows.append([title, report.places(study), counts if record else NOT_DONE])
+    head = ["study", ""] if report.title_of is None else ["study", "in the paper", "verdicts"]
     return markdown_table(head, rows)
-
-
-def paper_numbers(study: Study) -> str:
-    """Numbers of the tables and figures of a study in the paper."""
-    return ", ".join(PAPER.title_of(label) for label in study.labels)
 
 
 def anchor(title: str) -> str:
@@ -123,10 +133,10 @@ def anchor(title: str) -> str:
     return kept.replace(" ", "-")
 
 
-def section(study: Study, record: Record, discussion: str) -> str:
+def section(report: Report, study: Experiment[Any], record: Record, discussion: str) -> str:
     """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
-    place = f" In the paper: {paper_numbers(study)}." if study.labels else ""
+    place = f" In the paper: {report.places(study)}." if study.labels else ""
     blocks = [f"## {study.title}", f"{study.question}{place}"]
     for table in found.tables:
         blocks += [
@@ -196,9 +206,9 @@ def appendix(records: Sequence[Record]) -> str:
             for name, data in datasets.items()
         ),
     )
-    machines = sorted({record.hardware for record in records})
+    machines = sorted({record.machine["hardware"] for record in records})
     return (
-        f"## What was run\n\n{trained}\n\n{made}\n\nStudies on {'; '.join(machines)}. Every record "
+        f"## What was run\n\n{trained}\n{made}\nStudies on {'; '.join(machines)}. Every record "
         "(`*.json` beside this page) holds the whole digests, the changes to the configurations, "
         "the minutes of the study and the versions of the software. Minutes of a training: its "
         "epochs times the median time of one, so that pauses do not count."
@@ -208,4 +218,4 @@ def appendix(records: Sequence[Record]) -> str:
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
     """Markdown of a table."""
     lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)

@@ -6,17 +6,15 @@ network on the same samples in batches of 4, by Adam on the mean squared error. 
 timed alternately, in several rounds, so that other work on the machine slows both; the ratios are
 computed in each round.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
-        -m experiments.benchmarks.training_throughput
+    python -m experiments benchmark training
 
-writes `docs/results/benchmark-training.json` and `docs/benchmarks/training.md`. It needs the
+writes its record and its page. It needs the
 dataset of `make data`.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,13 +24,11 @@ import torch
 from torch.nn import functional
 from torch.utils.data import DataLoader, TensorDataset
 
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from experiments.measures.untrained import shipped_unet
+from shared_schema.common import Parser
 from shared_schema.common.progress import Progress
 from surrogate.data import Dataset, read_dataset
 from surrogate.data.samples import Samples
@@ -41,7 +37,6 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.training.trainer import Trainer
-from tests.surrogate.unet_configs import shipped_unet
 
 BATCH = 4  # the paper's
 NETWORKS = {"paper": "beam2d-det-paper", "fast": "beam2d-det-fast"}
@@ -112,11 +107,13 @@ def plain_epoch(
 
 def seconds(epoch: Epoch, device: torch.device) -> float:
     """Wall time of an epoch in s, up to the end of its last kernel."""
-    began = time.perf_counter()
-    epoch()
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
-    return time.perf_counter() - began
+
+    def work() -> None:
+        epoch()
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+
+    return timed(work)[1]
 
 
 def compare(
@@ -158,8 +155,8 @@ def device_name(device: torch.device) -> str:
     return f"CPU, {threads} thread{'s' if threads > 1 else ''}"
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     rows = markdown_table(
         ("device", "network", "parameters", "our loop", "samples / s", "plain loop", "ratio"),
         (
@@ -176,22 +173,12 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Training throughput\n\n"
         "Our training loop compared with a plain PyTorch loop (DataLoader, eager, Adam, float32) "
         f"on `{results['case']}`, with\nbatches of {results['batch']}, {results['batches']} in an "
         f"epoch. Epochs are timed alternately; values are medians of {results['rounds']} rounds.\n"
         "Network, loss and optimiser are the same in both.\n\n"
-        f"{rows}\n{footer(results)}"
+        f"{rows}"
     )
-
-
-def main() -> None:
-    """Time both networks on all devices here, and write the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("--data", type=Path, default=Path("data/beam2d/structured"))
-    parser.add_argument("--batches", type=int, default=100, help="number of batches of an epoch")
-    parser.add_argument("--rounds", type=int, default=10)
-    run_benchmark("training", "training_throughput", parser, measure, table, program="surrogate")
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -214,5 +201,17 @@ def measure(options: argparse.Namespace) -> Results:
     }
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("--data", type=Path, default=Path("data/beam2d/structured"))
+    parser.add_argument("--batches", type=int, default=100, help="number of batches of an epoch")
+    parser.add_argument("--rounds", type=int, default=10)
+
+
+BENCHMARK = Benchmark(
+    name="training",
+    title="Training throughput",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

@@ -1,9 +1,8 @@
 """Times of pages in Chromium without a graphics processor: first frame, press, drag, estimate.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python \
-        -m experiments.benchmarks.page_latency [--runs RUN …]
+    python -m experiments benchmark page [--runs RUN …]
 
-writes `docs/results/benchmark-page.json` and `docs/benchmarks/page.md`. Without --runs, it measures
+writes its record and its page. Without --runs, it measures
 the pages of the trained networks of the package.
 """
 
@@ -12,31 +11,25 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Browser
 
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser
 from surrogate.inference.loading import load
 from surrogate.page.page import write_page
 from surrogate.runs.shelf import shelved
 from tests.surrogate.page.browser import OpenPage, chromium
 
-MODULE = "page_latency"
 WIDTH, HEIGHT = 1280, 800
 FRAME = 16  # ms between two pointer events, as of a screen with 60 Hz
 RADIUS = 90  # pixels, of the pointer's way around the pressed node
-DESCRIPTION = """# Times of pages on which one drags a load
-
+DESCRIPTION = """\
 Pages of `surrogate page` in headless Chromium {chromium}, {width} × {height} pixels, without a
 graphics processor: SwiftShader draws on the same cores. Times in ms.
 
@@ -69,9 +62,7 @@ def drags(page: OpenPage, node: int, moves: int) -> dict[str, float | list[float
     mouse.move(x, y)
     mouse.down()
     mouse.move(x + 10, y)
-    began = time.perf_counter()
-    page.settle()
-    pressed = 1e3 * (time.perf_counter() - began)
+    pressed = 1e3 * timed(page.settle)[1]
     page.page.evaluate("surrogatePage.times.length = 0")
     for angle in np.linspace(0, 4 * np.pi, moves):
         mouse.move(x + RADIUS * np.cos(angle), y + RADIUS * np.sin(angle))
@@ -79,11 +70,9 @@ def drags(page: OpenPage, node: int, moves: int) -> dict[str, float | list[float
     mouse.up()
     page.settle()
     delivered, since = zip(*page.page.evaluate("surrogatePage.times"), strict=True)
-    began = time.perf_counter()
     estimated: float | None = None
     if "error" in page.page.evaluate("surrogatePage.state.choices"):
-        page.certificate()
-        estimated = 1e3 * (time.perf_counter() - began)
+        estimated = 1e3 * timed(page.certificate)[1]
     drawing = page.page.evaluate(
         TIMES % "surrogatePage.scene.show(); surrogatePage.scene.finish()", 30
     )
@@ -137,8 +126,8 @@ def measure(options: argparse.Namespace) -> Results:
     return {"chromium": version, "moves": options.moves, "pages": found}
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
 
     def milliseconds(quantiles: list[float]) -> str:
         low, middle, high = quantiles
@@ -181,17 +170,20 @@ def table(results: Results) -> str:
         moves=results["moves"],
         apart=FRAME,
     )
-    return f"{description}\n{rows}\n{footer(results)}"
+    return f"{description}\n{rows}"
 
 
-def main() -> None:
-    """Measure the pages, and write the result."""
-    parser = argument_parser(__doc__)
+def arguments(parser: Parser) -> None:
+    """Add the options."""
     parser.add_argument("--runs", type=Path, nargs="+", metavar="RUN", help="runs to measure")
     parser.add_argument("--moves", type=int, default=240, help="pointer events of a drag")
     parser.add_argument("--openings", type=int, default=5, help="times that a page is opened")
-    run_benchmark("page", MODULE, parser, measure, table, program="surrogate")
 
 
-if __name__ == "__main__":
-    main()
+BENCHMARK = Benchmark(
+    name="page",
+    title="Times of pages on which one drags a load",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

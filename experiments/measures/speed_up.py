@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import torch
 
-from experiments.components.errors_on_test_split import BODIES
-from experiments.framework.study_record import Cell, Claim, Table
+from experiments.framework.record import Cell, Claim, Table
+from experiments.measures.errors_on_test_split import BODIES
 from experiments.paper.published_numbers import PAPER
 from surrogate.hardware import hardware
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from experiments.components.errors_on_test_split import MM
 from experiments.framework.resources import SEED, Resources
+from experiments.measures.errors_on_test_split import MM
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
 from surrogate.data.nodal_dataset import NodalSamples

@@ -8,14 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.benchmarks import prediction_latency
-from experiments.benchmarks.prediction_latency import (
-    latencies,
-    read_body,
-    shape_of,
-    table,
-    untrained,
-)
+from experiments.benchmarks import prediction
+from experiments.benchmarks.prediction import latencies, page
+from experiments.measures.untrained import read_body, shape_of, untrained
 
 WAYS = {"PyTorch_ms": 1.234, "drawing_ms": None, "compiled_ms": 0.5, "ONNX_ms": 0.0625}
 
@@ -38,7 +33,7 @@ def test_shapes() -> None:
 
 @pytest.mark.slow
 def test_every_way_is_timed(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prediction_latency, "PASSES", 2)
+    monkeypatch.setattr(prediction, "PASSES", 2)
     body = read_body(data.parent / "nodal")
     run = untrained(body, "fast", "variational_bayes", tmp_path / "run")
     found = latencies(body, run, "cpu", ("PyTorch", "ONNX"), repeats=2)
@@ -53,15 +48,13 @@ def test_table() -> None:
         **{"case": "beam2d", "recipe": "fast", "passes": 1, "parameters": 471_298},
         **{"device": "cpu", **WAYS},
     }
-    page = table(
+    text = page(
         {
-            "command": "python -m experiments.benchmarks.prediction_latency",
-            "machine": {"processor": "P", "cores": 2, "load_averages": [0.1, 0.2], "torch": "2"},
             "onnxruntime": "1.31",
             "solving_ms": {"beam2d": 1.02, "block3d": 7.0},
             "latencies": [latency],
         }
     )
-    assert "| `beam2d` | fast | 1 | 0.471 M | cpu | 1.23 | 0.5 | 0.0625 |  |\n" in page
-    assert "| `beam2d` | 1.02 | 123 | 5 | 1 |\n" in page
-    assert "| `block3d` | 7 |  |  |  |\n" in page
+    assert "| `beam2d` | fast | 1 | 0.471 M | cpu | 1.23 | 0.5 | 0.0625 |  |\n" in text
+    assert "| `beam2d` | 1.02 | 123 | 5 | 1 |\n" in text
+    assert "| `block3d` | 7 |  |  |  |\n" in text

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from experiments.framework.record import Comparison, Table, compare
 from experiments.framework.resources import Resources
-from experiments.framework.study_record import Comparison, Table, compare
 from experiments.paper.published_numbers import PaperErrors
 from surrogate.evaluation.error_metrics import ErrorMeasures, measure
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.components.errors_on_test_split import BODIES
-from experiments.framework.study_record import Cell, Claim, Table, join_named
-from experiments.framework.timing import Solutions
+from experiments.framework.record import Cell, Claim, Table, join_named
+from experiments.measures.errors_on_test_split import BODIES
+from experiments.measures.solutions import Solutions
 
 TENTH = 10  # reciprocal of the share of load cases that counts as small, and as large
 GROWTH = 1.2  # smallest ratio of times that counts as growth; below, times are the same

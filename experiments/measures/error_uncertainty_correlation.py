@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.components.errors_on_test_split import MM
-from experiments.framework.study_record import Claim, Table
+from experiments.framework.record import Claim, Table
+from experiments.measures.errors_on_test_split import MM
 from surrogate.evaluation.error_metrics import node_errors
 from surrogate.evaluation.extrapolation import BAND
 from surrogate.probabilistic.calibration import half_width, rank_correlation

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from experiments.components.errors_on_test_split import BODIES
-from experiments.framework.study_record import Cell, Comparison, Table, compare
+from experiments.framework.record import Cell, Comparison, Table, compare
+from experiments.measures.errors_on_test_split import BODIES
 from experiments.paper.published_numbers import PAPER
 
 PAPER_DEVICE = "not said; its GPU is a V100"

@@ -1,8 +1,8 @@
 """Time of one prediction by the trained networks of the package, beside `datagen`'s in one run.
 
-    OMP_NUM_THREADS=1 .venv-surrogate/bin/python -m experiments.benchmarks.trained_latency
+    python -m experiments benchmark trained
 
-writes `docs/results/benchmark-trained.json` and `docs/benchmarks/trained.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from itertools import cycle, islice
 from pathlib import Path
 from typing import NamedTuple
@@ -23,28 +22,21 @@ import onnxruntime
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.prediction_latency import by_pytorch
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.measures.latency import Predict, by_onnx, by_pytorch
+from shared_schema.common import Parser
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.inference.export import export
 from surrogate.inference.loading import load
 from surrogate.networks.unet import parameter_count
 from surrogate.runs.shelf import find_run, shelved
 
-MODULE = "trained_latency"
 DATAGEN = Path(".venv-datagen/bin/datagen")
 WAYS = ("predict", "PyTorch", "ONNX Runtime", "datagen")
 BLOCK = 100
 
 Array = NDArray[np.float64]
-Predict = Callable[[Array], object]
 
 
 def solve(case: str, samples: int, folder: Path) -> tuple[Array, Array]:
@@ -56,16 +48,6 @@ def solve(case: str, samples: int, folder: Path) -> tuple[Array, Array]:
     arrays = reader.joined(names)
     nodes, loads, seconds = (arrays[name] for name in names)
     return scatter_forces(nodes, loads, len(reader.body["mesh/coordinates"])), seconds
-
-
-def by_onnx(run: Path, folder: Path) -> Predict:
-    """Make a function that predicts one load with the exported file."""
-    path = folder / "model.onnx"
-    export(run, path, format="onnx")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = torch.get_num_threads()
-    session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    return lambda force: session.run(["displacement"], {"force": force[None].astype(np.float32)})
 
 
 class Seconds(NamedTuple):
@@ -104,10 +86,11 @@ def compare(name: str, samples: int, repeats: int) -> Results:
     case = model.description.run.case
     with tempfile.TemporaryDirectory() as folder:
         forces, before = solve(case, samples, Path(folder, "before"))
+        by_file = by_onnx(find_run(name), Path(folder, "model.onnx"))
         ways = {
             "predict": model.predict,
             "PyTorch": lambda force: in_pytorch(force[None]),
-            "ONNX Runtime": by_onnx(find_run(name), Path(folder)),
+            "ONNX Runtime": lambda force: by_file(force[None]),
         }
         taken = seconds_of(ways, forces, repeats)
         _, after = solve(case, samples, Path(folder, "after"))
@@ -125,8 +108,8 @@ def compare(name: str, samples: int, repeats: int) -> Results:
     }
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     rows = markdown_table(
         ("network", "nodes", *(f"`{way}`" for way in WAYS), "ratio", "processor"),
         (
@@ -141,7 +124,6 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Time of one prediction by the trained networks of the package\n\n"
         "One load in, one displacement field out, NumPy arrays both; times in ms, medians over "
         f"{results['repeats']} loads of the case,\nin parentheses the 10 % quantile. `predict` is "
         "that of `surrogate.load(name)`; `PyTorch` is the same network, module\nby module; `ONNX "
@@ -150,7 +132,7 @@ def table(results: Results) -> str:
         "before the predictions and half just after. All use "
         f"{results['threads']} thread. The ratio is that of the\nmedians of `datagen` and "
         "`predict`; the last column is the processor time of `predict` in ms, without the waiting "
-        f"for other\nprograms.\n\n{rows}\n{footer(results)}"
+        f"for other\nprograms.\n\n{rows}"
     )
 
 
@@ -170,13 +152,16 @@ def measure(options: argparse.Namespace) -> Results:
     }
 
 
-def main() -> None:
-    """Time all networks of the package, and write the result."""
-    parser = argument_parser(__doc__)
+def arguments(parser: Parser) -> None:
+    """Add the options."""
     parser.add_argument("--samples", type=int, default=20, help="samples to solve, twice")
     parser.add_argument("--repeats", type=int, default=400)
-    run_benchmark("trained", MODULE, parser, measure, table, program="surrogate")
 
 
-if __name__ == "__main__":
-    main()
+BENCHMARK = Benchmark(
+    name="trained",
+    title="Time of one prediction by the trained networks of the package",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

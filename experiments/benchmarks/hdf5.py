@@ -5,9 +5,9 @@ with the disk, is compared with a plain write and fsync of the same bytes; `read
 read of the same bytes. The page cache is dropped before either read. All are timed alternately, in
 several rounds.
 
-    OMP_NUM_THREADS=1 .venv-datagen/bin/python -m experiments.benchmarks.hdf5_throughput
+    python -m experiments benchmark hdf5
 
-writes `docs/results/benchmark-hdf5.json` and `docs/benchmarks/hdf5.md`.
+writes its record and its page.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +23,10 @@ from mpi4py import MPI
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
 from datagen.transforms.reindexing import structure
-from experiments.benchmarks.publication import (
-    Results,
-    argument_parser,
-    footer,
-    markdown_table,
-    run_benchmark,
-)
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser
 from shared_schema.layout import Arrays, Kind
 from shared_schema.shard_reader import read_shard
 from shared_schema.shard_writer import write_shard
@@ -61,13 +56,6 @@ def drop_from_cache(path: Path) -> None:
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """Wall time of a call, in s."""
-    began = time.perf_counter()
-    work()
-    return time.perf_counter() - began
-
-
 def solving_time(shard: Path) -> float:
     """Total wall time of solving the samples of a nodal shard, in s."""
     return float(read_shard(shard, "nodal")["samples/wall_time"].sum())
@@ -81,13 +69,13 @@ def throughput(case: Case, kind: Kind, shard: Path, folder: Path, rounds: int) -
     cell_type, digest = "hexahedron", case.digest()
 
     def one_round() -> tuple[float, ...]:
-        write = seconds(lambda: write_shard(ours, kind, arrays, digest, cell_type))
-        plain_writing = seconds(lambda: plain_write(plain, content))
+        _, write = timed(lambda: write_shard(ours, kind, arrays, digest, cell_type))
+        _, plain_writing = timed(lambda: plain_write(plain, content))
         drop_from_cache(ours)
         drop_from_cache(plain)
-        read = seconds(lambda: read_shard(ours, kind))
-        plain_reading = seconds(plain.read_bytes)
-        cached = seconds(lambda: read_shard(ours, kind))
+        _, read = timed(lambda: read_shard(ours, kind))
+        _, plain_reading = timed(plain.read_bytes)
+        _, cached = timed(lambda: read_shard(ours, kind))
         for path in (ours, plain):
             path.unlink()
         return write, plain_writing, read, plain_reading, cached
@@ -108,8 +96,8 @@ def throughput(case: Case, kind: Kind, shard: Path, folder: Path, rounds: int) -
     }
 
 
-def table(results: Results) -> str:
-    """Make the page of the results."""
+def page(results: Results) -> str:
+    """Make the page."""
     shards = results["shards"]
     rows = markdown_table(
         ("shard", "MB", "write", "plain", "ratio", "read", "plain", "ratio", "read, cached"),
@@ -129,7 +117,6 @@ def table(results: Results) -> str:
         ),
     )
     return (
-        "# Throughput of writing and reading shards\n\n"
         f"A shard of `beam3d` ({shards[0]['samples']} samples, 4032 nodes, 3 components), written "
         "by `write_shard` and read by `read_shard`,\ncompared with a plain write and fsync and a "
         "plain read of the same bytes. All are timed alternately; the page\ncache is dropped "
@@ -138,17 +125,8 @@ def table(results: Results) -> str:
         "`write_shard` also checks every array and computes the file's SHA-256;\n`read_shard` also "
         "checks every array.\n\n"
         f"{rows}\nThe nodal shard is written in {shards[0]['write_ms']:.0f} ms; its samples took "
-        f"{results['solving_s']:.0f} s to solve.\n\n{footer(results)}"
+        f"{results['solving_s']:.0f} s to solve.\n"
     )
-
-
-def main() -> None:
-    """Time both kinds of shards, and write the result."""
-    parser = argument_parser(__doc__)
-    parser.add_argument("--samples", type=int, default=50, help="number of samples of the shard")
-    parser.add_argument("--rounds", type=int, default=30)
-    parser.add_argument("--folder", type=Path, help="on the disk to be timed (default: /tmp)")
-    run_benchmark("hdf5", "hdf5_throughput", parser, measure, table)
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -168,5 +146,17 @@ def measure(options: argparse.Namespace) -> Results:
     }
 
 
-if __name__ == "__main__":
-    main()
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument("--samples", type=int, default=50, help="number of samples of the shard")
+    parser.add_argument("--rounds", type=int, default=30)
+    parser.add_argument("--folder", type=Path, help="on the disk to be timed (default: /tmp)")
+
+
+BENCHMARK = Benchmark(
+    name="hdf5",
+    title="Throughput of writing and reading shards",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)

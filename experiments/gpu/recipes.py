@@ -1,0 +1,44 @@
+"""Trainings of shipped configurations: the paper's recipe, and ours for two CPU cores.
+
+The paper's is trained with TF32 convolutions and CUDA graphs, ours in float32; the learning curve
+says the time to an error. The 3D beam is trained on the samples that are carried. Its epochs are
+more than the paper's, because there are fewer samples; the time limit ends the training.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from experiments.framework.experiment import Findings
+from experiments.gpu.setting import GpuSetting
+from experiments.gpu.trainings import adapted, train_within
+from experiments.measures.untrained import changed, shipped_unet
+from surrogate.models.unet_model import UNetModel
+
+EPOCHS = 600
+
+
+def fast_recipe(name: str) -> Callable[[GpuSetting], Findings]:
+    """Make the measurement of one of our configurations."""
+    return lambda setting: train_within(setting, name, adapted(shipped_unet(name), setting))
+
+
+def paper_recipe(name: str) -> Callable[[GpuSetting], Findings]:
+    """Make the measurement of one of the paper's configurations."""
+    return lambda setting: _train(setting, name, shipped_unet(name))
+
+
+def constant_channels(channels: int) -> Callable[[GpuSetting], Findings]:
+    """Make that of the paper's 3D network with the same number of channels at every level."""
+
+    def work(setting: GpuSetting) -> Findings:
+        network = {"channels": channels, "multiplier": 1}
+        config = changed(shipped_unet("beam3d-det-paper"), network, {})
+        return _train(setting, f"beam3d-c{channels}", config)
+
+    return work
+
+
+def _train(setting: GpuSetting, name: str, config: UNetModel) -> Findings:
+    config = adapted(config, setting, precision="tensorfloat32", epochs=EPOCHS)
+    return train_within(setting, name, config)
