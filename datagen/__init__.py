@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from datagen.cases.case import Case, read_case
     from datagen.cases.case_list import shipped_cases
     from datagen.cases.case_schema import case_keys, case_schema
-    from datagen.farm.dry_run import DryRun, dry_run
     from datagen.farm.farm import run
+    from datagen.farm.run_estimate import DryRun, dry_run
     from datagen.output.dataset_figure import plot_dataset as plot
-    from datagen.output.export import export
-    from datagen.output.info import info
+    from datagen.output.dataset_info import info
+    from datagen.output.paraview_series import export
     from datagen.plaid_format.exporting import export_plaid
     from datagen.plaid_format.importing import import_plaid
     from datagen.solution import Solution, solve
-    from datagen.transforms.noise import add_noise
+    from datagen.transforms.added_noise import add_noise
     from datagen.transforms.reindexing import structure
     from shared_schema.checker import check_dataset as check
     from shared_schema.common.errors import InputError, WorkError
@@ -58,19 +58,19 @@ __all__ = [
 
 _PLACES = {  # imported at first use, so that a command can fix thread counts before numpy loads
     "Case": "datagen.cases.case:Case",
-    "DryRun": "datagen.farm.dry_run:DryRun",
+    "DryRun": "datagen.farm.run_estimate:DryRun",
     "InputError": "shared_schema.common.errors:InputError",
     "Solution": "datagen.solution:Solution",
     "WorkError": "shared_schema.common.errors:WorkError",
-    "add_noise": "datagen.transforms.noise:add_noise",
+    "add_noise": "datagen.transforms.added_noise:add_noise",
     "case_keys": "datagen.cases.case_schema:case_keys",
     "case_schema": "datagen.cases.case_schema:case_schema",
     "check": "shared_schema.checker:check_dataset",
-    "dry_run": "datagen.farm.dry_run:dry_run",
-    "export": "datagen.output.export:export",
+    "dry_run": "datagen.farm.run_estimate:dry_run",
+    "export": "datagen.output.paraview_series:export",
     "export_plaid": "datagen.plaid_format.exporting:export_plaid",
     "import_plaid": "datagen.plaid_format.importing:import_plaid",
-    "info": "datagen.output.info:info",
+    "info": "datagen.output.dataset_info:info",
     "plot": "datagen.output.dataset_figure:plot_dataset",
     "read_case": "datagen.cases.case:read_case",
     "run": "datagen.farm.farm:run",

@@ -4,9 +4,11 @@ The two programs share nothing but files; this package defines their content and
 code that both import. It needs h5py and numpy, and meshio for VTU files; no solver, no torch.
 """
 
+from shared_schema.checker import check_dataset
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.grid import Grid
+from shared_schema.grid import Grid, grid_of
 from shared_schema.layout import Arrays, Kind
+from shared_schema.load_cases import LoadCases, read_load_cases, write_load_cases
 from shared_schema.manifest import (
     MANIFEST,
     ComponentStatistics,
@@ -19,8 +21,8 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.material import NeoHookean
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
+from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 __version__ = "0.2.0"
 __all__ = [
@@ -30,14 +32,22 @@ __all__ = [
     "DatasetReader",
     "Grid",
     "Kind",
+    "LoadCases",
     "Manifest",
     "NeoHookean",
     "NodeOrder",
     "ShardEntry",
+    "Stiffness",
     "StructuredInfo",
+    "check_dataset",
     "digest_of",
+    "grid_of",
+    "read_load_cases",
     "read_manifest",
     "read_shard",
+    "read_stiffness",
+    "write_load_cases",
     "write_manifest",
     "write_shard",
+    "write_stiffness",
 ]

@@ -11,15 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.body_problems import body_problems
 from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
-from shared_schema.grid_arrays import grid_problems
-from shared_schema.layout import NO_NODE, Arrays
+from shared_schema.content_problems import content_problems
+from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, digest_of, read_manifest
-from shared_schema.shard_problems import array_problems
-from shared_schema.shard_reader import Attributes, read_arrays, read_attributes
+from shared_schema.shard import Attributes, array_problems, read_arrays, read_attributes
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
 
@@ -67,7 +65,7 @@ def check_dataset(dataset: Path | str) -> list[str]:
             lengths["failed"] = (entry.failed,)
         found = array_problems(manifest.kind, arrays, lengths)
         if not found:
-            found = _content_problems(manifest, arrays)
+            found = content_problems(manifest, arrays)
         if not found:
             for name in (name for name in arrays if name.startswith(("mesh/", "grid/"))):
                 if not np.array_equal(mesh.setdefault(name, arrays[name]), arrays[name]):
@@ -170,91 +168,6 @@ def _history_problems(manifest: Manifest) -> list[str]:
             problems.append(
                 f"manifest: 'history.{number}' is not the same case with {load_cases} samples"
             )
-    return problems
-
-
-def _content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
-    """List what is wrong with the values: node numbers, load cases, the grid."""
-    problems = []
-    nodes = len(arrays["mesh/coordinates"])
-    for name in ("mesh/cells", "samples/loaded_nodes", "failed/loaded_nodes"):
-        if name in arrays and arrays[name].size:
-            lowest = 0 if name == "mesh/cells" else NO_NODE
-            if arrays[name].min() < lowest or arrays[name].max() >= nodes:
-                problems.append(f"dataset '{name}' names a node outside 0 … {nodes - 1}")
-    if not problems:
-        for group in ("samples", "failed"):
-            if f"{group}/loaded_nodes" in arrays:
-                problems += _load_problems(arrays, group)
-        problems += _support_problems(arrays) + body_problems(arrays)
-    if manifest.kind == "nodal":
-        problems += _result_problems(arrays)
-    if manifest.structured is None:
-        return problems
-    if ("grid/sources" in arrays) != (manifest.structured.embedding is not None):
-        problems.append("the grid is embedded, or not, against what the manifest says")
-    return problems + grid_problems(arrays, manifest.structured.grid_shape)
-
-
-def _load_problems(arrays: Arrays, group: str) -> list[str]:
-    """Name padding before a loaded node or under force, clamped loaded nodes, and repeated ones."""
-    force = "samples/nodal_force" if "samples/nodal_force" in arrays else f"{group}/force"
-    name, nodes = f"{group}/loaded_nodes", arrays[f"{group}/loaded_nodes"]
-    is_padding = nodes == NO_NODE
-    problems = []
-    if np.any(is_padding[:, :-1] & ~is_padding[:, 1:]):
-        problems.append(f"dataset '{name}' has padding before a loaded node")
-    if np.any(arrays[force][is_padding]):
-        problems.append(f"dataset '{force}' is not zero where '{name}' is padding")
-    if np.any(arrays["mesh/clamped"][nodes[~is_padding]]):
-        problems.append(f"dataset '{name}' names a clamped node")
-    elif not np.all(arrays["mesh/loadable"][nodes[~is_padding]]):
-        problems.append(f"dataset '{name}' names a node that is not loadable")
-    ordered = np.sort(nodes, axis=1)
-    if np.any((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_NODE)):
-        problems.append(f"dataset '{name}' names a node twice in one load case")
-    return problems
-
-
-def _support_problems(arrays: Arrays) -> list[str]:
-    """Name displacements of clamped nodes: at the nodes, or at the grid points that are nodes."""
-    clamped = arrays["mesh/clamped"]
-    for name in ("samples/nodal_displacement", "samples/displacement"):
-        values = arrays.get(name)
-        if values is None:
-            continue
-        if values.shape[1:] == (len(clamped), arrays["mesh/coordinates"].shape[1]):
-            moved = values[:, clamped]
-        elif "grid/node_at" in arrays:
-            node_at = arrays["grid/node_at"]
-            inside = (node_at >= 0) & (node_at < len(clamped))
-            moved = values[..., inside & clamped[np.where(inside, node_at, 0)]]
-        else:
-            continue
-        if np.any(moved):
-            return [f"dataset '{name}' moves a clamped node"]
-    return []
-
-
-def _result_problems(arrays: Arrays) -> list[str]:
-    """Name results that no solver gives: reasons, counts, times and norms out of their range."""
-    problems = []
-    for name, lowest, highest in (
-        ("samples/converged_reason", 2, 7),  # those of convergence in PETSc
-        ("samples/load_steps", 1, np.inf),
-        ("samples/cutbacks", 0, np.inf),
-        ("samples/newton_iterations", 0, np.inf),
-        ("samples/residual_norm", 0, np.inf),
-        ("samples/wall_time", 0, np.inf),
-        ("failed/load_factor", 0, 1),
-    ):
-        values = arrays[name]
-        if values.size and (values.min() < lowest or values.max() > highest):
-            wrong = values[(values < lowest) | (values > highest)][0]
-            expected = f"at least {lowest}" if highest == np.inf else f"{lowest} to {highest}"
-            problems.append(f"dataset '{name}' is {wrong}, expected {expected}")
-    if not all(arrays["failed/reason"]):
-        problems.append("dataset 'failed/reason' has an empty text")
     return problems
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shared_schema.checker import require_intact
 from shared_schema.layout import Arrays, Kind
 from shared_schema.manifest import Manifest, ShardEntry, read_manifest
-from shared_schema.shard_reader import read_arrays, read_attributes, read_shard
+from shared_schema.shard import read_arrays, read_attributes, read_shard
 
 Numbers = NDArray[np.int64]
 

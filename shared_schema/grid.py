@@ -8,6 +8,10 @@ has a structured order every node is a grid point, and both operators are (parti
 any other mesh A is the finite elements' own interpolation and B is multilinear between grid points.
 
 Grid order: x slowest, then y, then z, lower corner first.
+
+A shard holds a grid whose points are the nodes as ``grid/node_at``, and an embedded one as both
+operators: ``grid/sources`` with ``grid/source_weights``, ``grid/points`` with
+``grid/point_weights``.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.layout import NO_NODE
+from shared_schema.layout import NO_NODE, Arrays
 
 
 @dataclass(frozen=True)
@@ -194,3 +198,28 @@ class Grid:
 def _columns(values: NDArray[Any]) -> NDArray[Any]:
     """Turn rows over the grid into columns: (nx, ny[, nz], n) → (n, nx·ny[·nz])."""
     return values.reshape(-1, values.shape[-1]).T
+
+
+def grid_arrays(grid: Grid) -> Arrays:
+    """Arrays of a grid, by the schema's paths of a structured shard."""
+    if grid.points_are_nodes:
+        return {"grid/node_at": grid.node_at, "grid/mask": grid.mask}
+    return {
+        "grid/sources": grid.sources,
+        "grid/source_weights": grid.source_weights,
+        "grid/points": grid.points,
+        "grid/point_weights": grid.point_weights,
+        "grid/mask": grid.mask,
+    }
+
+
+def grid_of(arrays: Arrays) -> Grid:
+    """Make the grid that has these arrays (`grid_arrays`)."""
+    if "grid/node_at" in arrays:
+        return Grid.of_nodes(arrays["grid/node_at"])
+    return Grid(
+        arrays["grid/sources"],
+        arrays["grid/source_weights"],
+        arrays["grid/points"],
+        arrays["grid/point_weights"],
+    )

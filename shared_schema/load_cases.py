@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import shard_content
+from shared_schema.shard import read_shard, shard_content
 
 Array = NDArray[np.float64]
 DIGITS = 64  # of the checksum at the end

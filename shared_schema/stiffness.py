@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 
 STIFFNESS_FILE = "stiffness.h5"
 ASYMMETRY = 1e-9  # allowed difference of mirrored entries, relative to the largest entry

@@ -20,7 +20,7 @@ from datagen.cases.support import Support
 from datagen.discretisation.element import Element
 from datagen.loads import LoadFamily, load_family
 from datagen.materials import material_of
-from datagen.mesh.geometry import Geometry
+from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.changed_keys import changed, source_of

@@ -56,7 +56,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write the series or the dataset."""
     import datagen
-    from datagen.output.export import SUFFIXES
+    from datagen.output.paraview_series import SUFFIXES
 
     names = "backend", "python", "owner", "license"
     plaid = {name: getattr(options, name) for name in names if getattr(options, name) is not None}

@@ -26,15 +26,14 @@ from datagen.farm.work_desk import WorkDesk
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup, on_rank_zero
-from datagen.solver.stiffness import stiffness_of
+from datagen.solver.undeformed_stiffness import stiffness_of
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.common.progress import Progress
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
 from shared_schema.material import Volumetric
-from shared_schema.shard_reader import read_attributes, read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_attributes, read_shard, write_shard
 from shared_schema.stiffness import write_stiffness
 
 logger = logging.getLogger(__name__)

@@ -34,8 +34,7 @@ from shared_schema.manifest import (
     digest_of,
     read_manifest,
 )
-from shared_schema.shard_reader import read_attributes, read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_attributes, read_shard, write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from shared_schema.unfinished import JOURNAL
 

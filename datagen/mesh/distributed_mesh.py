@@ -12,7 +12,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.dolfinx_versions import create_mesh
-from datagen.mesh.geometry import Geometry
+from datagen.mesh.geometries import Geometry
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import on_rank_zero
 

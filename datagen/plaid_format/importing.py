@@ -32,7 +32,7 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.material import materials_of
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 
 CELLS = {element: cell for cell, element in ELEMENTS.items()}
 UNKNOWN = {  # results of a solver that is not known

@@ -4,8 +4,8 @@ A body occupies :math:`Ω` at rest. Under the displacement :math:`u` its strain 
 
 .. math:: E(u) = \int_Ω W(F) \, dV, \qquad F = I + ∇u,
 
-with the energy density W of `datagen.solver.material`. The internal forces are the derivative of
-the energy, the tangent stiffness is the derivative of the internal forces:
+with the energy density W of `datagen.solver.strain_energy`. The internal forces are the derivative
+of the energy, the tangent stiffness is the derivative of the internal forces:
 
 .. math::
     f_{int}(u)·v = \frac{dE}{du}[v] = \int_Ω P(F) : ∇v \, dV, \quad P = \frac{∂W}{∂F},
@@ -43,7 +43,7 @@ from datagen.dolfinx_versions import (
     mixed_space,
     pack_constants,
 )
-from datagen.solver.material import deformation_gradient, energy_density, longitudinal_modulus
+from datagen.solver.strain_energy import deformation_gradient, energy_density, longitudinal_modulus
 from shared_schema.material import Material
 
 

@@ -14,7 +14,7 @@ from datagen.cases.dataset_settings import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
-from datagen.solver.stiffness import stiffness_of
+from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.embedding import embed
 from shared_schema.checker import require_intact
@@ -24,8 +24,7 @@ from shared_schema.common.memory import require_memory
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.grid import Grid
-from shared_schema.grid_arrays import grid_arrays
+from shared_schema.grid import Grid, grid_arrays
 from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
@@ -39,7 +38,7 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.material import materials_of
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 IMPORT = "import"  # name of the step that made a dataset of other files, with its split

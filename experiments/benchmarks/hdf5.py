@@ -28,8 +28,7 @@ from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from shared_schema.layout import Arrays, Kind
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 
 MB = 1e6
 

@@ -15,7 +15,7 @@ from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.dolfinx_versions import NewtonSolverNonlinearProblem, functionspace
 from datagen.loads import LoadCase
-from datagen.solver.material import deformation_gradient, strain_energy
+from datagen.solver.strain_energy import deformation_gradient, strain_energy
 from shared_schema.material import NeoHookean
 
 

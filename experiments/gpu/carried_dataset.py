@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest, ShardEntry, StructuredInfo, write_manifest
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 
 SUFFIX = ".npz.xz"
 STEP = 1e-6  # m

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
-from shared_schema.grid import Grid
-from shared_schema.grid_arrays import grid_arrays, grid_of
+from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
 PREFIX = "geometry."

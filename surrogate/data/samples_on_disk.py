@@ -26,7 +26,7 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader, Selection
-from shared_schema.shard_reader import read_arrays
+from shared_schema.shard import read_arrays
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.data.samples import Samples
 

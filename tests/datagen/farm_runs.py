@@ -17,7 +17,7 @@ from datagen.cases.case import SHIPPED
 from shared_schema.checker import check_dataset
 from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tools.open_mpi import SETTINGS
 

@@ -11,7 +11,7 @@ import yaml
 
 from datagen.cases.case import SHIPPED
 from datagen.command_line import main
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 
 pytestmark = pytest.mark.docs
 

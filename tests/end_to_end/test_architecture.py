@@ -32,8 +32,8 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
     "shared_schema": [
         ["common"],
         ["material", "layout", "unfinished", "manifest"],
-        ["shard_problems", "body_problems", "shard_reader", "shard_writer"],
-        ["grid", "grid_arrays", "stiffness", "load_cases"],
+        ["shard", "content_problems"],
+        ["grid", "stiffness", "load_cases"],
         ["checker", "dataset_reader"],
     ],
     "datagen": [

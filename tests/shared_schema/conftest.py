@@ -20,7 +20,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 
 CASE = {"name": "corner", "mesh": {"kind": "l_shape"}, "material": {"young_modulus": 500.0}}
 NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])

@@ -16,7 +16,7 @@ import pytest
 
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from tests.shared_schema.damage import SHARD, assert_only_problem, damage
 
 pytestmark = pytest.mark.faults

@@ -12,8 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import ShardEntry, read_manifest, write_manifest
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 from tests.shared_schema.conftest import make_nodal
 from tests.shared_schema.damage import SHARD
 

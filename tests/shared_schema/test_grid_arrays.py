@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared_schema.grid import Grid
-from shared_schema.grid_arrays import grid_arrays, grid_of, grid_problems
+from shared_schema.content_problems import grid_problems
+from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
-from shared_schema.shard_problems import array_problems
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import array_problems, read_shard, write_shard
 from tests.shared_schema.test_grid import COORDINATES, SOURCE_WEIGHTS, square
 
 

@@ -15,8 +15,7 @@ import pytest
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.layout import LAYOUTS, SCHEMA_VERSION, Arrays, Kind
-from shared_schema.shard_reader import read_attributes, read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_attributes, read_shard, write_shard
 
 CASE_DIGEST = "ab" * 32
 

@@ -25,7 +25,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.figures.run_figures import write_evaluation

@@ -15,7 +15,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 
 CASE = {"name": "beam2d", "mesh": {}, "material": {}, "supports": []}
 

@@ -13,7 +13,7 @@ from datagen.cases.case import read_case
 from datagen.command_line import main
 from shared_schema.checker import check_dataset
 from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 
 CASE: dict[str, Any] = {
     "name": "silicone",

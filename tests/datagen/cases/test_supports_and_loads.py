@@ -20,7 +20,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 
 ROLLING = [{"x": 0, "components": ["x"]}, {"x": 0, "y": 0}]
 

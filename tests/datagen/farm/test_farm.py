@@ -25,7 +25,7 @@ from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
     ENVIRONMENT,

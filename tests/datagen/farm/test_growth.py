@@ -15,14 +15,14 @@ from datagen.cases.case import Case, read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.farm.shard_job import ShardJob
-from datagen.transforms.noise import add_noise
+from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import NODAL
 from shared_schema.manifest import read_manifest, write_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from shared_schema.stiffness import read_stiffness
 from tests.datagen.farm_runs import TIMES, execute, write_case
 

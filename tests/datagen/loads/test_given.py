@@ -16,7 +16,7 @@ from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.load_cases import LoadCases, write_load_cases
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from tests.datagen.farm_runs import execute
 from tests.datagen.loads.places import place
 from tests.datagen.refusal import refusal

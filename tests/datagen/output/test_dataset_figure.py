@@ -14,7 +14,7 @@ from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.output.dataset_figure import draw
 from datagen.output.nodal_samples import NodalSamples
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from tests.datagen.refusal import refusal
 
 STARTS = {"png": b"\x89PNG\r\n", "pdf": b"%PDF-", "svg": b"<?xml"}

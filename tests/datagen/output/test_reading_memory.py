@@ -11,10 +11,10 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.output.export import export
-from datagen.output.info import info
+from datagen.output.dataset_info import info
 from datagen.output.nodal_samples import NodalSamples
-from datagen.transforms.noise import add_noise
+from datagen.output.paraview_series import export
+from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from tests.datagen.farm_runs import write_case

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from tests.datagen.farm_runs import execute
 from tests.datagen.solver.cantilever import box
 

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.transforms.noise import add_noise
+from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError

@@ -21,9 +21,8 @@ from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.errors import InputError
-from shared_schema.grid import Grid
-from shared_schema.grid_arrays import grid_of
-from shared_schema.shard_reader import read_shard
+from shared_schema.grid import Grid, grid_of
+from shared_schema.shard import read_shard
 
 CUBE = """SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 2, 1, 1}};
 Cylinder(2) = {{1, 0, 0.5, 0, 1, 0, 0.3}};

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.transforms.noise import add_noise
+from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
@@ -19,8 +19,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import NodeOrder, read_manifest, write_manifest
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 
 SAMPLES = 45

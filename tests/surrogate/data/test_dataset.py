@@ -9,7 +9,7 @@ import torch
 
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from surrogate.data import Dataset, read_dataset
 
 # 60 samples, 12 of them for testing; they go to two shards alternately (see conftest.py).

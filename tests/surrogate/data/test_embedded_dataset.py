@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset
-from shared_schema.grid import Grid
-from shared_schema.grid_arrays import grid_arrays
+from shared_schema.grid import Grid, grid_arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 from surrogate.data import read_dataset
 from surrogate.data.body_check import differing_array
 from surrogate.evaluation.evaluate import evaluate

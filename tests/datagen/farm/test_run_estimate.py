@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.command_line import main
-from datagen.farm.dry_run import MOST, dry_run
 from datagen.farm.farm import run
+from datagen.farm.run_estimate import MOST, dry_run
 from shared_schema.common.errors import InputError
 from tests.datagen.farm_runs import datagen, finish, write_case
 from tests.datagen.refusal import refusal

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.body_problems import body_problems
 from shared_schema.common.bodies.groups import group_arrays, groups_of
+from shared_schema.content_problems import body_problems
 from shared_schema.layout import Arrays
-from shared_schema.shard_reader import read_shard
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import read_shard, write_shard
 
 Change = Callable[[Arrays], None]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.material import completed, deformation_gradient, energy_density
+from datagen.solver.strain_energy import completed, deformation_gradient, energy_density
 from shared_schema.common.bodies.stress_fields import stress_fields
 from shared_schema.material import Material
 

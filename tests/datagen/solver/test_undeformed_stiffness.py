@@ -17,14 +17,14 @@ from datagen.mesh.box import Box
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from datagen.solver.stiffness import stiffness_of
+from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest
 from shared_schema.material import NeoHookean, Volumetric
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from shared_schema.stiffness import read_stiffness, stiffness_problems
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)

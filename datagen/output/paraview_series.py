@@ -98,9 +98,9 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
 
     from datagen.mesh.distributed_mesh import distributed
     from datagen.mesh.raw_mesh import RawMesh
+    from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
     from datagen.solver.equilibrium import EquilibriumProblem
     from datagen.solver.settings import SolverSettings
-    from datagen.solver.stresses import CellStresses, reactions_of_supports
 
     element = dataset.manifest.case.get("element", "linear")
     if element != "linear":

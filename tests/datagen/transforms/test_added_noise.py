@@ -10,12 +10,12 @@ from mpi4py import MPI
 
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.transforms.noise import add_noise
+from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 
 SHARD = "shard-00000.h5"
 

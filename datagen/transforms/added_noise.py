@@ -19,7 +19,7 @@ from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, write_manifest
-from shared_schema.shard_writer import write_shard
+from shared_schema.shard import write_shard
 from shared_schema.stiffness import read_stiffness, write_stiffness
 
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N

@@ -20,7 +20,7 @@ from datagen.farm.shard_job import ShardJob
 from datagen.farm.work_plan import shard_count
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup
-from datagen.solver.stiffness import stiffness_of
+from datagen.solver.undeformed_stiffness import stiffness_of
 from shared_schema.material import Volumetric
 
 SECONDS = 10.0  # of solving, if the samples are fast

@@ -16,13 +16,13 @@ from mpi4py import MPI
 from datagen.cases.case import Case, read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
-from datagen.output import export as module
-from datagen.output.export import export
+from datagen.output import paraview_series as module
 from datagen.output.nodal_samples import Sample
+from datagen.output.paraview_series import export
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays
 from shared_schema.manifest import read_manifest
-from shared_schema.shard_reader import read_shard
+from shared_schema.shard import read_shard
 from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
 from tools.small_disk import SmallDisk

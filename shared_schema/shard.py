@@ -1,0 +1,296 @@
+"""One shard: an HDF5 file that holds some samples and the mesh they live on.
+
+Written, it appears under its name complete, or not at all. HDF5 builds it in memory and never sees
+the disk, so that a full disk raises a plain OSError. Reading refuses external links and anything
+that is not laid out as `shared_schema.layout` says.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.errors import InputError, first_line
+from shared_schema.layout import (
+    SCHEMA_VERSION,
+    SHARD_ATTRIBUTES,
+    ArrayLayout,
+    Arrays,
+    FileKind,
+    layout_for,
+    shape_problem,
+)
+
+HEADROOM = 1 << 24  # bytes; more than the buffers of HDF5
+Attributes = dict[str, int | str]
+
+
+def write_shard(
+    path: Path, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+) -> str:
+    """Write a shard atomically.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the shard.
+    kind : {"nodal", "structured", "stiffness", "loads"}
+    arrays : mapping of str to array
+        Every dataset of the kind's layout, by path, of the layout's shape and type.
+    case_digest : str
+        SHA-256 of the case configuration.
+    cell_type : str
+        meshio's name of the cells.
+
+    Returns
+    -------
+    str
+        SHA-256 of the file.
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not those of the layout, or one holds a NaN or an infinity.
+    OSError
+        If the file cannot be written.
+    """
+    content = shard_content(path.name, kind, arrays, case_digest, cell_type)
+    with complete_or_absent(path) as partial:
+        partial.write_bytes(content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def shard_content(
+    name: str, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+) -> bytes:
+    """Return the bytes of a shard, whose arguments are those of `write_shard`."""
+    problems = array_problems(kind, {path: np.asarray(a) for path, a in arrays.items()}, {})
+    if problems:
+        raise ValueError(f"{name}: {problems[0]}")
+    attributes: dict[str, int | str] = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": kind,
+        "case_digest": case_digest,
+        "cell_type": cell_type,
+    }
+    with h5py.File(name, "w", driver="core", backing_store=False) as file:
+        file.attrs.update(attributes)
+        for layout in layout_for(kind, arrays):
+            if layout.path in arrays:
+                _create(file, layout, arrays[layout.path])
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return content
+
+
+def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
+    if layout.dtype == "str":
+        data, dtype = np.asarray(values, dtype=object), h5py.string_dtype()
+    else:
+        data, dtype = np.asarray(values), np.dtype(layout.dtype)
+    compressed = layout.sparse and data.size > 0
+    options: dict[str, Any] = {"compression": "gzip", "compression_opts": 1} if compressed else {}
+    dataset = file.create_dataset(layout.path, data=data, dtype=dtype, **options)
+    dataset.attrs["units"] = layout.units
+    dataset.attrs["description"] = layout.description
+
+
+def read_shard(path: Path, kind: FileKind) -> Arrays:
+    """Read every dataset of a shard into memory.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, truncated, of another kind or schema version, or not laid
+        out as the schema says.
+    """
+    arrays = read_arrays(path, kind)
+    problems = array_problems(kind, arrays, {})
+    if problems:
+        raise InputError(f"{path}: {problems[0]}")
+    return arrays
+
+
+def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None) -> Arrays:
+    """Read a shard's datasets, which must exist inside the file; values are not checked.
+
+    Parameters
+    ----------
+    path : Path
+    kind : {"nodal", "structured", "stiffness", "loads"}
+    names : collection of str, optional
+        Paths of the datasets to read; all by default.
+
+    Raises
+    ------
+    InputError
+        As `read_shard`, except for wrong shapes, types and values.
+    """
+    with _open(path, kind) as file, _damage_named(path):
+        paths = dataset_paths(file)
+        return {
+            layout.path: _read(file[layout.path])
+            for layout in layout_for(kind, paths)
+            if layout.path in paths and (names is None or layout.path in names)
+        }
+
+
+def read_attributes(path: Path, kind: FileKind) -> Attributes:
+    """Read the attributes of the file itself: schema version, kind, case digest, cell type."""
+    with _open(path, kind) as file, _damage_named(path):
+        return {name: plain(file.attrs[name]) for name in SHARD_ATTRIBUTES}
+
+
+def _open(path: Path, kind: FileKind) -> h5py.File:
+    if not path.is_file():
+        raise InputError(f"{path}: no such shard")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: not a readable HDF5 file (it is empty)")
+    with _damage_named(path):
+        file = h5py.File(path, "r")
+    try:
+        with _damage_named(path):
+            problems = structure_problems(file, kind)
+        if problems:
+            raise InputError(f"{path}: {'; '.join(problems)}")
+    except InputError:
+        file.close()
+        raise
+    return file
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """Turn every exception that h5py raises on a damaged file into one InputError.
+
+    Lack of memory is no damage: a MemoryError stays one.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        np.empty(HEADROOM, dtype=np.uint8)  # HDF5 does not say that it has no memory; NumPy does
+        raise InputError(f"{path}: not a readable HDF5 file ({first_line(error)})") from None
+
+
+def _read(dataset: h5py.Dataset) -> NDArray[Any]:
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    return np.asarray(dataset[()])
+
+
+def array_problems(
+    kind: FileKind, arrays: Mapping[str, NDArray[Any]], lengths: dict[str, tuple[int, ...]]
+) -> list[str]:
+    """List what is wrong with the arrays of a shard: missing, unknown, shape, type, NaN.
+
+    Parameters
+    ----------
+    kind : {"nodal", "structured", "stiffness", "loads"}
+    arrays : mapping of str to array
+    lengths : dict
+        Known lengths of axes (see `shared_schema.layout.shape_problem`); new ones are added.
+    """
+    layouts = layout_for(kind, arrays)
+    known = {layout.path for layout in layouts}
+    problems = [f"unknown dataset '{name}'" for name in sorted(set(arrays) - known)]
+    for layout in layouts:
+        if layout.path not in arrays:
+            if not layout.optional:
+                problems.append(f"dataset '{layout.path}' is missing")
+            continue
+        array = arrays[layout.path]
+        if array.dtype != np.dtype(object if layout.dtype == "str" else layout.dtype):
+            problems.append(
+                f"dataset '{layout.path}' has type {array.dtype}, expected {layout.dtype}"
+            )
+            continue
+        problem = shape_problem(layout, array.shape, lengths)
+        if problem:
+            problems.append(f"dataset '{layout.path}' {problem}")
+        elif array.dtype.kind == "f" and not np.isfinite(array).all():
+            problems.append(f"dataset '{layout.path}' holds a NaN or an infinity")
+    return problems
+
+
+def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
+    """List what is wrong with attributes, links and datasets of an open file; reads no data."""
+    problems = []
+    for name in SHARD_ATTRIBUTES:
+        if name not in file.attrs:
+            problems.append(f"attribute '{name}' is missing")
+    if not problems:
+        if plain(file.attrs["schema_version"]) != SCHEMA_VERSION:
+            problems.append(
+                f"attribute 'schema_version' is {file.attrs['schema_version']}, "
+                f"expected {SCHEMA_VERSION}"
+            )
+        if plain(file.attrs["kind"]) != kind:
+            problems.append(f"attribute 'kind' is {file.attrs['kind']!r}, expected '{kind}'")
+    layouts = layout_for(kind, dataset_paths(file))
+    known = {layout.path for layout in layouts}
+    groups = {path.partition("/")[0] for path in known}
+    problems += _link_problems(file, "", groups)
+    for name in sorted(groups):
+        if isinstance(file.get(name, getlink=True), h5py.HardLink):
+            if not isinstance(file[name], h5py.Group):
+                problems.append(f"'{name}' is no group")
+            else:
+                problems += _link_problems(file[name], f"{name}/", known)
+    if problems:
+        return problems
+    for layout in layouts:
+        dataset = file.get(layout.path)
+        if dataset is None and layout.optional:
+            continue
+        if not isinstance(dataset, h5py.Dataset):
+            problems.append(f"dataset '{layout.path}' is missing")
+        elif dataset.external or dataset.is_virtual:
+            problems.append(f"dataset '{layout.path}' is stored outside the file")
+        else:
+            for attribute, expected in (("units", layout.units), ("description", None)):
+                if attribute not in dataset.attrs:
+                    problems.append(f"dataset '{layout.path}': attribute '{attribute}' is missing")
+                elif expected is not None and dataset.attrs[attribute] != expected:
+                    problems.append(
+                        f"dataset '{layout.path}': attribute 'units' is "
+                        f"{dataset.attrs[attribute]!r}, expected '{expected}'"
+                    )
+    return problems
+
+
+def dataset_paths(file: h5py.File) -> set[str]:
+    """Paths of the members of a file's groups; no link to elsewhere is followed."""
+    return {
+        f"{name}/{member}"
+        for name in file
+        if isinstance(file.get(name, getlink=True), h5py.HardLink)
+        and isinstance(file[name], h5py.Group)
+        for member in file[name]
+    }
+
+
+def _link_problems(group: h5py.Group, prefix: str, known: set[str]) -> list[str]:
+    """List what is wrong with the members of a group: links to elsewhere, unknown names."""
+    problems = []
+    for name in group:
+        path = prefix + name
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            problems.append(f"'{path}' is a link to elsewhere, which is not allowed")
+        elif path not in known:
+            problems.append(f"'{path}' is unknown")
+    return problems
+
+
+def plain(value: Any) -> Any:
+    """Turn a NumPy scalar into a Python one."""
+    return value.item() if isinstance(value, np.generic) else value
