@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.stiffness import Stiffness
+from surrogate.networks.free_points import at_points, on_grid
 
 
 class LinearMap(nn.Module):
@@ -61,10 +62,8 @@ class LinearMap(nn.Module):
 
     def forward(self, force: Tensor) -> Tensor:
         """Predict scaled displacements from scaled forces."""
-        f = force.flatten(2).index_select(2, self.points)
-        u = functional.linear(f.flatten(1), self.weight).reshape(f.shape)
-        grid = torch.zeros_like(force, dtype=u.dtype).flatten(2)
-        return grid.index_copy(2, self.points, u).reshape(force.shape)
+        displacement = functional.linear(at_points(force, self.points), self.weight)
+        return on_grid(displacement, self.points, force)
 
 
 def compliance_of(stiffness: Stiffness, nodes: NDArray[np.int64], count: int) -> Tensor:

@@ -34,7 +34,8 @@ from surrogate.baselines.gaussian_process import GaussianProcess
 from surrogate.baselines.ridge_regression import RidgeRegression
 from surrogate.networks.field_network import SMALLEST_STD, FieldNetwork
 from surrogate.networks.fitted import Fitted
-from surrogate.networks.reduced_network import at_points, modal_encoder
+from surrogate.networks.free_points import at_points, on_grid
+from surrogate.networks.modes import modal_encoder
 from surrogate.probabilistic.likelihoods import (
     Prediction,
     deterministic_loss,
@@ -249,7 +250,7 @@ class PODNetwork(Fitted):
         """Fit modes and regression to scaled fields on the CPU, both (N, d, nx, ny[, nz])."""
         from sklearn.decomposition import PCA
 
-        snapshots = displacement.flatten(2)[:, :, self.free].flatten(1).double().numpy()
+        snapshots = at_points(displacement, self.free).double().numpy()
         components = self.config.rank or self.config.energy
         solver = "auto" if self.config.rank else "full"
         pca = PCA(components, svd_solver=solver, random_state=seed % 2**32).fit(snapshots)
@@ -280,7 +281,5 @@ class PODNetwork(Fitted):
         return force.flatten(2).index_select(2, self.loaded).double()
 
     def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
-        """Place the values of free degrees of freedom on the grid, with zeros elsewhere."""
-        grid = torch.zeros_like(like).flatten(2)
-        fields = values.to(like).reshape(*like.shape[:2], -1)
-        return grid.index_copy(2, self.free, fields).reshape(like.shape)
+        """Place the values of free degrees of freedom on the grid, in the precision of another."""
+        return on_grid(values.to(like), self.free, like)

@@ -18,12 +18,12 @@ from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.network_model import NetworkModel
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.modes import chosen_rows
 from surrogate.networks.reduced_network import (
     DenseNetwork,
     ReducedConfig,
     ReducedNetwork,
     VariationalLayers,
-    chosen_rows,
 )
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream

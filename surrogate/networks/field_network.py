@@ -13,8 +13,10 @@ from torch.nn import functional
 from shared_schema.manifest import StructuredInfo
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.networks.inputs import Input, channels_of
 from surrogate.networks.load_count_factor import LoadCountFactor
-from surrogate.probabilistic.ensemble import Ensemble
+from surrogate.probabilistic.ensemble import members_of
 from surrogate.probabilistic.likelihoods import Prediction
 
 AT_ONCE = 64  # samples that are prepared at once
@@ -37,7 +39,7 @@ class FieldNetwork(nn.Module):
         Geometry of the body; displacements are zero at grid points that are clamped or not nodes.
     info : StructuredInfo
         Statistics of the training split, for the scales.
-    linear : nn.Module, optional
+    linear : LinearResponse, optional
         Linear response of the body: from forces in N to displacements in m and scaled gradients.
     inputs : sequence of {"force", "linear_gradient", "last_gradient"}
         Inputs of the network, in order; gradients need `linear`, the last one a `SeriesResponse`.
@@ -48,8 +50,12 @@ class FieldNetwork(nn.Module):
     ----------
     node_fraction : float
         Fraction of the grid points that are nodes.
+    members : int
+        Number K of members of the ensemble; 1 for a single network.
+    channels : dict of str to slice
+        Channels of every input.
     foretold : slice or None
-        Channels of the gradient that foretells the size of the output (`amplitude`), if any does.
+        Channels of the last gradient, which gives the size of the output (`amplitude`), if any.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
@@ -84,15 +90,16 @@ class FieldNetwork(nn.Module):
         network: nn.Module,
         geometry: Geometry,
         info: StructuredInfo,
-        linear: nn.Module | None = None,
-        inputs: Sequence[str] = ("force",),
+        linear: LinearResponse | None = None,
+        inputs: Sequence[Input] = ("force",),
         skip: bool = False,
     ) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.members = network, members_of(network)
         self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
+        self.channels = channels_of(inputs, geometry.dimension)
+        self.foretold = self.channels.get("last_gradient")
         self.node_fraction = float(geometry.grid.mask.mean())
-        self.foretold = self.channels_of("last_gradient", geometry.dimension)
         free = torch.from_numpy(geometry.free_mask).float()
         rms = root_mean_square(info)
         self.register_buffer("force_scale", torch.tensor(max(info.force.max_abs) / math.sqrt(3)))
@@ -137,12 +144,6 @@ class FieldNetwork(nn.Module):
         scale = torch.where(typical > 0, typical, self.displacement_rms)
         smallest = SMALLEST_SCALE * float(self.displacement_rms)
         self.displacement_scale.copy_(scale.clamp(min=smallest).expand_as(self.displacement_scale))
-
-    @property
-    def members(self) -> int:
-        """Number K of members of the ensemble; 1 for a single network."""
-        inner = getattr(self.network, "dense", self.network)
-        return len(inner.members) if isinstance(inner, Ensemble) else 1
 
     def forward(self, force: Tensor, passes: int = 1, response: Tensor | None = None) -> Prediction:
         """Predict displacements in m from forces in N, for each of some drawn passes.
@@ -201,9 +202,7 @@ class FieldNetwork(nn.Module):
 
         It is relative to the linear response, in terms of its gradient.
         """
-        channels = self.channels_of("linear_gradient")
-        assert channels is not None
-        square = inputs[:, channels].square().flatten(1).mean(dim=1)
+        square = inputs[:, self.channels["linear_gradient"]].square().flatten(1).mean(dim=1)
         return (ROUNDING * self.displacement_rms * square.sqrt()).reshape(
             -1, *(1,) * (inputs.ndim - 1)
         )
@@ -237,7 +236,7 @@ class FieldNetwork(nn.Module):
         if response is None:
             displacement, gradient = self.linear(force)
         else:
-            displacement, gradient = self.linear.on_grid(response)  # type: ignore[operator]
+            displacement, gradient = self.linear.on_grid(response)
         return self.inputs_with(force, gradient), displacement if self.skip else None
 
     def inputs_with(self, force: Tensor, gradient: Tensor) -> Tensor:
@@ -246,15 +245,6 @@ class FieldNetwork(nn.Module):
         fields = {"force": force / self.force_scale, "linear_gradient": gradient[:, :channels]}
         fields["last_gradient"] = gradient[:, channels:]
         return torch.cat([fields[name] for name in self.inputs], dim=1)
-
-    def channels_of(self, name: str, dimension: int | None = None) -> slice | None:
-        """Channels of one of the inputs; None if the network does not have it."""
-        if name not in self.inputs:
-            return None
-        d = dimension or len(self.displacement_scale)
-        sizes = [d if other == "force" else d**2 for other in self.inputs]
-        start = sum(sizes[: self.inputs.index(name)])
-        return slice(start, start + sizes[self.inputs.index(name)])
 
     @torch.no_grad()
     def prepared(self, samples: Samples, report: Callable[[int], object] | None = None) -> Samples:

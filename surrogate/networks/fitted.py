@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 
 
 class Fitted(nn.Module):
@@ -26,6 +26,5 @@ class Fitted(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
         for name in self._names:
             if prefix + name in state:
-                stored: Tensor = state[prefix + name]
-                setattr(self, name, torch.empty_like(stored))
+                setattr(self, name, torch.empty_like(state[prefix + name]))
         super()._load_from_state_dict(state, prefix, *others)

@@ -18,6 +18,8 @@ from itertools import combinations_with_replacement
 import torch
 from torch import Tensor, nn
 
+from surrogate.networks.modes import half_whitening
+
 SECOND = 2  # lowest order
 PENALTY = 1e-8  # on squared coefficients, relative to the mean square of the monomials
 
@@ -95,17 +97,3 @@ class ModalSeries(nn.Module):
         for factor in others:
             product = product * a.index_select(1, factor)
         return product
-
-
-def half_whitening(values: Tensor) -> Tensor:
-    """Factors that divide every column by the square root of its root mean square: (N, n) → (n,).
-
-    The scaled values have a root mean square of 1 over all columns. Large and small columns differ
-    by the square root of what they did: less than before, but the small ones, which samples tell
-    less about, do not become as large as the others.
-    """
-    mean_square = values.square().mean(dim=0)
-    factors = mean_square.clamp(min=torch.finfo(values.dtype).tiny).pow(-0.25)
-    factors = torch.where(mean_square > 0, factors, torch.zeros_like(factors))
-    overall = (values * factors).square().mean().sqrt()
-    return torch.where(overall > 0, factors / overall, torch.ones_like(factors))

@@ -52,7 +52,7 @@ class NodalNetwork(nn.Module):
         mean, std = self.network(self.on_grid(force), passes, by_component)
 
         def at_nodes(field: Tensor) -> Tensor:
-            nodal: Tensor = self.to_nodes(field.flatten(2)).transpose(1, 2)
+            nodal = self.to_nodes(field.flatten(2)).transpose(1, 2)
             return nodal.reshape(self.network.members * passes, -1, *nodal.shape[1:])
 
         if std is None:
@@ -61,7 +61,7 @@ class NodalNetwork(nn.Module):
 
     def on_grid(self, force: Tensor) -> Tensor:
         """Map nodal forces to the grid: (N, n_nodes, d) → (N, d, nx, ny[, nz])."""
-        grid: Tensor = self.to_grid(force.transpose(1, 2))
+        grid = self.to_grid(force.transpose(1, 2))
         return grid.reshape(*grid.shape[:2], *self.shape)
 
     def factors(self, force: Tensor) -> tuple[Tensor, Tensor]:

@@ -19,7 +19,7 @@ that the modes cannot represent,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 import torch
 from pydantic import Field, model_validator
@@ -27,19 +27,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
+from surrogate.networks.activations import ACTIVATIONS, Activation
 from surrogate.networks.field_network import SMALLEST_STD
-from surrogate.networks.modal_series import ModalSeries, half_whitening
-from surrogate.probabilistic.ensemble import Ensemble
+from surrogate.networks.free_points import at_points, on_grid
+from surrogate.networks.modal_series import ModalSeries
+from surrogate.networks.modes import LARGEST_SVD, chosen_rows, leading_modes, modal_encoder
+from surrogate.probabilistic.ensemble import members_of
 from surrogate.probabilistic.flipout import FlipoutDense, VariationalConfig
 from surrogate.probabilistic.likelihoods import Prediction
-
-ACTIVATIONS: dict[str, Callable[[], nn.Module]] = {
-    "relu": nn.ReLU,
-    "gelu": nn.GELU,
-    "silu": nn.SiLU,
-}
-LARGEST_SVD = 2000  # samples; of more, a random part is decomposed
-POWER_ITERATIONS, SPARE_MODES = 4, 20
 
 
 class VariationalLayers(VariationalConfig):
@@ -79,7 +74,7 @@ class ReducedConfig(Frozen):
     output_modes: int = Field(96, ge=1, le=10**4)
     width: int = Field(256, ge=1, le=10**5)
     depth: int = Field(3, ge=1, le=100)
-    activation: Literal["relu", "gelu", "silu"] = "silu"
+    activation: Activation = "silu"
     series: tuple[Annotated[int, Field(ge=1, le=200)], ...] = Field((), max_length=2)
 
     @model_validator(mode="after")
@@ -137,8 +132,7 @@ class DenseNetwork(nn.Module):
         x = self.activation(self.first(x))
         for layer in self.hidden:
             x = self.activation(layer(x))
-        y: Tensor = self.head(x)
-        return y
+        return self.head(x)
 
 
 class ReducedNetwork(nn.Module):
@@ -178,7 +172,7 @@ class ReducedNetwork(nn.Module):
         self, dense: nn.Module, config: ReducedConfig, dimension: int, free: Tensor
     ) -> None:
         super().__init__()
-        self.dense, self.config = dense, config
+        self.dense, self.config, self.members = dense, config, members_of(dense)
         points = free.flatten().nonzero().squeeze(1)
         size = dimension * len(points)
         self.register_buffer("points", points, persistent=False)
@@ -214,7 +208,7 @@ class ReducedNetwork(nn.Module):
         count = self.config.input_modes
         self.encoder = modal_encoder(respond, linear, self.points, count, force_scale, seed)
         some = chosen_rows(len(correction), seed, LARGEST_SVD)
-        outputs = self._at_points(correction[some])
+        outputs = at_points(correction[some], self.points)
         modes = leading_modes(outputs, self.config.output_modes, seed)
         coefficients = outputs @ modes.T
         self.modes = modes * coefficients.square().mean().sqrt()
@@ -235,8 +229,8 @@ class ReducedNetwork(nn.Module):
         """
         assert self.series is not None
         a, inverse = self._encoded(force), self.modes.T / self.modes[0].square().sum()
-        self.series.fit(a, [self._at_points(term) @ inverse for term in terms])
-        left = self._at_points(correction) @ inverse
+        self.series.fit(a, [at_points(term, self.points) @ inverse for term in terms])
+        left = at_points(correction, self.points) @ inverse
         for term in self.series(a):
             left = left - term
         unit = left.square().mean().sqrt()
@@ -249,104 +243,20 @@ class ReducedNetwork(nn.Module):
         a = self._encoded(force)
         terms = [] if self.series is None else self.series(a)
         inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
-        y = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
+        outputs = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
         count = len(self.modes)
-        coefficients = y[:, :count]
-        members = len(self.dense.members) if isinstance(self.dense, Ensemble) else 1
+        coefficients = outputs[:, :count]
         for term in terms:
-            coefficients = coefficients + (term if members == 1 else term.repeat(members, 1))
-        mean = self._on_grid(coefficients @ self.modes, force)
-        if y.shape[1] == count:
+            of_all = term if self.members == 1 else term.repeat(self.members, 1)
+            coefficients = coefficients + of_all
+        mean = on_grid(coefficients @ self.modes, self.points, force)
+        if outputs.shape[1] == count:
             return mean
-        std = functional.softplus(y[:, count:])
+        std = functional.softplus(outputs[:, count:])
         variance = std.square() @ self.modes.square() + self.truncation.square()
-        return Prediction(mean, self._on_grid((variance + SMALLEST_STD**2).sqrt(), force))
+        std = (variance + SMALLEST_STD**2).sqrt()
+        return Prediction(mean, on_grid(std, self.points, force))
 
     def _encoded(self, force: Tensor) -> Tensor:
         """Coefficients a of scaled forces."""
-        return functional.linear(self._at_points(force), self.encoder)
-
-    def _at_points(self, grid: Tensor) -> Tensor:
-        return at_points(grid, self.points)
-
-    def _on_grid(self, values: Tensor, like: Tensor) -> Tensor:
-        """Place the values of free points on a grid like another, with zeros elsewhere."""
-        return on_grid(values, self.points, like)
-
-
-def at_points(grid: Tensor, points: Tensor) -> Tensor:
-    """Return the values of some points of grids: (N, d, nx, ny[, nz]) → (N, d · n_points)."""
-    return grid.flatten(2).index_select(2, points).flatten(1)
-
-
-def on_grid(values: Tensor, points: Tensor, like: Tensor) -> Tensor:
-    """Place values (N, d · n_points) on grids like others, with zeros elsewhere."""
-    fields = values.reshape(values.shape[0], like.shape[1], -1)
-    grid = fields.new_zeros(*fields.shape[:2], like[0, 0].numel())
-    placed: Tensor = grid.index_copy(2, points, fields).reshape(-1, *like.shape[1:])
-    return placed
-
-
-def chosen_rows(count: int, seed: int, largest: int) -> Tensor:
-    """Return random rows of some samples, `largest` at most, sorted."""
-    generator = torch.Generator().manual_seed(seed)
-    return torch.randperm(count, generator=generator)[:largest].sort().values
-
-
-def modal_encoder(
-    respond: Callable[[Tensor], Tensor],
-    linear: Tensor,
-    points: Tensor,
-    count: int,
-    force_scale: Tensor,
-    seed: int,
-) -> Tensor:
-    """Return (S Φ)ᵀ of the leading modes Φ of linear responses, (count, d · n_points), scaled.
-
-    It takes scaled forces at the points to scaled coefficients (`half_whitening`).
-
-    Parameters
-    ----------
-    respond : callable
-        Linear response S on the grid: forces in N to displacements in m.
-    linear : Tensor, (N, d, nx, ny[, nz])
-        Linear responses of the training samples, in m.
-    points : Tensor of int, (n_points,)
-        Numbers of the points, in the flattened grid, that are nodes and not clamped.
-    count : int
-        Number of modes.
-    force_scale : Tensor, ()
-        Unit of the scaled forces, in N.
-    seed : int
-    """
-    snapshots = at_points(linear[chosen_rows(len(linear), seed, LARGEST_SVD)], points)
-    modes = leading_modes(snapshots, count, seed)
-    scales = half_whitening(snapshots @ modes.T)
-    responses = respond(on_grid(modes, points, linear[: len(modes)]))
-    return at_points(responses, points) * (force_scale * scales[:, None])
-
-
-def leading_modes(snapshots: Tensor, count: int, seed: int) -> Tensor:
-    """Return leading orthonormal modes of some snapshots, (count, n), not centred.
-
-    Parameters
-    ----------
-    snapshots : Tensor, (N, n)
-    count : int
-        Number of modes, at most N and n.
-    seed : int
-        Seed of the randomised decomposition of a large matrix.
-    """
-    if min(snapshots.shape) <= 4 * count:
-        found: Tensor = torch.linalg.svd(snapshots, full_matrices=False).Vh[:count].contiguous()
-        return found
-    from sklearn.utils.extmath import randomized_svd
-
-    _, _, modes = randomized_svd(
-        snapshots.numpy(),
-        count,
-        n_oversamples=SPARE_MODES,
-        n_iter=POWER_ITERATIONS,
-        random_state=seed % 2**32,
-    )
-    return torch.from_numpy(modes)
+        return functional.linear(at_points(force, self.points), self.encoder)

@@ -17,15 +17,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
+from surrogate.networks.activations import ACTIVATIONS, Activation
+from surrogate.networks.inputs import Input, channels_of
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
 BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
-ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
 Transform = Literal["linear", "asinh", "saturating"]
-Input = Literal["force", "linear_gradient", "last_gradient"]
 
 
 def saturating(force: Tensor) -> Tensor:
@@ -83,7 +83,7 @@ class UNetConfig(Frozen):
     channels: int = Field(128, ge=1, le=4096)
     multiplier: int = Field(2, ge=1, le=8)
     padding: int = Field(2, ge=0, le=64)
-    activation: Literal["relu", "gelu", "silu"] = "relu"
+    activation: Activation = "relu"
     batch_norm: bool = True
     inputs: tuple[Input, ...] = Field(("force",), min_length=1)
     skip: Literal["none", "linear", "series"] = "none"
@@ -132,10 +132,7 @@ class UNetConfig(Frozen):
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of input channels in d dimensions."""
-        of_gradient = dimension**2
-        channels = {"force": dimension, "linear_gradient": of_gradient}
-        channels["last_gradient"] = of_gradient
-        return sum(channels[name] for name in self.inputs)
+        return channels_of(self.inputs, dimension)[self.inputs[-1]].stop
 
     def level_channels(self) -> list[int]:
         """Return the number of channels of every level, finest first."""
@@ -195,9 +192,8 @@ class UNet(nn.Module):
         member: int = 0,
     ) -> None:
         super().__init__()
-        self.dimension = dimension
-        self.padding = config.padding
-        self.inputs = config.inputs
+        self.dimension, self.padding = dimension, config.padding
+        self.inputs = channels_of(config.inputs, dimension)
         transforms = config.force_transforms
         self.transform = TRANSFORMS[transforms[member % len(transforms)]]
         self.coarsening = 2 ** (config.levels - 1)
@@ -239,18 +235,15 @@ class UNet(nn.Module):
         x = self.head(x)
         for axis, length in enumerate(size, start=2):
             x = x.narrow(axis, self.padding, length)
-        cropped: Tensor = x
-        return cropped
+        return x
 
     def transformed(self, fields: Tensor) -> Tensor:
         """Transform the channels of the forces, and no others."""
-        if self.inputs == ("force",):
-            return self.transform(fields)
         if "force" not in self.inputs:
             return fields
-        widths = [self.dimension if n == "force" else self.dimension**2 for n in self.inputs]
-        channels = zip(self.inputs, torch.split(fields, widths, dim=1), strict=True)
-        return torch.cat([self.transform(x) if n == "force" else x for n, x in channels], dim=1)
+        parts = {name: fields[:, channels] for name, channels in self.inputs.items()}
+        parts["force"] = self.transform(parts["force"])
+        return torch.cat(list(parts.values()), dim=1) if len(parts) > 1 else parts["force"]
 
     def pads(self, size: torch.Size) -> list[int]:
         """Return the padding of each axis, last axis first.
@@ -274,4 +267,5 @@ def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
 
 def parameter_count(module: nn.Module) -> int:
     """Return the number of trainable parameters."""
-    return sum(p.numel() for p in module.parameters() if p.requires_grad)
+    parameters = module.parameters()
+    return sum(parameter.numel() for parameter in parameters if parameter.requires_grad)

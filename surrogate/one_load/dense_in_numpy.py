@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import erf
 from torch import Tensor, nn
 
-from surrogate.networks.reduced_network import DenseNetwork, ReducedNetwork, on_grid
+from surrogate.networks.free_points import on_grid
+from surrogate.networks.reduced_network import DenseNetwork, ReducedNetwork
 from surrogate.probabilistic.ensemble import Ensemble
 
 Single = NDArray[np.float32]

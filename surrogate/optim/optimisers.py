@@ -62,19 +62,16 @@ def make_optimisers(
     A network without some kind of parameter has fewer optimisers. If `capturable` is true (for CUDA
     graphs), the learning rate is a tensor on the device of the parameters.
     """
-    parameters = [p for p in network.parameters() if p.requires_grad]
-    kernels = (
-        [
-            p
-            for name, p in network.named_parameters()
-            if is_hidden_kernel(name, p) and p.requires_grad
-        ]
-        if config.name == "muon"
-        else []
-    )
-    rhos = [p for name, p in network.named_parameters() if name.endswith("rho") and p.requires_grad]
-    taken = {id(p) for p in (*kernels, *rhos)}
-    rest = [p for p in parameters if id(p) not in taken]
+    kernels: list[nn.Parameter] = []
+    rhos: list[nn.Parameter] = []
+    rest: list[nn.Parameter] = []
+    for name, parameter in network.named_parameters():
+        if not parameter.requires_grad:
+            continue
+        if config.name == "muon" and is_hidden_kernel(name, parameter):
+            kernels.append(parameter)
+        else:
+            (rhos if name.endswith("rho") else rest).append(parameter)
     optimisers: list[torch.optim.Optimizer] = []
 
     def rate(group: list[nn.Parameter]) -> float | Tensor:

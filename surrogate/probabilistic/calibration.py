@@ -86,8 +86,7 @@ class CalibrationMeasures:
 
 def negative_log_likelihood(error: Array, std: Array) -> Array:
     r""":math:`\frac{1}{2} \ln(2πσ^2) + \frac{1}{2} z^2` of errors u − μ and σ in m, in nats."""
-    result: Array = 0.5 * np.log(2 * np.pi) + np.log(std) + 0.5 * (error / std) ** 2
-    return result
+    return 0.5 * np.log(2 * np.pi) + np.log(std) + 0.5 * (error / std) ** 2
 
 
 def crps(error: Array, std: Array) -> Array:
@@ -101,8 +100,7 @@ def crps(error: Array, std: Array) -> Array:
     """
     z = error / std
     density = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
-    result: Array = std * (z * (2 * ndtr(z) - 1) + 2 * density - 1 / np.sqrt(np.pi))
-    return result
+    return std * (z * (2 * ndtr(z) - 1) + 2 * density - 1 / np.sqrt(np.pi))
 
 
 def half_width(level: float) -> float:
@@ -142,11 +140,12 @@ def rank_correlation(x: Array, y: Array) -> Array:
     """Spearman's rank correlation along the last axis: (..., n) twice → (...).
 
     Pearson's correlation of the ranks, ties having their mean rank; 0 where x or y is constant.
+    `scipy.stats.spearmanr` correlates two rows at a time, and is undefined there.
     """
-    a, b = (rankdata(values, axis=-1) - 0.5 * (values.shape[-1] + 1) for values in (x, y))
+    mean_rank = 0.5 * (x.shape[-1] + 1)
+    a, b = rankdata(x, axis=-1) - mean_rank, rankdata(y, axis=-1) - mean_rank
     scale = np.sqrt((a**2).sum(axis=-1) * (b**2).sum(axis=-1))
-    result: Array = (a * b).sum(axis=-1) / np.where(scale > 0, scale, 1.0)
-    return result
+    return (a * b).sum(axis=-1) / np.where(scale > 0, scale, 1.0)
 
 
 def require_positive(std: Array, free: NDArray[np.bool_]) -> None:

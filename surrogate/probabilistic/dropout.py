@@ -43,7 +43,7 @@ class ChannelDropout(nn.Module):
 
     def draw(self, generators: Sequence[torch.Generator]) -> None:
         """Draw independent masks for evaluation, one for each generator of the CPU."""
-        kept = [torch.rand(self.channels, generator=g) >= self.rate for g in generators]
+        kept = [torch.rand(self.channels, generator=one) >= self.rate for one in generators]
         self._masks = torch.stack(kept) / (1 - self.rate)
 
     def forget(self) -> None:

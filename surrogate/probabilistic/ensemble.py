@@ -28,3 +28,9 @@ class Ensemble(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Evaluate one member after the other: (N, …) → (K·N, …)."""
         return torch.cat([member(x) for member in self.members])
+
+
+def members_of(network: nn.Module) -> int:
+    """Return the number of members of the ensemble in a network; 1 if there is none."""
+    ensembles = (module for module in network.modules() if isinstance(module, Ensemble))
+    return next((len(ensemble.members) for ensemble in ensembles), 1)

@@ -96,10 +96,9 @@ def negative_log_likelihood(
         Distribution of u − μ.
     """
     assert prediction.std is not None
-    mean, std, u = (
-        field.flatten(2).index_select(2, free) / unit
-        for field in (prediction.mean, prediction.std, reference)
-    )
+    mean = prediction.mean.flatten(2).index_select(2, free) / unit
+    std = prediction.std.flatten(2).index_select(2, free) / unit
+    u = reference.flatten(2).index_select(2, free) / unit
     z = (u - mean) / std
     if errors == "gaussian":
         nll = std.log() + 0.5 * z.square() + 0.5 * math.log(2 * math.pi)

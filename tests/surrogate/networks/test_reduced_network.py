@@ -20,7 +20,8 @@ from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.reduced_model import ReducedModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.modal_series import ModalSeries
-from surrogate.networks.reduced_network import ReducedNetwork, leading_modes
+from surrogate.networks.modes import leading_modes
+from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.optim.optimisers import is_hidden_kernel
 from surrogate.probabilistic.flipout import flipouts
 from surrogate.runs.run_config import read_config, run_config
