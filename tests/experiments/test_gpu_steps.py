@@ -48,6 +48,12 @@ def setting(datasets: Path, tmp_path: Path) -> GpuSetting:
     return GpuSetting(tmp_path, datasets, CPU, True, time.monotonic() + 1000)
 
 
+@pytest.fixture
+def _clock_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+
+
 def record_of(out: Path, name: str) -> Record:
     record = read_record(out / f"{name}.json")
     assert record is not None
@@ -128,6 +134,7 @@ def test_without_a_function_for_errors_one_ends_the_run(setting: GpuSetting) -> 
     assert not (setting.out / "a.json").exists()
 
 
+@pytest.mark.usefixtures("_clock_stands_still")
 def test_after_an_error_on_a_gpu_a_new_process_goes_on(
     setting: GpuSetting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,7 +151,7 @@ def test_after_an_error_on_a_gpu_a_new_process_goes_on(
     assert len(started) == 2
     assert all(words[1:3] == ["-m", "experiments"] for words in started)
     later = [parsed(words[3:]) for words in started]
-    assert [options.total for options in later] == pytest.approx([60, 60], abs=1)
+    assert [options.total for options in later] == pytest.approx([60, 60])
     assert [options.step for options in later] == [None, ["c"]]
     assert all(options.small and options.device == "cuda" for options in later)
 
@@ -155,6 +162,7 @@ def parsed(arguments: list[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+@pytest.mark.usefixtures("_clock_stands_still")
 def test_a_step_gets_what_is_left_of_its_time(setting: GpuSetting) -> None:
     """Of 100 s in all, the call has 50; a step that has spent its time is finished as it is."""
     left: list[float] = []
@@ -169,7 +177,7 @@ def test_a_step_gets_what_is_left_of_its_time(setting: GpuSetting) -> None:
     spent = record_of(setting.out, "a").model_copy(update={"seconds": 95.0})
     write_record(spent, setting.out / "a.json")
     assert run([step], setting, setting.out).unfinished == []
-    assert left == pytest.approx([50, 5], abs=0.5)
+    assert left == pytest.approx([50, 5])
     late = setting.until(time.monotonic() + 10)
     assert run([Step("b", "b", "", work)], late, setting.out).unfinished == ["b"]
     assert not (setting.out / "b.json").exists()

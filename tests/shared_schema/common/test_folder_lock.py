@@ -48,7 +48,14 @@ def start_holder(folder: Path, where: str = "here") -> subprocess.Popen[str]:
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folder_lock, "WAIT", 0.3)
-    monkeypatch.setattr(folder_lock, "DEAD_AFTER", 1.5)
+    monkeypatch.setattr(folder_lock, "DEAD_AFTER", 60.0)  # a living owner's heart beats sooner
+
+
+def kill(process: subprocess.Popen[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """End an owner, of whose death others need not be sure for long."""
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    monkeypatch.setattr(folder_lock, "DEAD_AFTER", 0.3)
 
 
 @pytest.fixture
@@ -71,13 +78,12 @@ def test_a_second_owner_is_refused_and_told_who_works(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("where", ["here", "elsewhere"])
-def test_another_process(tmp_path: Path, where: str) -> None:
+def test_another_process(tmp_path: Path, where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Refused while it lives; after SIGKILL its lock is taken over, also that of a machine away."""
     with start_holder(tmp_path, where) as process:
         with pytest.raises(InputError, match=f"process {process.pid} on"), FolderLock(tmp_path):
             pass
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
+        kill(process, monkeypatch)
         assert (tmp_path / LOCK).exists()
         with FolderLock(tmp_path):
             pass
@@ -95,12 +101,11 @@ def test_locks_that_other_machines_do_not_see(
 
 
 @pytest.mark.usefixtures("_no_flock")
-def test_a_file_system_without_locks(tmp_path: Path) -> None:
+def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with start_holder(tmp_path) as process:
         with pytest.raises(InputError, match="another run"), FolderLock(tmp_path):
             pass
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
+        kill(process, monkeypatch)
     with FolderLock(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
