@@ -24,6 +24,7 @@ include_patterns = [
     "docs/**",
     "docker/README.md",
     "shared_schema/README.md",
+    "tools/README.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "SECURITY.md",
