@@ -1,1 +1,6 @@
-"""Baselines for the U-Net: a linear map, and proper orthogonal decomposition."""
+"""Baselines for the networks: a linear map, and orthogonal modes with a regression."""
+
+from surrogate.baselines.linear_map import LinearMap
+from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
+
+__all__ = ["GaussianProcessConfig", "LinearMap", "PODNetwork", "RidgeConfig"]

@@ -1,1 +1,31 @@
-"""The kinds of model: configuration, initialisation from the data, predictive distribution."""
+"""Kinds of model: an architecture with the keys of a likelihood, chosen by a configuration.
+
+==================  ==========================================================================
+`kinds`             which architecture goes with which likelihoods; the table of all kinds
+`model`             what every architecture has: common keys, building, start, distribution
+`unet_model`, …     the architectures: U-Net, reduced network, linear layer, POD regression
+`likelihood_keys`   the keys that a likelihood adds
+`training_config`   keys of the section `training`
+==================  ==========================================================================
+"""
+
+from surrogate.models.kinds import KINDS, RunConfig
+from surrogate.models.linear_model import LinearModel
+from surrogate.models.model import Gaussian, Model, TrainedModel
+from surrogate.models.network_model import NetworkModel
+from surrogate.models.pod_model import PODModel
+from surrogate.models.reduced_model import ReducedModel
+from surrogate.models.unet_model import UNetModel
+
+__all__ = [
+    "KINDS",
+    "Gaussian",
+    "LinearModel",
+    "Model",
+    "NetworkModel",
+    "PODModel",
+    "ReducedModel",
+    "RunConfig",
+    "TrainedModel",
+    "UNetModel",
+]

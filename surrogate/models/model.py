@@ -18,8 +18,10 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import body_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
+from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.training_config import SplitConfig, TrainingConfig
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.inputs import Input, channels_of
 from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood, Prediction
 from surrogate.probabilistic.moments import Moments
@@ -115,7 +117,23 @@ class Model(Frozen, ABC):
             Material of the body, for networks that contain its linear response.
         """
         free = torch.from_numpy(geometry.free_mask)
-        return FieldNetwork(self.make_network(geometry.dimension, free), geometry, info)
+        network = self.make_network(geometry.dimension, free)
+        linear = self.response(geometry, required(material)) if self.needs_material else None
+        return FieldNetwork(network, geometry, info, linear, self.inputs, self.adds_response)
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs of the network."""
+        return ("force",)
+
+    @property
+    def adds_response(self) -> bool:
+        """True if the network's output is added to the response of the body."""
+        return self.needs_material
+
+    def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
+        """Return the linear response of the body, or its load series."""
+        return LinearResponse(geometry, material, gradient=False)
 
     @abstractmethod
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
@@ -131,10 +149,21 @@ class Model(Frozen, ABC):
 
     def input_channels(self, dimension: int) -> int:
         """Return the number of channels of the network's input in d dimensions."""
-        return dimension
+        return channels_of(self.inputs, dimension)[self.inputs[-1]].stop
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""
+
+    def require_modes(self, dataset: Dataset, train: Sized, modes: Mapping[str, int]) -> None:
+        """Raise InputError if a key asks for more modes than samples or free components."""
+        geometry = dataset.geometry
+        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
+        for key, count in modes.items():
+            if count > most:
+                raise InputError(
+                    f"config '{self.name}': key '{key}' = {count}: expected {most} at most, the "
+                    "smaller of the numbers of training samples and of free degrees of freedom"
+                )
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Initialise a network on the CPU from the data, before the first step.

@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Sized
 from typing import Literal
 
-import torch
 from torch import Tensor, nn
 
-from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
-from shared_schema.manifest import StructuredInfo
-from shared_schema.material import Materials
 from surrogate.baselines.pod import PODConfig, PODNetwork
 from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
-from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Gaussian, Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -45,30 +40,15 @@ class PODModel(Model):
         """True if the network contains the linear response of the body."""
         return self.pod.linear_modes > 0
 
-    def build(
-        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
-    ) -> FieldNetwork:
-        """Build the network between fields in SI units, with the linear response if it is used."""
-        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        if not self.needs_material:
-            return FieldNetwork(network, geometry, info)
-        linear = LinearResponse(geometry, required(material), gradient=False)
-        return FieldNetwork(network, geometry, info, linear, skip=True)
-
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the network, empty until `start_from_data` fits it."""
         return PODNetwork(self.pod, free)
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError for more modes than the samples can have, or if memory is short."""
+        modes = {"pod.rank": self.pod.rank or 0, "pod.input_modes": self.pod.linear_modes}
+        self.require_modes(dataset, train, modes)
         geometry = dataset.geometry
-        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
-        for key, modes in (("rank", self.pod.rank), ("input_modes", self.pod.linear_modes)):
-            if modes is not None and modes > most:
-                raise InputError(
-                    f"config '{self.name}': key 'pod.{key}' = {modes}: expected {most} at most, "
-                    "the smaller of the numbers of training samples and of free degrees of freedom"
-                )
         loadable = int(geometry.loadable.sum())
         needed = self.pod.memory(len(train), geometry.dimension, loadable)
         require_memory(needed, f"config '{self.name}': key 'pod': the fit")
@@ -81,7 +61,7 @@ class PODModel(Model):
         learned = network.prepared(train)
         if isinstance(response, LinearResponse):
             linear = train.displacement - learned.displacement
-            pod.fit_encoder(lambda f: response(f)[0], linear, network.force_scale, seed)
+            pod.fit_encoder(lambda force: response(force)[0], linear, network.force_scale, seed)
         pod.fit(
             network.scaled(learned.force), learned.displacement / network.displacement_scale, seed
         )

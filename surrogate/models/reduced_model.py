@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sized
 from typing import Literal, Self
 
-import torch
 from pydantic import model_validator
 from torch import Tensor, nn
 
-from shared_schema.common.errors import InputError
-from shared_schema.manifest import StructuredInfo
-from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
-from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.network_model import NetworkModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.modes import chosen_rows
@@ -73,14 +68,6 @@ class ReducedModel(NetworkModel):
         """True if the network goes on from the linear response by a load series."""
         return bool(self.network.series)
 
-    def build(
-        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
-    ) -> FieldNetwork:
-        """Build the network between fields in SI units, with the linear response."""
-        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        linear = LinearResponse(geometry, required(material), gradient=False)
-        return FieldNetwork(network, geometry, info, linear, skip=True)
-
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the network; its modes are empty until `start_from_data`."""
         return ReducedNetwork(self.members(dimension), self.network, dimension, free)
@@ -92,16 +79,11 @@ class ReducedModel(NetworkModel):
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if there are more modes than samples or free degrees of freedom."""
-        geometry = dataset.geometry
-        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
-        for key in ("input_modes", "output_modes"):
-            value = getattr(self.network, key)
-            if value > most:
-                raise InputError(
-                    f"config '{self.name}': key 'network.{key}' = {value}: expected {most} at "
-                    "most, the smaller of the numbers of training samples and of free degrees of "
-                    "freedom"
-                )
+        modes = {
+            "network.input_modes": self.network.input_modes,
+            "network.output_modes": self.network.output_modes,
+        }
+        self.require_modes(dataset, train, modes)
 
     def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
         """Set the scale, then the modes."""

@@ -6,19 +6,18 @@ import math
 from collections.abc import Sized
 from typing import Literal, Self
 
-import torch
 from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
-from surrogate.mechanics.linear_response import LinearResponse, required
+from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.network_model import NetworkModel
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.inputs import Input
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.probabilistic.likelihoods import output_channels
@@ -79,21 +78,22 @@ class UNetModel(NetworkModel):
         """True if the network goes on from the linear response by a load series."""
         return self.network.skip == "series"
 
-    def build(
-        self, geometry: Geometry, info: StructuredInfo, material: Materials | None = None
-    ) -> FieldNetwork:
-        """Build the network between fields in SI units, with the linear response if it is used."""
-        config = self.network
-        network = self.make_network(geometry.dimension, torch.from_numpy(geometry.free_mask))
-        linear = None
-        if self.needs_material:
-            body = geometry, required(material), config.needs_gradient
-            linear = (
-                SeriesResponse(*body, config.series_order)
-                if self.has_series
-                else LinearResponse(*body)
-            )
-        return FieldNetwork(network, geometry, info, linear, config.inputs, config.skip != "none")
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs of the network."""
+        return self.network.inputs
+
+    @property
+    def adds_response(self) -> bool:
+        """True if the network's output is added to the response of the body."""
+        return self.network.skip != "none"
+
+    def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
+        """Return the linear response of the body, or its load series."""
+        if self.has_series:
+            order = self.network.series_order
+            return SeriesResponse(geometry, material, self.network.needs_gradient, order)
+        return LinearResponse(geometry, material, self.network.needs_gradient)
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if the coarsest level would be finer than a point of the grid."""
@@ -123,10 +123,6 @@ class UNetModel(NetworkModel):
         """Build one U-Net."""
         outputs = output_channels(self.likelihood, dimension)
         return UNet(dimension, outputs, self.network, self.random_convolutions, number)
-
-    def input_channels(self, dimension: int) -> int:
-        """Return the number of channels of the input in d dimensions."""
-        return self.network.input_channels(dimension)
 
     @property
     def has_dropout(self) -> bool:

@@ -1,1 +1,22 @@
-"""The U-Net, and networks that map fields in SI units, on the grid and at the nodes."""
+"""Networks between fields: of a grid in scaled units, of a grid in SI units, and of a mesh.
+
+`UNet` and `ReducedNetwork` map scaled forces to scaled displacements. `FieldNetwork` puts one of
+them between forces in N and displacements in m on the grid, with the response of the body inside if
+the configuration says so. `NodalNetwork` adds the maps between grid and nodes.
+"""
+
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.reduced_network import DenseNetwork, ReducedConfig, ReducedNetwork
+from surrogate.networks.unet import UNet, UNetConfig, parameter_count
+
+__all__ = [
+    "DenseNetwork",
+    "FieldNetwork",
+    "NodalNetwork",
+    "ReducedConfig",
+    "ReducedNetwork",
+    "UNet",
+    "UNetConfig",
+    "parameter_count",
+]

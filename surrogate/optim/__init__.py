@@ -1,1 +1,18 @@
 """Optimisers, learning-rate schedules, weight averages, early stopping."""
+
+from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
+from surrogate.optim.muon import Muon
+from surrogate.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
+from surrogate.optim.schedule import ScheduleConfig
+from surrogate.optim.weight_average import WeightAverage
+
+__all__ = [
+    "EarlyStopping",
+    "EarlyStoppingConfig",
+    "Muon",
+    "OptimiserConfig",
+    "ScheduleConfig",
+    "WeightAverage",
+    "make_optimisers",
+    "set_learning_rate",
+]

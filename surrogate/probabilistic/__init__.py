@@ -1,1 +1,37 @@
-"""Random weights and outputs: posteriors, Flipout, dropout, ensembles, likelihoods, passes."""
+"""Random weights and outputs: likelihoods, Flipout, dropout, ensembles, passes, and their moments.
+
+A pass is one prediction with drawn weights (`flipout`, `dropout`) or by one member (`ensemble`);
+each has a mean and, with a likelihood, a standard deviation. `moments` joins the passes to one
+distribution, and `calibration` measures distributions against reference solutions.
+"""
+
+from surrogate.probabilistic.calibration import (
+    INTERVALS,
+    CalibrationMeasures,
+    half_width,
+    measure_calibration,
+    rank_correlation,
+)
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.ensemble import Ensemble
+from surrogate.probabilistic.flipout import VariationalConvolutions
+from surrogate.probabilistic.likelihoods import Likelihood, Prediction
+from surrogate.probabilistic.moments import Moments
+from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES, Passes
+
+__all__ = [
+    "INTERVALS",
+    "MOST_PASSES",
+    "PASSES",
+    "CalibrationMeasures",
+    "Distribution",
+    "Ensemble",
+    "Likelihood",
+    "Moments",
+    "Passes",
+    "Prediction",
+    "VariationalConvolutions",
+    "half_width",
+    "measure_calibration",
+    "rank_correlation",
+]

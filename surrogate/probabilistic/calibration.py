@@ -12,9 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
 from scipy.special import ndtr, ndtri
-from scipy.stats import rankdata
 
 Array = NDArray[np.float64]
 
@@ -133,6 +131,8 @@ def calibration_curve(error: Array, std: Array) -> tuple[Array, Array]:
 
 def miscalibration_area(levels: Array, observed: Array) -> float:
     r""":math:`\int_0^1 |\hat p(p) - p| \, dp` by the trapezoidal rule; 0 at best, 1/2 at worst."""
+    from scipy.integrate import trapezoid
+
     return float(trapezoid(np.abs(observed - levels), levels))
 
 
@@ -142,6 +142,8 @@ def rank_correlation(x: Array, y: Array) -> Array:
     Pearson's correlation of the ranks, ties having their mean rank; 0 where x or y is constant.
     `scipy.stats.spearmanr` correlates two rows at a time, and is undefined there.
     """
+    from scipy.stats import rankdata
+
     mean_rank = 0.5 * (x.shape[-1] + 1)
     a, b = rankdata(x, axis=-1) - mean_rank, rankdata(y, axis=-1) - mean_rank
     scale = np.sqrt((a**2).sum(axis=-1) * (b**2).sum(axis=-1))

@@ -1,1 +1,25 @@
-"""A run: its configuration, its folder, and the split of its training samples."""
+"""A run: its configuration, its folder, and the split of its training samples.
+
+`recipes` are the configurations that come with the package, and `run_config` reads any. `folder`
+has the files of a run, `description` the content of its ``config.yaml``; `seal` and `metric_lines`
+check that nothing has changed. `shelf` finds the trained networks that come with the package.
+"""
+
+from surrogate.runs.description import DataFingerprint, RunDescription
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.recipes import read_recipe
+from surrogate.runs.run_config import read_config, run_config
+from surrogate.runs.shelf import find_run, shelved
+from surrogate.runs.tensor_file import load_tensors
+
+__all__ = [
+    "DataFingerprint",
+    "RunDescription",
+    "RunFolder",
+    "find_run",
+    "load_tensors",
+    "read_config",
+    "read_recipe",
+    "run_config",
+    "shelved",
+]

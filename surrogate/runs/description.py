@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
@@ -116,19 +116,9 @@ class RunDescription(Frozen):
     version: Literal[2] = 2
     run: RunConfig
     data: DataFingerprint
-    start_from: Origin | None = None
-    went_on_from: tuple[int, ...] = ()
-    refined: Refinement | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_absent_parts(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        content: dict[str, Any] = handler(self)
-        for name in ("start_from", "refined"):
-            if content[name] is None:
-                del content[name]
-        if not self.went_on_from:
-            del content["went_on_from"]
-        return content
+    start_from: Origin | None = Field(None, exclude_if=lambda origin: origin is None)
+    went_on_from: tuple[int, ...] = Field((), exclude_if=lambda epochs: not epochs)
+    refined: Refinement | None = Field(None, exclude_if=lambda refinement: refinement is None)
 
     @property
     def epochs(self) -> int | None:
