@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
     from surrogate.data.joined_dataset import read_dataset
-    from surrogate.figures.config_list import config_list
-    from surrogate.figures.trained_list import trained_list
+    from surrogate.evaluation.learning_curves import LearningCurve, learning_curve
+    from surrogate.evaluation.published import read_published
+    from surrogate.evaluation.run_comparison import Comparison, compare
+    from surrogate.evaluation.run_evaluation import Evaluation, evaluate
+    from surrogate.evaluation.run_report import write_report
     from surrogate.inference.export import export
     from surrogate.inference.loading import load
     from surrogate.inference.proposal import Proposal, propose
@@ -26,53 +29,71 @@ if TYPE_CHECKING:
     from surrogate.page.page import write_page
     from surrogate.planning.first_configuration import first_config
     from surrogate.planning.trial_steps import dry_run
+    from surrogate.runs.config_list import config_list
     from surrogate.runs.run_config import read_config
     from surrogate.runs.shelf import shelve, shelved
+    from surrogate.runs.trained_list import trained_list
     from surrogate.training.loop import train
     from surrogate.training.refinement import refine
 
 __version__ = "0.2.0"
 __all__ = [
+    "Comparison",
     "Dataset",
+    "Evaluation",
+    "LearningCurve",
     "OutsideTrainingWarning",
     "Proposal",
     "Solution",
     "Surrogate",
+    "compare",
     "config_list",
     "dry_run",
+    "evaluate",
     "export",
     "first_config",
+    "learning_curve",
     "load",
     "propose",
     "read_config",
     "read_dataset",
+    "read_published",
     "refine",
     "shelve",
     "shelved",
     "train",
     "trained_list",
     "write_page",
+    "write_report",
 ]
 _MODULES = {  # where each name is
+    "Comparison": "evaluation.run_comparison",
     "Dataset": "data.dataset",
+    "Evaluation": "evaluation.run_evaluation",
+    "LearningCurve": "evaluation.learning_curves",
     "OutsideTrainingWarning": "inference.training_range",
     "Proposal": "inference.proposal",
     "Solution": "inference.solution",
     "Surrogate": "inference.surrogate",
-    "config_list": "figures.config_list",
+    "compare": "evaluation.run_comparison",
+    "config_list": "runs.config_list",
     "dry_run": "planning.trial_steps",
+    "evaluate": "evaluation.run_evaluation",
     "export": "inference.export",
     "first_config": "planning.first_configuration",
+    "learning_curve": "evaluation.learning_curves",
     "load": "inference.loading",
     "propose": "inference.proposal",
     "read_config": "runs.run_config",
     "read_dataset": "data.joined_dataset",
+    "read_published": "evaluation.published",
     "refine": "training.refinement",
     "shelve": "runs.shelf",
     "shelved": "runs.shelf",
     "train": "training.loop",
-    "trained_list": "figures.trained_list",
+    "trained_list": "runs.trained_list",
     "write_page": "page.page",
+    "write_report": "evaluation.run_report",
 }
 
 

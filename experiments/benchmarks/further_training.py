@@ -33,10 +33,10 @@ from experiments.measures.solutions import typical_seconds
 from shared_schema.common import Parser
 from shared_schema.common.atomic_file import write_text
 from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.loading import load
 from surrogate.inference.proposal import farthest
 from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import sample_errors
 from surrogate.models.model import TrainedModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.recipes import read_recipe

@@ -21,9 +21,9 @@ from experiments.measures.errors_on_test_split import MM
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.common.errors import InputError
 from surrogate.certify.certificate import certify
-from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.calibration import fit_fast_certificate
 from surrogate.inference.training_range import OutsideTrainingWarning
+from surrogate.measures.error_metrics import sample_errors
 
 Array = NDArray[np.float64]
 PREDICTED = (

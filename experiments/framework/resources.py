@@ -19,11 +19,11 @@ from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data import Dataset, read_dataset
 from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
-from surrogate.evaluation.extrapolation import Extrapolation, extrapolate
 from surrogate.hardware import hardware
 from surrogate.inference.calibration import fit_fast_certificate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.extrapolation import Extrapolation, extrapolate
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.folder import RunFolder

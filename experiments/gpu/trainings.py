@@ -11,7 +11,7 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.measures.untrained import changed
 from surrogate.data import Dataset
-from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.evaluation.run_evaluation import Evaluation, evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.tensor_file import load_tensors
@@ -70,7 +70,8 @@ def train_within(setting: GpuSetting, name: str, config: UNetModel) -> Findings:
 def evaluated(run: RunFolder, setting: GpuSetting, case: str) -> Evaluation:
     """Evaluate a run on the test split."""
     passes = 5 if setting.small else PASSES
-    return evaluate(run.folder, setting.folder_of(case), setting.device.type, passes)
+    data, device = setting.folder_of(case), setting.device.type
+    return evaluate(run.folder, data, device=device, passes=passes)
 
 
 def as_it_is(run: RunFolder, dataset: Dataset) -> RunFolder:

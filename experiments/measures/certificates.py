@@ -13,8 +13,8 @@ from experiments.framework.timing import TIMING, Timing, median_seconds
 from surrogate.certify.certificate import Certificate, certify
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_certificate import FastCertificate
-from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import sample_errors
 
 Array = NDArray[np.float64]
 WITHIN = (0.8, 1.5)  # estimated over true errors that are close to 1

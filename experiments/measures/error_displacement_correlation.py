@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.framework.resources import Resources
-from surrogate.evaluation.error_metrics import node_errors
+from surrogate.measures.error_metrics import node_errors
 from surrogate.probabilistic.calibration import rank_correlation
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from surrogate.evaluation.error_metrics import node_errors, sample_errors
-from surrogate.evaluation.extrapolation import Extrapolation
+from surrogate.measures.error_metrics import node_errors, sample_errors
+from surrogate.measures.extrapolation import Extrapolation
 
 
 class ErrorsByLoadDistance:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from experiments.framework.resources import Resources
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.error_metrics import sample_errors
-from surrogate.evaluation.extrapolation import BAND
+from surrogate.measures.error_metrics import sample_errors
+from surrogate.measures.extrapolation import BAND
 from surrogate.probabilistic.calibration import half_width
 from surrogate.probabilistic.distribution import Distribution
 

@@ -13,9 +13,9 @@ from experiments.measures.errors_by_load_distance import ErrorsByLoadDistance
 from experiments.measures.errors_on_test_split import MM
 from experiments.measures.vertical_force import describe_vertical_force
 from shared_schema.common.drawing.figure_style import NETWORK, make_figure, styled
-from surrogate.evaluation.extrapolation import Extrapolation
 from surrogate.figures.curve_colours import CURVES
 from surrogate.figures.mesh_figures import deformed_meshes
+from surrogate.measures.extrapolation import Extrapolation
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
 TWO_ORDERS = 10**1.5  # smallest factor that counts as two orders of magnitude, rounded

@@ -16,11 +16,11 @@ from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation.error_metrics import measure as measure_errors
-from surrogate.evaluation.extrapolation import Extrapolation
-from surrogate.evaluation.shown_sample import find_example, tip_measures
 from surrogate.figures.mesh_figures import meshes_and_errors
 from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import measure as measure_errors
+from surrogate.measures.extrapolation import Extrapolation
+from surrogate.measures.shown_sample import find_example, tip_measures
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"

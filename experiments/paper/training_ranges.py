@@ -10,9 +10,9 @@ from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
 from shared_schema.common.drawing.figure_style import NETWORK, legend_below, make_figure, styled
-from surrogate.evaluation.extrapolation import BAND
-from surrogate.evaluation.force_sweep import ForceSweep, force_sweep
 from surrogate.figures.curve_colours import OTHER
+from surrogate.measures.extrapolation import BAND
+from surrogate.measures.force_sweep import ForceSweep, force_sweep
 from surrogate.probabilistic.calibration import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"

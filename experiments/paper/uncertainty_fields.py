@@ -22,8 +22,8 @@ from experiments.paper.multiple_loads import LOADS, find_papers_example
 from experiments.paper.published_numbers import PAPER
 from surrogate.data.geometry import Geometry
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation.shown_sample import find_example
 from surrogate.figures.field_figures import error_beside_uncertainty
+from surrogate.measures.shown_sample import find_example
 from surrogate.probabilistic.distribution import Distribution
 
 Array = NDArray[np.float64]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable, write_text
@@ -38,14 +37,8 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the table; draw the figure and write the numbers if asked to."""
+    import surrogate
     from shared_schema.common.drawing.figure_style import save
-    from surrogate.device import choose_device
-    from surrogate.evaluation.run_comparison import compare
-    from surrogate.figures.comparison_table import (
-        comparison_csv,
-        comparison_figure,
-        comparison_table,
-    )
 
     for path, suffixes, option in (
         (options.figure, FIGURES, "--figure"),
@@ -54,15 +47,9 @@ def run(options: argparse.Namespace) -> None:
         if path is not None:
             require_suffix(path, suffixes, option)
             require_writable(path, option)
-    compared = compare(options.runs, options.data, choose_device(options.device).type)
+    comparison = surrogate.compare(options.runs, dataset=options.data, device=options.device)
     if options.figure is not None:
-        save(comparison_figure(compared), options.figure)
+        save(comparison.plot(), options.figure)
     if options.out is not None:
-        write_text(options.out, comparison_csv(compared))
-    print(comparison_table(compared))
-    if len({run.data for run in compared}) > 1:
-        print(
-            "surrogate: warning: the runs are evaluated on different datasets; --data DIR "
-            "evaluates all on one",
-            file=sys.stderr,
-        )
+        write_text(options.out, comparison.csv())
+    print(comparison)

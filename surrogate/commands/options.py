@@ -32,6 +32,12 @@ def add_device(parser: Parser) -> None:
     )
 
 
+def add_data(parser: Parser, what: str, several: bool = False) -> None:
+    """Add --data, a structured dataset, or several by repeating it."""
+    action = "append" if several else "store"
+    parser.add_argument("--data", type=Path, required=True, action=action, metavar="DIR", help=what)
+
+
 def add_passes(parser: Parser, what: str) -> None:
     """Add --passes, with what it means to the command, and --seed."""
     parser.add_argument("--passes", type=int, metavar="T", help=what)

@@ -36,11 +36,10 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the page, and print its path."""
-    from surrogate.evaluation.published import Published, read_published
-    from surrogate.figures.report import write_report
+    import surrogate
 
     require_writable(options.out)
     warn_unsealed(options.run)
-    published = read_published(options.beside) if options.beside else Published()
-    write_report(options.run, options.nodal, options.out, published)
+    published = surrogate.read_published(options.beside) if options.beside else None
+    surrogate.write_report(options.run, options.out, nodal=options.nodal, published=published)
     print(options.out.resolve())

@@ -7,7 +7,9 @@ import math
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_set
-from surrogate.commands.options import add_device, speaks
+from surrogate.commands.options import add_data, add_device, speaks
+
+PASSED_ON = ("device", "stop_after", "seconds", "tensorboard", "start_from")
 
 
 def add_to(commands: Commands) -> None:
@@ -21,14 +23,8 @@ def add_to(commands: Commands) -> None:
         "--set training.epochs=100",
     )
     parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a recipe")
-    parser.add_argument(
-        "--data",
-        type=Path,
-        required=True,
-        action="append",
-        metavar="DIR",
-        help="structured dataset; repeated, several of one case are joined",
-    )
+    what = "structured dataset; repeated, several of one case are joined"
+    add_data(parser, what, several=True)
     parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
     add_set(parser, "the configuration", "training.epochs=20")
     add_device(parser)
@@ -72,15 +68,7 @@ def run(options: argparse.Namespace) -> None:
     if options.dry_run:
         print(surrogate.dry_run(config, options.data, device=options.device))
         return
-    surrogate.train(
-        config,
-        options.data,
-        options.out,
-        device=options.device,
-        stop_after=options.stop_after,
-        seconds=options.seconds,
-        tensorboard=options.tensorboard,
-        start_from=options.start_from,
-    )
+    given = {name: getattr(options, name) for name in PASSED_ON}
+    surrogate.train(config, options.data, options.out, **given)
     if speaks():
         print(f"{options.out}: {RunFolder(options.out).progress()}")

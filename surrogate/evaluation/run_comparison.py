@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import csv
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from surrogate.evaluation.evaluate import evaluate
+from shared_schema.common.text_table import laid_out
+from surrogate.data.dataset import Dataset
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+logger = logging.getLogger(__name__)
+HEAD = ("run", "ē", "σ(e)", "largest", "tip", "parameters", "epochs", "training", "network")
 
 
 @dataclass(frozen=True)
@@ -49,41 +61,94 @@ class Compared:
     data: str
 
 
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Runs beside each other; its text is a table.
+
+    Attributes
+    ----------
+    runs : tuple of Compared
+    """
+
+    runs: tuple[Compared, ...]
+
+    def __repr__(self) -> str:
+        rows: list[tuple[str, ...]] = [HEAD]
+        for run in self.runs:
+            errors = (run.mean_error, run.std_error, run.max_error)
+            rows.append(
+                (
+                    run.run,
+                    *(f"{error:.2e} m" for error in errors),
+                    f"{run.relative_tip_error:.2%}",
+                    f"{run.parameters / 1e6:.2f} M",
+                    str(run.epochs),
+                    f"{run.minutes:.3g} min",
+                    run.network,
+                )
+            )
+        return laid_out(rows)
+
+    def csv(self) -> str:
+        """Return the table as comma-separated values; errors in m."""
+        text = StringIO()
+        names = [field.name for field in fields(Compared)]
+        writer = csv.DictWriter(text, names, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(run) for run in self.runs)
+        return text.getvalue()
+
+    def plot(self) -> Figure:
+        """Draw mean error, mean and standard deviation, and largest error of every run."""
+        from surrogate.evaluation.comparison_figure import comparison_figure
+
+        return comparison_figure(self.runs)
+
+
 def compare(
-    runs: Sequence[Path], data: Path | None = None, device: str = "cpu", passes: int = PASSES
-) -> list[Compared]:
+    runs: Sequence[str | Path],
+    *,
+    dataset: Dataset | str | Path | None = None,
+    device: str = "auto",
+    passes: int = PASSES,
+) -> Comparison:
     """Compare runs by their evaluations, or on the test split of one dataset.
 
     Parameters
     ----------
-    runs : sequence of Path
+    runs : sequence of str or Path
         Run folders, or names of networks that come with the package.
-    data : Path, optional
+    dataset : Dataset, str or Path, optional
         Structured dataset on whose test split all runs are evaluated; nothing is written. Without
         it, their own evaluations are read.
-    device : str
+    device : {"auto", "cpu", "cuda"}
     passes : int
-        Number of stochastic passes of an evaluation on `data`.
+        Number of stochastic passes of an evaluation on `dataset`.
+
+    Returns
+    -------
+    Comparison
 
     Raises
     ------
     InputError
-        If a run is missing or damaged, is not evaluated (without `data`), or is of another body
+        If a run is missing or damaged, is not evaluated (without `dataset`), or is of another body
         than the dataset.
     """
-    names = [run.name for run in runs]
+    names = [Path(run).name for run in runs]
     compared = []
-    for run in runs:
+    for run, name in zip(runs, names, strict=True):
         folder = RunFolder(find_run(run))
         config = folder.description().run
-        if data is None:
+        content: Mapping[str, Any]
+        if dataset is None:
             content = folder.read_evaluation()
         else:
-            content = evaluate(run, data, device, passes).content
+            content = evaluate(run, dataset, device=device, passes=passes).content
         test = content["test"]
         compared.append(
             Compared(
-                run=run.name if names.count(run.name) == 1 else str(run),
+                run=name if names.count(name) == 1 else str(run),
                 network=f"{config.architecture}; {config.likelihood.replace('_', ' ')}",
                 parameters=content["trainable_parameters"],
                 epochs=content["epochs"],
@@ -96,4 +161,8 @@ def compare(
                 data=content["data_digest"],
             )
         )
-    return compared
+    if len({run.data for run in compared}) > 1:
+        logger.warning(
+            "the runs are evaluated on different datasets; --data DIR evaluates all on one"
+        )
+    return Comparison(tuple(compared))

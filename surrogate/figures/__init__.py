@@ -1,1 +1,1 @@
-"""Figures and report page of a run."""
+"""Figures of fields, errors, stresses and curves; nothing is measured or written here."""

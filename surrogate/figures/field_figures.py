@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shared_schema.common.drawing.figure_style import REFERENCE, legend_below, make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.error_metrics import node_errors
+from surrogate.measures.error_metrics import node_errors
 
 NODAL_ERROR = r"nodal error $\|U - u\|_2$ [mm]"
 NODAL_STD = r"nodal standard deviation $\|\sigma\|_2$ [mm]"

@@ -19,8 +19,8 @@ from shared_schema.common.drawing.figure_style import (
 )
 from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
 from surrogate.data.geometry import Geometry
-from surrogate.evaluation.error_metrics import node_errors
 from surrogate.figures.field_figures import NODAL_ERROR
+from surrogate.measures.error_metrics import node_errors
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from shared_schema.common.drawing.figure_style import (
     make_figure,
     styled,
 )
-from surrogate.evaluation.extrapolation import BAND, Extrapolation
-from surrogate.evaluation.force_sweep import force_sweep
 from surrogate.figures.curve_colours import OTHER
+from surrogate.measures.extrapolation import BAND, Extrapolation
+from surrogate.measures.force_sweep import force_sweep
 from surrogate.probabilistic.calibration import half_width
 
 

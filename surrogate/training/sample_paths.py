@@ -161,7 +161,7 @@ def read_paths(dataset: Dataset, rows: Tensor, count: int) -> SamplePaths:
 
 def files_of(rows: Tensor) -> list[int]:
     """Numbers of the files that some rows are in."""
-    return [int(number) for number in torch.unique(rows // IN_A_FILE)]
+    return torch.unique(rows // IN_A_FILE).tolist()
 
 
 def path_file(dataset: Dataset, number: int, count: int) -> Path:

@@ -49,8 +49,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics", "series", "one_load", "probabilistic", "networks", "baselines", "optim"],
         ["models", "runs"],
         ["inference", "certify"],
-        ["training", "evaluation", "planning"],
-        ["figures", "page"],
+        ["training", "planning", "measures", "figures", "evaluation", "page"],
         ["commands", "command_line"],
     ],
 }

@@ -27,11 +27,9 @@ from shared_schema.manifest import (
 )
 from shared_schema.shard import write_shard
 from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.evaluate import evaluate
-from surrogate.figures.run_figures import write_evaluation
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.folder import RunFolder
 from surrogate.training.loop import train
 from tests.surrogate.unet_configs import unet_config
 
@@ -287,5 +285,5 @@ def trained(make_run: Callable[..., Path]) -> Path:
 def evaluated(make_run: Callable[..., Path], data: Path) -> Path:
     """A trained and evaluated run; not to be changed."""
     folder = make_run(epochs=40)
-    write_evaluation(evaluate(folder, data), RunFolder(folder))
+    evaluate(folder, data).write()
     return folder

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.evaluation.force_sweep import ForceSweep
+from surrogate.measures.force_sweep import ForceSweep
 
 
 def hand_made(**changes: Any) -> ForceSweep:

@@ -25,7 +25,7 @@ PRELOADED = {  # nothing that begins MPI or starts threads
         "torch",
         "surrogate",
         "surrogate.training.loop",
-        "surrogate.evaluation.evaluate",
+        "surrogate.evaluation.run_evaluation",
     ),
 }
 MEMORY = 16 * 2**30  # bytes of address space that a command may take

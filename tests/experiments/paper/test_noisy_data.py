@@ -16,7 +16,7 @@ from experiments.measures.noisy_data_sweeps import (
 )
 from experiments.paper.noisy_data import captured, growing, unreliable
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation.force_sweep import ForceSweep
+from surrogate.measures.force_sweep import ForceSweep
 from tests.surrogate.force_sweeps import hand_made
 
 FORCE = np.arange(-80, 81) * 0.05

@@ -16,7 +16,7 @@ from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import stiffness_problems, write_stiffness
 from surrogate.baselines.linear_map import LinearMap, compliance_of
 from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.evaluate import evaluate
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import Model

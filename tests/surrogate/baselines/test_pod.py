@@ -16,8 +16,7 @@ from shared_schema.common.errors import InputError
 from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
 from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
-from surrogate.evaluation.evaluate import evaluate
-from surrogate.figures.run_figures import write_evaluation
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.linear_response import LinearResponse
@@ -171,7 +170,7 @@ def test_better_than_the_mean_field(
     runs: dict[str, Path], data: Path, dataset: Dataset, regression: str
 ) -> None:
     """A fit to 43 samples has a smaller error than the prediction of zero displacement."""
-    write_evaluation(evaluate(runs[regression], data), RunFolder(runs[regression]))
+    evaluate(runs[regression], data).write()
     content = json.loads((runs[regression] / "evaluation.json").read_text())
     rest = np.abs(dataset.nodal_test.displacement).mean()
     assert content["test"]["mean_error"] < 0.3 * rest

@@ -13,8 +13,7 @@ from surrogate.certify.correction import correct
 from surrogate.certify.fast_certificate import FastCertificate, read_ratios, sizes
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.data import read_dataset
-from surrogate.evaluation.evaluate import evaluate
-from surrogate.figures.run_figures import write_evaluation
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.loading import load
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.runs.folder import RunFolder
@@ -113,7 +112,7 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
     with pytest.raises(InputError, match="no fast certificate in the run"):
         surrogate.fast_certificate  # noqa: B018
     evaluation = evaluate(folder, data, certify=True)
-    write_evaluation(evaluation, run)
+    evaluation.write()
     run.seal.require_intact(run.fast_certificate)
     content = evaluation.content["fast_certificate"]
     assert content["samples"] == 17

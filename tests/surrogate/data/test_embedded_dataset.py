@@ -15,7 +15,7 @@ from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
 from shared_schema.shard import read_shard, write_shard
 from surrogate.data import read_dataset
 from surrogate.data.body_check import differing_array
-from surrogate.evaluation.evaluate import evaluate
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel

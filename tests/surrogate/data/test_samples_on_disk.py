@@ -17,7 +17,7 @@ import yaml
 from shared_schema.common.errors import InputError
 from surrogate.data import Dataset, read_dataset, samples_on_disk
 from surrogate.data.samples_on_disk import SamplesOnDisk
-from surrogate.evaluation.evaluate import evaluate
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.training.loop import train

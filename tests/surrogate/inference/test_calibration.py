@@ -15,11 +15,9 @@ from shared_schema.common.errors import InputError
 from surrogate.certify.conformal import Intervals
 from surrogate.command_line import main
 from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.evaluate import evaluate
-from surrogate.figures.run_figures import write_evaluation
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.calibration import fit_intervals
 from surrogate.inference.loading import load
-from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 
 LIKELIHOODS = ["deterministic", "maximum_likelihood", "variational_bayes"]
@@ -34,7 +32,7 @@ def run(request: pytest.FixtureRequest, make_run: Callable[..., Path]) -> Path:
 @pytest.fixture(scope="module")
 def content(run: Path, data: Path) -> dict[str, Any]:
     evaluation = evaluate(run, data, passes=10, conformal=0.9)
-    write_evaluation(evaluation, RunFolder(run))
+    evaluation.write()
     return evaluation.content
 
 

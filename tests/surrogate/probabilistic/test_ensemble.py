@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
-from surrogate.evaluation.evaluate import evaluate
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.models.unet_model import UNetModel

@@ -14,7 +14,7 @@ import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
-from surrogate.figures.report import write_report
+from surrogate.evaluation.run_report import write_report
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.seal import Seal
@@ -38,7 +38,7 @@ def run(evaluated: Path, tmp_path: Path) -> RunFolder:
 def read_everything(run: RunFolder) -> None:
     run.metric_lines()
     surrogate.load(run.folder)
-    write_report(run.folder, None, run.folder / "a.html")
+    write_report(run.folder, run.folder / "a.html")
 
 
 def test_all_finished_files_are_listed(run: RunFolder) -> None:

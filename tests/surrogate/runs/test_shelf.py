@@ -17,11 +17,11 @@ import surrogate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import MANIFEST
 from surrogate.command_line import main
-from surrogate.figures.trained_list import Row
 from surrogate.runs import shelf
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.recipes import SHIPPED
 from surrogate.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
+from surrogate.runs.trained_list import Row
 
 PACKAGE = Path(surrogate.__file__).parent
 NAMES = shelved()

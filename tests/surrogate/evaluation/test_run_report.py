@@ -13,7 +13,7 @@ import yaml
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.evaluation.published import Published
-from surrogate.figures.report import write_report
+from surrogate.evaluation.run_report import write_report
 
 PUBLISHED = Published(
     heading="theirs",
@@ -25,7 +25,7 @@ PUBLISHED = Published(
 @pytest.fixture(scope="module")
 def page(evaluated: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(evaluated, data.parent / "nodal", path, PUBLISHED)
+    write_report(evaluated, path, nodal=data.parent / "nodal", published=PUBLISHED)
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
     return path.read_text(encoding="utf-8")
 
@@ -60,14 +60,14 @@ def test_page_holds_our_numbers_and_the_published(page: str, evaluated: Path) ->
 def test_published_numbers_without_a_row_are_refused(evaluated: Path, tmp_path: Path) -> None:
     published = Published(numbers={"weight": "3 kg"})
     with pytest.raises(InputError, match="published number 'weight': expected one of mean error"):
-        write_report(evaluated, None, tmp_path / "a.html", published)
+        write_report(evaluated, tmp_path / "a.html", published=published)
     assert not (tmp_path / "a.html").exists()
 
 
 def test_without_published_numbers_there_is_no_column_of_them(
     evaluated: Path, tmp_path: Path
 ) -> None:
-    write_report(evaluated, None, tmp_path / "a.html")
+    write_report(evaluated, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     table = page.partition("<tbody>")[2].partition("</tbody>")[0]
     assert table.count("<tr>") * 2 == table.count("<td>")
@@ -110,7 +110,7 @@ def test_markup_in_the_data_is_escaped(
     evaluation = json.loads((run / "evaluation.json").read_text())
     (run / "evaluation.json").write_text(json.dumps({**evaluation, "machine": script}))
     (run / "hardware.txt").write_text(script)
-    write_report(run, nodal, tmp_path / "a.html")
+    write_report(run, tmp_path / "a.html", nodal=nodal)
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert page.count("&lt;script&gt;alert(&#39;&amp;&#39;)&lt;/script&gt;") == 8
     assert "&gt;&lt;img src=x onerror=alert(1)&gt;.msh" in page
@@ -126,7 +126,7 @@ def test_hardware_of_the_training_and_of_the_evaluation(evaluated: Path, tmp_pat
     (run / "hardware.txt").write_text("trainer, 7 threads\n")
     evaluation = json.loads((run / "evaluation.json").read_text())
     (run / "evaluation.json").write_text(json.dumps({**evaluation, "machine": "evaluator"}))
-    write_report(run, None, tmp_path / "a.html")
+    write_report(run, tmp_path / "a.html")
     page = " ".join((tmp_path / "a.html").read_text(encoding="utf-8").split())
     assert re.search(r"<td>training time</td>\s*<td>\S+ min, trainer, 7 threads</td>", page)
     assert re.search(r"Training: 40 epochs, \d+ s on trainer, 7 threads, seed 0", page)
@@ -144,26 +144,26 @@ def test_other_json_in_the_evaluation_is_refused(
     shutil.copytree(evaluated, run)
     (run / "evaluation.json").write_text(content)
     with pytest.raises(InputError, match=r"evaluation\.json: damaged, its checksum"):
-        write_report(run, None, tmp_path / "a.html")
+        write_report(run, tmp_path / "a.html")
     (run / "manifest.json").unlink()
     with pytest.raises(InputError, match=r"evaluation\.json: (damaged|not measures of a run)"):
-        write_report(run, None, tmp_path / "a.html")
+        write_report(run, tmp_path / "a.html")
 
 
 def test_without_the_nodal_dataset(evaluated: Path, tmp_path: Path) -> None:
-    write_report(evaluated, None, tmp_path / "a.html")
+    write_report(evaluated, tmp_path / "a.html")
     assert "core seconds" not in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 
 def test_run_that_is_not_evaluated(trained: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not evaluated yet"):
-        write_report(trained, None, tmp_path / "a.html")
+        write_report(trained, tmp_path / "a.html")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_missing_folder(evaluated: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such folder"):
-        write_report(evaluated, None, tmp_path / "nowhere" / "a.html")
+        write_report(evaluated, tmp_path / "nowhere" / "a.html")
 
 
 def test_other_nodal_dataset(
@@ -171,7 +171,7 @@ def test_other_nodal_dataset(
 ) -> None:
     other = make_dataset(tmp_path / "other", seed=1).parent / "nodal"
     with pytest.raises(InputError, match="not the dataset that the run's data was made from"):
-        write_report(evaluated, other, tmp_path / "a.html")
+        write_report(evaluated, tmp_path / "a.html", nodal=other)
     assert not (tmp_path / "a.html").exists()
 
 
@@ -180,4 +180,4 @@ def test_damaged_evaluation(evaluated: Path, tmp_path: Path) -> None:
     shutil.copytree(evaluated, run)
     (run / "evaluation.json").write_text('{"test": ')
     with pytest.raises(InputError, match=r"evaluation\.json"):
-        write_report(run, None, tmp_path / "a.html")
+        write_report(run, tmp_path / "a.html")

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from surrogate.data.body_check import Body, require_same_body
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
-from surrogate.evaluation.error_metrics import sample_errors
 from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import sample_errors
 from surrogate.probabilistic.calibration import half_width
 from surrogate.probabilistic.distribution import Distribution
 
@@ -45,8 +45,7 @@ class Extrapolation:
     def reach(self) -> Array:
         """Ratio of the largest force component to that in training, (M,): outside above 1."""
         limit = max(self.surrogate.description.data.info.force.max_abs)
-        result: Array = np.abs(self.samples.force).max(axis=(1, 2)) / limit
-        return result
+        return np.abs(self.samples.force).max(axis=(1, 2)) / limit
 
     @cached_property
     def inside(self) -> Array:
@@ -54,8 +53,7 @@ class Extrapolation:
         free = ~self.surrogate.geometry.clamped
         error = np.abs(self.predicted.mean - self.samples.displacement)[:, free]
         band = half_width(BAND) * self.predicted.std[:, free]
-        result: Array = (error <= band).mean(axis=(1, 2))
-        return result
+        return (error <= band).mean(axis=(1, 2))
 
     @cached_property
     def node(self) -> int | None:

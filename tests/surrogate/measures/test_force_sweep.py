@@ -8,10 +8,10 @@ import pytest
 
 from shared_schema.common.drawing.figure_style import make_figure
 from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.evaluation.extrapolation import Extrapolation
-from surrogate.evaluation.force_sweep import force_sweep
 from surrogate.figures.sweep_curves import scale_from_zero, sweep_curves
 from surrogate.inference.loading import load
+from surrogate.measures.extrapolation import Extrapolation
+from surrogate.measures.force_sweep import force_sweep
 from surrogate.probabilistic.distribution import Distribution
 from tests.surrogate.force_sweeps import hand_made
 

@@ -12,9 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.data import read_dataset
 from surrogate.data.nodal_dataset import read_nodal_dataset
-from surrogate.evaluation.evaluate import Evaluation, evaluate
-from surrogate.figures.run_figures import write_evaluation
-from surrogate.runs.folder import RunFolder
+from surrogate.evaluation.run_evaluation import Evaluation, evaluate
 
 
 def test_nodal_samples_are_those_of_the_grid(data: Path) -> None:
@@ -69,7 +67,7 @@ def test_measures_under_other_loads(evaluation: Evaluation, content: dict[str, A
 
 
 def test_figures(run: Path, evaluation: Evaluation) -> None:
-    write_evaluation(evaluation, RunFolder(run))
+    assert evaluation.write() == run
     names = {path.stem for path in (run / "figures").iterdir()}
     assert {"calibration", "error_against_uncertainty", "uncertainty_field", "loss"} <= names
     assert "sweep" not in names  # the loads are not all at one node

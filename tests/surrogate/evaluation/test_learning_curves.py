@@ -13,9 +13,14 @@ import yaml
 
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
-from surrogate.evaluation.evaluate import evaluate
-from surrogate.evaluation.learning_curve import Point, PowerLaw, config_of, default_counts
-from surrogate.figures.learning_curve_figure import learning_curve_figure
+from surrogate.evaluation.learning_curves import (
+    LearningCurve,
+    Point,
+    PowerLaw,
+    config_of,
+    default_counts,
+)
+from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.models.unet_model import UNetModel
 from surrogate.runs.folder import RunFolder
 from tests.surrogate.figures.pictures import assert_is_picture
@@ -77,9 +82,9 @@ def test_command(
     assert RunFolder(out / f"n{total}").model.stat().st_mtime_ns == weights
 
 
-def test_figure(tmp_path: Path) -> None:
-    points = [point(n, 0.1 * n**-0.5) for n in (100, 400, 1600)]
-    figure = learning_curve_figure(points, PowerLaw.of(points))
+def test_figure(tmp_path: Path, make_config: Callable[..., UNetModel]) -> None:
+    points = tuple(point(n, 0.1 * n**-0.5) for n in (100, 400, 1600))
+    figure = LearningCurve(make_config(), points, PowerLaw.of(points)).plot()
     assert_is_picture(figure, tmp_path)
     measured, fitted = figure.axes[0].lines
     assert np.asarray(measured.get_ydata()) == pytest.approx([10, 5, 2.5])  # mm

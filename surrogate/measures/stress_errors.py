@@ -61,7 +61,7 @@ def measure_stresses(
         _errors(surrogate, predicted[start : start + step], reference[start : start + step])
         for start in range(0, len(predicted), step)
     ]
-    mean, largest, of_largest, inverted = (np.concatenate(p) for p in zip(*parts, strict=True))
+    mean, largest, of_largest, inverted = map(np.concatenate, zip(*parts, strict=True))
     stressed = largest > 0
     relative = np.divide(mean, largest, out=np.zeros_like(mean), where=stressed)
     return StressMeasures(
@@ -76,7 +76,7 @@ def _errors(
     surrogate: Surrogate, predicted: Array, reference: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Mean error, largest stress, relative error of the largest, inverted cells: (M,) each."""
-    found, expected = (surrogate.stresses(u) for u in (predicted, reference))
+    found, expected = surrogate.stresses(predicted), surrogate.stresses(reference)
     sound = found["jacobian"] > 0
     ours = np.where(sound, found["von_mises"], 0.0)
     theirs = np.where(sound, expected["von_mises"], 0.0)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ import pytest
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.evaluation.error_metrics import measure
-from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.evaluation.run_evaluation import evaluate
+from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import Array, ErrorMeasures, measure
 from surrogate.networks.unet import parameter_count
 
 
@@ -24,20 +25,31 @@ def content(evaluated: Path) -> dict[str, Any]:
     return found
 
 
+@dataclass(frozen=True)
+class Again:
+    """What an evaluation consists of."""
+
+    surrogate: Surrogate
+    force: Array
+    reference: Array
+    predicted: Array
+    measures: ErrorMeasures
+
+
 @pytest.fixture(scope="module")
-def again(evaluated: Path, dataset: Dataset) -> Evaluation:
+def again(evaluated: Path, dataset: Dataset) -> Again:
     """The same evaluation, made here from predictions alone."""
     model = surrogate.load(evaluated)
     grid = model.geometry.grid
     force = grid.to_nodes(dataset.test.force.double().numpy())
     reference = grid.to_nodes(dataset.test.displacement.double().numpy())
-    predicted = model.predict_distribution(force)
+    predicted = model.predict_distribution(force).mean
     tip = 31  # the upper right corner, the farthest that may be loaded
-    measures = measure(force, predicted.mean, reference, tip)
-    return Evaluation(model, force, reference, predicted, measures, None, None)
+    measures = measure(force, predicted, reference, tip)
+    return Again(model, force, reference, predicted, measures)
 
 
-def test_measures(content: dict[str, Any], again: Evaluation) -> None:
+def test_measures(content: dict[str, Any], again: Again) -> None:
     assert content["test"]["samples"] == 12
     errors = np.abs(again.predicted - again.reference)
     assert content["test"]["mean_error"] == pytest.approx(errors.mean())
@@ -49,7 +61,7 @@ def test_measures(content: dict[str, Any], again: Evaluation) -> None:
 
 
 def test_run_and_dataset_are_recorded(
-    content: dict[str, Any], again: Evaluation, dataset: Dataset, evaluated: Path
+    content: dict[str, Any], again: Again, dataset: Dataset, evaluated: Path
 ) -> None:
     assert (content["run"], content["case"], content["seed"]) == ("small", "beam2d", 0)
     assert content["data_digest"] == dataset.manifest.digest
@@ -60,16 +72,18 @@ def test_run_and_dataset_are_recorded(
     assert content["training_seconds"] == last["seconds"]
 
 
-def test_example_is_loaded_at_the_tip(content: dict[str, Any], again: Evaluation) -> None:
+def test_example_is_loaded_at_the_tip(
+    content: dict[str, Any], again: Again, evaluated: Path, dataset: Dataset
+) -> None:
     """The sample loaded at node 31 that moves closest to 3/4 of the most, or as far as wanted."""
     moved = np.linalg.norm(again.reference[:, 31], axis=1)
     at_tip = [m for m in range(12) if again.force[m, 31].any()]
     assert at_tip, "the synthetic test split has no such sample"
-    wanted = replace(again, example_displacement=0.95)
+    wanted = evaluate(evaluated, dataset, example_displacement=0.95)
     assert wanted.example == min(at_tip, key=lambda m: abs(moved[m] - 0.95))
     aim = 0.75 * max(moved[at_tip])
     best = min(at_tip, key=lambda m: abs(moved[m] - aim))
-    assert again.example == best
+    assert evaluate(evaluated, dataset).example == best
     error = np.linalg.norm(again.predicted[best, 31] - again.reference[best, 31])
     assert content["example"]["tip_displacement"] == pytest.approx(moved[best])
     assert content["example"]["relative_tip_error"] == pytest.approx(error / moved[best])
@@ -117,3 +131,21 @@ def test_other_loads_are_accepted(
     shutil.copytree(trained, run)
     found = evaluate(run, make_dataset(tmp_path, load={"family": "other"}))
     assert found.measures.samples == 12
+
+
+def test_text_and_figures(evaluated: Path, dataset: Dataset, content: dict[str, Any]) -> None:
+    """Its text says the mean error; a figure is drawn by its name."""
+    found = evaluate(evaluated, dataset)
+    assert f"mean error {content['test']['mean_error']:.3e} m" in repr(found)
+    assert found.plot("errors").axes[0].get_ylabel().startswith("mean error")
+    with pytest.raises(InputError, match="figure 'sweep': expected one of deformed, "):
+        found.plot("sweep")
+
+
+def test_a_network_of_the_package_is_not_written_into(
+    evaluated: Path, dataset: Dataset, tmp_path: Path
+) -> None:
+    copy = evaluate(evaluated, dataset).write(tmp_path / "copy")
+    assert (copy / "evaluation.json").read_bytes() == (evaluated / "evaluation.json").read_bytes()
+    with pytest.raises(InputError, match="exists, expected a new folder"):
+        evaluate(evaluated, dataset).write(copy)

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from surrogate.command_line import main
-from surrogate.evaluation.run_comparison import compare
-from surrogate.figures.comparison_table import comparison_figure
+from surrogate.evaluation.run_comparison import Comparison, compare
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 from tests.surrogate.figures.pictures import assert_is_picture
@@ -45,7 +44,7 @@ def test_numbers_are_those_of_the_evaluations(
 def test_on_one_dataset(evaluated: Path, short: Path, data: Path) -> None:
     """Runs need no evaluation then; forty epochs err less than one. Nothing is written."""
     before = sorted(short.rglob("*"))
-    long, one = compare([evaluated, short], data)
+    long, one = compare([evaluated, short], dataset=data).runs
     stored = RunFolder(evaluated).read_evaluation()["test"]
     assert long.mean_error == pytest.approx(stored["mean_error"])
     assert long.mean_error < one.mean_error
@@ -56,8 +55,8 @@ def test_on_one_dataset(evaluated: Path, short: Path, data: Path) -> None:
 
 
 def test_figure(evaluated: Path, tmp_path: Path) -> None:
-    (run,) = compare([evaluated])
-    figure = comparison_figure([run, run])
+    (run,) = compare([evaluated]).runs
+    figure = Comparison((run, run)).plot()
     assert_is_picture(figure, tmp_path)
     (axes,) = figure.axes
     assert "[mm]" in axes.get_xlabel()

@@ -61,22 +61,19 @@ class ErrorMeasures:
 
 def sample_errors(predicted: Array, reference: Array) -> Array:
     """Mean error e_m of every sample: (M, n_nodes, d) and (M, n_nodes, d) in m → (M,) in m."""
-    result: Array = np.abs(predicted - reference).mean(axis=(1, 2))
-    return result
+    return np.abs(predicted - reference).mean(axis=(1, 2))
 
 
 def node_errors(predicted: Array, reference: Array) -> Array:
     """Error ‖U − u‖₂ at every node: (..., n_nodes, d) in m → (..., n_nodes) in m."""
-    result: Array = np.linalg.norm(predicted - reference, axis=-1)
-    return result
+    return np.linalg.norm(predicted - reference, axis=-1)
 
 
 def displacement_at_load(force: Array, displacement: Array) -> Array:
     """Largest ‖u‖ at a loaded node of every sample: (M, n_nodes, d) twice → (M,) in m."""
     loaded = np.any(force != 0.0, axis=2)
     magnitude = np.linalg.norm(displacement, axis=2)
-    result: Array = np.where(loaded, magnitude, 0.0).max(axis=1)
-    return result
+    return np.where(loaded, magnitude, 0.0).max(axis=1)
 
 
 def regression_line(x: Array, y: Array) -> tuple[float, float]:

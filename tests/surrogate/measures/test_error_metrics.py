@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.evaluation.error_metrics import (
+from surrogate.measures.error_metrics import (
     displacement_at_load,
     measure,
     node_errors,

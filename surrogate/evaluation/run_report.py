@@ -21,7 +21,6 @@ from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 
-NOTHING_PUBLISHED = Published()
 Row = tuple[str, ...]  # name, value here, and the published one beside published numbers
 
 FIGURES = (
@@ -111,18 +110,22 @@ class Solving:
 
 
 def write_report(
-    run_folder: Path, nodal: Path | None, path: Path, published: Published = NOTHING_PUBLISHED
+    run: str | Path,
+    out: str | Path,
+    *,
+    nodal: str | Path | None = None,
+    published: Published | None = None,
 ) -> None:
     """Write the report of an evaluated run.
 
     Parameters
     ----------
-    run_folder : Path
+    run : str or Path
         Folder of an evaluated run, or the name of a network that comes with the package.
-    nodal : Path, optional
-        Nodal dataset from which the run's data was made; adds the time of the equilibria.
-    path : Path
+    out : str or Path
         HTML file to write.
+    nodal : str or Path, optional
+        Nodal dataset from which the run's data was made; adds the time of the equilibria.
     published : Published, optional
         Published numbers, shown beside those of the run.
 
@@ -132,13 +135,14 @@ def write_report(
         If the run is not evaluated, its data was made from another nodal dataset, or the report has
         no row of the name of a published number.
     """
-    run = RunFolder(find_run(run_folder))
-    description = run.description()
-    evaluation = run.read_evaluation()
+    folder, path = RunFolder(find_run(run)), Path(out)
+    published = published or Published()
+    description = folder.description()
+    evaluation = folder.read_evaluation()
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
-    figures, trained_on = _figures(run), run.trained_on()
-    solving = _solving(nodal, description) if nodal is not None else None
+    figures, trained_on = _figures(folder), folder.trained_on()
+    solving = _solving(Path(nodal), description) if nodal is not None else None
     try:
         page = PAGES.get_template("report.html.j2").render(
             case=description.run.case,
@@ -158,7 +162,7 @@ def write_report(
         )
     except (LookupError, TypeError, ValueError, UndefinedError) as error:
         reason = f"{type(error).__name__}: {first_line(error)}"
-        raise InputError(f"{run.evaluation}: not measures of a run ({reason})") from None
+        raise InputError(f"{folder.evaluation}: not measures of a run ({reason})") from None
     write_text(path, page + "\n")
 
 

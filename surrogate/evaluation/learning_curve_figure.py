@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shared_schema.common.drawing.figure_style import NETWORK, make_figure, styled
-from surrogate.evaluation.learning_curve import Point, PowerLaw
+from surrogate.evaluation.learning_curves import Point, PowerLaw
 from surrogate.figures.plain_log_axis import number_plainly
 
 BEYOND = 2  # ratio of the largest number on the axis and of the largest that was tried

@@ -1,12 +1,10 @@
-"""The files of an evaluation in the run folder: measures and figures."""
+"""The figures of an evaluation in the run folder."""
 
 from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from shared_schema.common.drawing.figure_style import png
-from surrogate.evaluation.error_metrics import displacement_at_load, sample_errors
-from surrogate.evaluation.evaluate import Evaluation
+from surrogate.evaluation.run_evaluation import Evaluation
 from surrogate.figures.calibration_curves import calibration_curves
 from surrogate.figures.error_figures import error_over_displacement, error_over_uncertainty
 from surrogate.figures.field_figures import error_field, uncertainty_field
@@ -14,28 +12,20 @@ from surrogate.figures.loss_curves import loss_curves
 from surrogate.figures.mesh_figures import deformed_meshes
 from surrogate.figures.stress_figures import von_mises_beside_reference
 from surrogate.figures.sweep_curves import sweep_curves
+from surrogate.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.probabilistic.calibration import CalibrationMeasures
 from surrogate.runs.folder import RunFolder
 
 
-def write_evaluation(evaluation: Evaluation, run: RunFolder) -> None:
-    """Write the measures of an evaluation and the paper's figures into its run folder.
+def run_figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
+    """Draw all figures of an evaluation by their names.
 
-    Either all files replace those of the evaluation before, or none does.
-
-    Raises
-    ------
-    InputError
-        If another process works in the folder.
-    OSError
-        If a file cannot be written.
+    Parameters
+    ----------
+    evaluation : Evaluation
+    run : RunFolder
+        Folder whose measures of the epochs are drawn as well.
     """
-    files = evaluation.files(run)
-    files |= {run.figures / f"{name}.png": png(f) for name, f in _figures(evaluation, run).items()}
-    run.write_evaluation(files)
-
-
-def _figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
     drawn = _error_figures(evaluation)
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # a fitted model has no epochs
@@ -58,9 +48,11 @@ def _error_figures(evaluation: Evaluation) -> dict[str, Figure]:
         "errors": error_over_displacement(moved, errors, evaluation.measures),
     }
     if evaluation.stress is not None:
-        ours, theirs = (evaluation.surrogate.stresses(u) for u in (predicted, reference))
-        stresses = ours["von_mises"], theirs["von_mises"]
-        drawn["von_mises"] = von_mises_beside_reference(geometry, predicted, reference, stresses)
+        ours = evaluation.surrogate.stresses(predicted)["von_mises"]
+        theirs = evaluation.surrogate.stresses(reference)["von_mises"]
+        drawn["von_mises"] = von_mises_beside_reference(
+            geometry, predicted, reference, (ours, theirs)
+        )
     return drawn
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.evaluation.extrapolation import BAND, Extrapolation
+from surrogate.measures.extrapolation import BAND, Extrapolation
 from surrogate.probabilistic.calibration import half_width, rank_correlation
 
 Array = NDArray[np.float64]
@@ -103,8 +103,7 @@ def force_sweep(extrapolation: Extrapolation) -> ForceSweep:
     limit = extrapolation.surrogate.description.data.info.force.max_abs[axis]
 
     def here(values: Array) -> Array:
-        result: Array = values[order, node, axis]
-        return result
+        return values[order, node, axis]
 
     reference = extrapolation.samples.displacement[order, node]
     error = predicted.mean[order, node] - reference

@@ -1,0 +1,333 @@
+"""Evaluation of a run on the test split: its measures, the content of ``evaluation.json``."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+from surrogate.certify.conformal import Intervals
+from surrogate.certify.fast_certificate import FastCertificate
+from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
+from surrogate.data.dataset import Dataset
+from surrogate.data.joined_dataset import read_dataset
+from surrogate.device import choose_device
+from surrogate.inference.calibration import fit_fast_certificate, fit_intervals
+from surrogate.inference.loading import load
+from surrogate.inference.surrogate import Surrogate
+from surrogate.measures.error_metrics import ErrorMeasures, measure, sample_errors
+from surrogate.measures.extrapolation import Extrapolation, extrapolate
+from surrogate.measures.shown_sample import find_example, tip_measures
+from surrogate.measures.stress_errors import StressMeasures, measure_stresses
+from surrogate.networks.unet import parameter_count
+from surrogate.probabilistic.calibration import CalibrationMeasures, measure_calibration
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.stochastic_passes import PASSES
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import copy_run, find_run, require_changeable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class Evaluation:
+    """Predictions of a run on the test split beside the reference solutions.
+
+    Attributes
+    ----------
+    run : Path
+        Run folder.
+    surrogate : Surrogate
+    force, reference : array, (M, n_nodes, d)
+        Forces in N, displacements in m.
+    distribution : Distribution
+        Predicted distributions.
+    measures : ErrorMeasures
+        Errors of the predicted means.
+    example : int
+        Number of the test sample to show.
+    calibration : CalibrationMeasures or None
+        Calibration measures of a probabilistic surrogate.
+    extrapolation : Extrapolation or None
+        Predictions under other loads.
+    intervals : Intervals or None
+        Conformal intervals.
+    fast_certificate : FastCertificate or None
+        Calibrated bounds of single errors.
+    stress : StressMeasures or None
+        Errors of von Mises stresses, if the material is a shipped one.
+    content : dict
+        All measures and their origin as plain data, as in ``evaluation.json``.
+    """
+
+    run: Path
+    surrogate: Surrogate
+    force: Array
+    reference: Array
+    distribution: Distribution
+    measures: ErrorMeasures
+    example: int
+    calibration: CalibrationMeasures | None
+    extrapolation: Extrapolation | None
+    intervals: Intervals | None
+    fast_certificate: FastCertificate | None
+    stress: StressMeasures | None
+    content: dict[str, Any]
+
+    @property
+    def predicted(self) -> Array:
+        """Predicted displacements in m, (M, n_nodes, d)."""
+        return self.distribution.mean
+
+    def __repr__(self) -> str:
+        return "\n".join((f"Evaluation of {self.run}", *(f"  {line}" for line in self.lines())))
+
+    def lines(self) -> Iterator[str]:
+        """Yield the most important measures, one sentence each."""
+        measures, calibration = self.measures, self.calibration
+        yield (
+            f"{measures.samples} test samples, mean error {measures.mean_error:.3e} m "
+            f"({measures.relative_error_mean:.2%} of the largest displacement), "
+            f"standard deviation {measures.std_error:.3e} m, largest {measures.max_error:.3e} m"
+        )
+        if self.stress is not None:
+            yield (
+                f"von Mises stress, mean error {self.stress.mean_error:.3e} Pa "
+                f"({self.stress.relative_error:.2%} of the largest)"
+            )
+        if calibration is not None:
+            covered = [f"{i.coverage:.1%} of {i.level:.0%}" for i in calibration.intervals]
+            yield (
+                f"mean predicted standard deviation {calibration.mean_std:.3e} m, "
+                f"intervals cover {', '.join(covered)}"
+            )
+        certified = self.content.get("fast_certificate")
+        if certified and certified["mean"]:
+            wide = certified["mean"][-1]["median_width"]
+            shares = _shares(certified["mean"])
+            yield f"fast bounds cover {shares}, in the median {wide:.2g} times the error"
+            if components := certified.get("component"):
+                yield f"intervals of its size cover {_shares(components)} of the components"
+
+    def plot(self, name: str = "errors") -> Figure:
+        """Draw a figure of the evaluation; ``errors`` is that of every test sample.
+
+        Parameters
+        ----------
+        name : str
+            Name of a figure that `write` puts into the run folder, such as ``deformed``,
+            ``error_field``, ``errors``, ``von_mises`` and ``calibration``.
+
+        Raises
+        ------
+        InputError
+            If the evaluation has no such figure.
+        """
+        from surrogate.evaluation.run_figures import run_figures
+
+        drawn = run_figures(self, RunFolder(self.run))
+        if name not in drawn:
+            raise InputError(f"figure '{name}': expected one of {', '.join(drawn)}")
+        return drawn[name]
+
+    def write(self, out: str | Path | None = None) -> Path:
+        """Write measures and figures into the run folder, or into a new copy of it.
+
+        Either all files replace those of the evaluation before, or none does.
+
+        Parameters
+        ----------
+        out : str or Path, optional
+            Folder of the copy; expected for a network that comes with the package.
+
+        Returns
+        -------
+        Path
+            Folder that is written into.
+
+        Raises
+        ------
+        InputError
+            If the copy's folder exists, or there is none for a network that comes with the package,
+            or another process works in the folder.
+        OSError
+            If a file cannot be written.
+        """
+        from shared_schema.common.drawing.figure_style import png
+        from surrogate.evaluation.run_figures import run_figures
+
+        copy = None if out is None else Path(out)
+        require_changeable(self.run, copy)
+        run = RunFolder(self.run if copy is None else copy_run(self.run, copy))
+        files = {run.evaluation: (json.dumps(self.content, indent=1) + "\n").encode()}
+        if self.intervals is not None:
+            files[run.intervals] = self.intervals.serialised()
+        if self.fast_certificate is not None:
+            files[run.fast_certificate] = self.fast_certificate.serialised()
+        for name, figure in run_figures(self, run).items():
+            files[run.figures / f"{name}.png"] = png(figure)
+        run.write_evaluation(files)
+        return run.folder
+
+
+def evaluate(
+    run: str | Path,
+    dataset: Dataset | str | Path,
+    *,
+    device: str = "auto",
+    passes: int = PASSES,
+    seed: int = 0,
+    loads: str | Path | None = None,
+    conformal: float | None = None,
+    certify: bool = False,
+    example_displacement: float | None = None,
+) -> Evaluation:
+    """Evaluate a run on the test split of a dataset; nothing is written.
+
+    Parameters
+    ----------
+    run : str or Path
+        Run folder, or the name of a network that comes with the package.
+    dataset : Dataset, str or Path
+        Structured dataset, or its folder.
+    device : {"auto", "cpu", "cuda"}
+    passes, seed : int
+        Number of stochastic passes and their seed, for stochastic networks.
+    loads : str or Path, optional
+        Nodal dataset of the same body under other loads, predicted as well.
+    conformal : float, optional
+        Level of conformal intervals, fitted to the run's calibration split and measured on the test
+        split.
+    certify : bool
+        Calibrate the fast certificate on the run's held-out samples, and measure its coverage on
+        the test split and, not promised there, on the other loads.
+    example_displacement : float, optional
+        Tip displacement in m of the test sample to show, among those loaded at the tip; by default
+        three quarters of the largest.
+
+    Returns
+    -------
+    Evaluation
+        Its `write` puts the measures and figures into the run folder.
+
+    Raises
+    ------
+    InputError
+        If the run or the dataset is missing or damaged, or their cases differ.
+    """
+    folder = RunFolder(find_run(run))
+    target = choose_device(device).type
+    surrogate = load(folder.folder, target)
+    data = dataset if isinstance(dataset, Dataset) else read_dataset(dataset, on_disk=True)
+    require_tested(folder, surrogate, data)
+    force, reference = data.nodal_test.force, data.nodal_test.displacement
+    tip, free = surrogate.geometry.tip, ~surrogate.geometry.clamped
+    intervals, fast, others, calibration = None, None, None, None
+    if conformal is not None:
+        intervals = fit_intervals(surrogate, data, conformal, passes, seed)
+    if certify:
+        fast = fit_fast_certificate(surrogate, data, passes, seed)
+    predicted = surrogate.predict_distribution(force, passes, seed)
+    if surrogate.is_probabilistic:
+        calibration = measure_calibration(predicted.mean, predicted.std, reference, free)
+    if loads is not None:
+        others = extrapolate(surrogate, Path(loads), passes, seed)
+    measures = measure(force, predicted.mean, reference, tip)
+    stress = measure_stresses(surrogate, predicted.mean, reference)
+    example = find_example(force, reference, tip, np.array([tip]), example_displacement)
+    moved, error = tip_measures(predicted.mean[example], reference[example], tip)
+    content = origin_of(folder, surrogate, data) | {
+        "test": measures.plain(),
+        "example": {"tip_displacement": moved, "relative_tip_error": error},
+        "torch": torch.__version__,
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {target}",
+    }
+    if stress is not None:
+        content["von_mises"] = stress.plain()
+    if data.info.embedding is not None:
+        content["embedding_error"] = embedding_error(data)
+    if calibration is not None:
+        drawn = {"passes": passes, "passes_seed": seed} if surrogate.is_stochastic else {}
+        content["uncertainty"] = {**drawn, **calibration.plain()}
+    if others is not None:
+        content["extrapolation"] = others.plain()
+        if fast is not None:
+            theirs, samples = others.predicted, others.samples
+            content["extrapolation"]["fast_certificate"] = fast.measures(
+                samples.force, theirs.mean, samples.displacement, theirs.std
+            )
+    if intervals is not None:
+        scale = surrogate.score_scale(predicted)
+        content["conformal"] = intervals.measures(predicted.mean, scale, reference, free)
+    if fast is not None:
+        bounds = fast.measures(force, predicted.mean, reference, predicted.std)
+        content["fast_certificate"] = bounds
+    return Evaluation(
+        run=folder.folder,
+        surrogate=surrogate,
+        force=force,
+        reference=reference,
+        distribution=predicted,
+        measures=measures,
+        example=example,
+        calibration=calibration,
+        extrapolation=others,
+        intervals=intervals,
+        fast_certificate=fast,
+        stress=stress,
+        content=content,
+    )
+
+
+def require_tested(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> None:
+    """Raise InputError unless a dataset is of the run's body and has test samples."""
+    trained = surrogate.description.data.case
+    require_same_body(
+        Body(trained, surrogate.geometry.arrays()),
+        dataset.body,
+        f"{run.folder}: trained on case '{surrogate.description.run.case}', the dataset is of case "
+        f"'{dataset.manifest.name}'",
+        keys=("name", *BODY_KEYS),
+    )
+    if len(dataset.test) == 0:
+        raise InputError(f"{dataset.folder}: no test samples in it")
+
+
+def origin_of(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> dict[str, Any]:
+    """Return what is evaluated on what, as plain data."""
+    config, data = surrogate.description.run, surrogate.description.data
+    epochs, seconds = run.training_effort()
+    return {
+        "run": config.name,
+        "case": config.case,
+        "recipe": config.recipe,
+        "likelihood": config.likelihood,
+        "seed": config.seed,
+        "data_digest": dataset.manifest.digest,
+        "trained_on_this_data": dataset.manifest.digest == data.digest,
+        "trainable_parameters": parameter_count(surrogate.network),
+        "training_seconds": seconds,
+        "epochs": epochs,
+    }
+
+
+def embedding_error(dataset: Dataset) -> float:
+    """ē in m of the reference mapped to an embedded grid and back: the error of the embedding."""
+    grid, reference = dataset.geometry.grid, dataset.nodal_test.displacement
+    return float(sample_errors(grid.to_nodes(grid.to_grid(reference)), reference).mean())
+
+
+def _shares(bounds: Sequence[Mapping[str, float]]) -> str:
+    """Shares that bounds of some levels cover, such as "89.7% of 90%, 97.0% of 95%"."""
+    return ", ".join(f"{bound['coverage']:.1%} of {bound['level']:.0%}" for bound in bounds)
