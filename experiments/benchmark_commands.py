@@ -26,6 +26,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "hdf5": "datagen",
     "large-bodies": "datagen",
     "load-series": "surrogate",
+    "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",
     "scaling": "datagen",

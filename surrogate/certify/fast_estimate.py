@@ -182,11 +182,8 @@ class State:
         self.sound = (j > 0).all(axis=0)
         self._f, self._mu = f, material.lame_mu
         self._inverse = cofactor / j
-        lam, squared = material.lame_lambda, j * j
-        if material.volumetric == "paper":
-            self._pressure, self._second = lam / 2 * (squared - 1), lam * squared
-        else:
-            self._pressure, self._second = lam * (squared - j), lam * (2 * squared - j)
+        lam, term = material.lame_lambda, material.volumetric_term
+        self._pressure, self._second = term.first(lam, j), term.second(lam, j)
 
     def stress(self) -> Values:
         """P = μ F + (J U' − μ) F⁻ᵀ in Pa."""

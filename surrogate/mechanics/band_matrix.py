@@ -161,8 +161,7 @@ class BandCholesky:
         """A⁻¹ b: (n,) or (n, m) → same; many right-hand sides are solved for block by block."""
         pbtrs, trtrs = get_lapack_funcs(("pbtrs", "trtrs"), (self.factor,))
         if right.ndim == 1 or right.shape[1] < MANY or len(self.factor) < MANY:
-            solution: Values = pbtrs(self.factor, right, lower=1)[0]
-            return solution
+            return pbtrs(self.factor, right, lower=1)[0]
         x, start = np.array(right, self.factor.dtype, order="C"), 0
         for diagonal, below in self._blocks:  # L y = b
             end = start + len(diagonal)

@@ -49,8 +49,7 @@ class SparseProduct(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Multiply."""
         terms = x.index_select(0, self.columns).reshape(*self.shape, -1)
-        y: Tensor = (terms * self.weights).sum(0)
-        return y
+        return (terms * self.weights).sum(0)
 
 
 class BlockSolve(nn.Module):
@@ -135,5 +134,4 @@ class BlockSolve(nn.Module):
         return torch.cat(parts).double()
 
     def _inverse(self, number: int) -> Tensor:
-        inverse: Tensor = getattr(self, f"inverse_{number}")
-        return inverse
+        return self.get_buffer(f"inverse_{number}")

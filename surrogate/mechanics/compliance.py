@@ -101,8 +101,7 @@ class Compliance(nn.Module):
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
         if len(self.matrix):
             return functional.linear(force.to(self.matrix.dtype), self.matrix).to(force.dtype)
-        response: Tensor = _Response.apply(force, self)  # type: ignore[no-untyped-call]
-        return response
+        return _Response.apply(force, self)  # type: ignore[no-untyped-call]
 
     def solve(self, force: NDArray[Any]) -> NDArray[Any]:
         """Solve with the factor, in the precision of the forces: (N, d · n_free) → same."""
@@ -128,8 +127,7 @@ class Compliance(nn.Module):
         u = by_component @ dense if len(dense) else self.respond(by_component)
         padded = np.zeros(self.size + 1, force.dtype)
         padded[:-1] = u[0]
-        nodal: NDArray[Any] = padded.take(self._of_nodes)
-        return nodal
+        return padded.take(self._of_nodes)
 
     def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
         """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""

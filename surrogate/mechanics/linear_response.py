@@ -111,8 +111,7 @@ class LinearResponse(nn.Module):
         free = self.compliance.free_nodes
         at_free = forces.index_select(2, free)
         u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        nodal: Tensor = u.new_zeros(forces.shape).index_copy(2, free, u)
-        return nodal
+        return u.new_zeros(forces.shape).index_copy(2, free, u)
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""

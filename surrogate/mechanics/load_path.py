@@ -45,8 +45,11 @@ class LoadPaths:
     def shortened(self, s: Array) -> LoadPaths:
         """Return the parts of the paths up to t = s, (K,), with s as their new end."""
         s = s[:, None, None]
-        scaled = s * self.change, s * self.first, s**2 * self.second
-        return LoadPaths(*(np.where(s > 0, field, 0.0) for field in scaled))
+        return LoadPaths(
+            np.where(s > 0, s * self.change, 0.0),
+            np.where(s > 0, s * self.first, 0.0),
+            np.where(s > 0, s**2 * self.second, 0.0),
+        )
 
 
 def follow(equilibrium: Equilibrium, u: Array, f: Array, change: Array) -> LoadPaths:
@@ -65,10 +68,10 @@ def follow(equilibrium: Equilibrium, u: Array, f: Array, change: Array) -> LoadP
     change : array, (K, n_nodes, d)
         Δf in N.
     """
-    nothing = LoadPaths(*(np.zeros(change.shape) for _ in range(3)))
+    nothing = np.zeros(change.shape)
     respond = equilibrium.response_at(u)
     if respond is None:
-        return nothing
+        return LoadPaths(nothing, nothing, nothing)
     here = equilibrium.out_of_balance(u[None], f[None])
 
     def newton_steps(step: Array, change: Array) -> Array:

@@ -196,5 +196,4 @@ class Equilibrium:
 
 def norms(fields: Array) -> Array:
     """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
-    result: Array = np.sqrt(np.square(fields).sum(axis=(1, 2)))
-    return result
+    return np.sqrt(np.square(fields).sum(axis=(1, 2)))

@@ -37,7 +37,8 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     identity = np.eye(geometry.dimension)[:, :, None, None]
     f = completed(torch.from_numpy(h + identity)[..., None])
     p, w = solid.by_material(stress, f), solid.by_material(energy_density, f)
-    of_cells, first_piola = (t[..., 0].permute(3, 2, 0, 1).numpy() for t in (f, p))
+    of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
+    first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()
     return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())
 
 

@@ -22,7 +22,7 @@ from surrogate.networks.reduced_network import (
 )
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream
-from surrogate.series.series_of_dataset import series_on_grid
+from surrogate.series.third_order import series_on_grid
 
 LARGEST_FIT = 6000  # samples that a series is fitted to
 

@@ -5,7 +5,7 @@ r"""The load series in modes: polynomials in the coefficients of the linear resp
     s_3(a) = \sum_{i ≤ j ≤ k} B_{ijk} \, a_i a_j a_k
 
 The terms u₂ and u₃ of the series of the displacement in the load
-(`surrogate.series.load_series`) are exactly of these forms if all modes are used. A and B
+(`surrogate.series.third_order`) are exactly of these forms if all modes are used. A and B
 are fitted to them by least squares, over training loads and over the leading modes; what the loads
 do outside the leading modes is accounted for as far as these tell it.
 """

@@ -54,5 +54,4 @@ def contraction(a: Tensor, b: Tensor) -> Tensor:
 
 def _minors(a: Tensor, b: Tensor) -> Tensor:
     """A_im B_jn - A_in B_jm: (…, 3, 3, n_points) twice → same; (i, j) and (m, n) turn with each."""
-    found: Tensor = torch.linalg.cross(a.roll(-1, -3), b.roll(-2, -3), dim=-2)
-    return found
+    return torch.linalg.cross(a.roll(-1, -3), b.roll(-2, -3), dim=-2)

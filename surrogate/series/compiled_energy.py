@@ -34,6 +34,7 @@ from surrogate.series.least_energy import (
     SMALLEST_STEP,
     TINY,
 )
+from surrogate.series.stress_series import Factors
 
 AT_ONCE = 1024  # quadrature points whose fields are in the cache together
 Doubles = NDArray[np.float64]
@@ -69,9 +70,9 @@ def monomials(order: int, degree: int) -> NDArray[np.int64]:
 
 def potential_of_terms(material: NeoHookean, volumes: Array, h: Array) -> Potential:
     """Make Π of Hₖ, (n, d, d, n_points), and volumes, (n_points,), of one precision."""
-    lam, mu = material.lame_lambda, material.lame_mu
-    of_square = lam / 2 if material.volumetric == "paper" else lam
-    return _potential(h, volumes, monomials(*h.shape[:2]), lam, mu, of_square)
+    mu, growth, decay = Factors.of(material)
+    both = material.lame_lambda + mu  # growth + decay, not rounded twice
+    return _potential(h, volumes, monomials(*h.shape[:2]), mu, growth, decay, both)
 
 
 @compiled
@@ -102,7 +103,13 @@ def jacobian_coefficients(h: Array, count: int) -> Array:
 
 @compiled
 def _potential(
-    h: Array, volumes: Array, indices: NDArray[np.int64], lam: float, mu: float, of_square: float
+    h: Array,
+    volumes: Array,
+    indices: NDArray[np.int64],
+    mu: float,
+    growth: float,
+    decay: float,
+    both: float,
 ) -> Potential:
     n, d, _, points = h.shape
     count, number = len(indices), h.dtype.type
@@ -120,12 +127,12 @@ def _potential(
                 for a in range(d):
                     for b in range(d):
                         squares[k, i] += mu * integral(part[k, a, b], part[i, a, b], weights)
-            works[k] += (lam + mu) * integral(jacobian[0], jacobian[k], weights)
+            works[k] += both * integral(jacobian[0], jacobian[k], weights)
     for k in range(n):
         for i in range(k):
             squares[i, k] = squares[k, i]
         works[k] += squares[0, k] - (2.0 if k == 0 else 1.0) * nonlinear[n + k]
-    square, excess = number(of_square) * volumes, number(lam + mu - of_square) * volumes
+    square, excess = number(growth) * volumes, number(decay) * volumes
     return Potential(indices, coefficients, squares, works, nonlinear, square, excess)
 
 

@@ -156,23 +156,3 @@ def forces_of_cells(
                         total += weighted[i, j, q] * gradients[c, a, j, q]
                 out[cells[c, a], i] += total
     return out
-
-
-@compiled
-def slopes_at_points(columns: NDArray[np.int64], weights: Array, u: Array) -> Array:
-    """Gradients as weighted sums over nodes: (n_nodes, d) → (n_out, d²), channel i + d j.
-
-    Parameters
-    ----------
-    columns : array of int, (n_out, k)
-    weights : array, (n_out, k, d)
-    u : array, (n_nodes, d)
-    """
-    d = u.shape[1]
-    out = np.zeros((len(columns), d * d), u.dtype)
-    for p in range(len(columns)):
-        for k in range(columns.shape[1]):
-            for j in range(d):
-                for i in range(d):
-                    out[p, i + d * j] += weights[p, k, j] * u[columns[p, k], i]
-    return out

@@ -13,13 +13,13 @@ energy of the Neo-Hookean solid (`surrogate.mechanics.solids.neo_hookean`) is, w
 quadrature points,
 
 .. math::
-    Π = \sum_q w_q (U(J) + μ (e - \ln (1 + e)))
+    Π = \sum_q w_q (\tfrac{g}{2} e^2 + d (e - \ln (1 + e)))
         + \tfrac{μ}{2} M_{kl} c_k c_l - μ N(c) - a_k c_k, \qquad
     M_{kl} = \sum_q w_q H_k : H_l, \quad N = \sum_q w_q (e - c_k \, \mathrm{tr} H_k).
 
-All of it is of second order in the gradients, so that nothing is lost where they are small; so is
-:math:`U = \tfrac{λ}{2} (e - \ln (1 + e)) + \tfrac{λ}{4} e^2` or :math:`\tfrac{λ}{2} e^2`. The works
-aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁:
+with the factors g and d of the volumetric term (`surrogate.series.stress_series.Factors`). All of
+it is of second order in the gradients, so that nothing is lost where they are small. The works
+aₖ = f·uₖ are the first row of the Hessian at c = 0, since f = K u₁ and g + d = λ + μ:
 
 .. math::
     a_k = \sum_q w_q (μ H_1 : H_k - μ \, (I × H_1) : H_k
@@ -44,6 +44,7 @@ from torch._higher_order_ops.while_loop import while_loop  # not public yet
 
 from shared_schema.material import NeoHookean
 from surrogate.series.jacobian import JacobianPolynomial
+from surrogate.series.stress_series import Factors
 
 EVALUATIONS = 30  # of Π, at most
 SMALLEST_SHIFT, SECOND_SHIFT, GROWTH = 1e-9, 1e-3, 10.0  # relative to the stiffness of every term
@@ -117,10 +118,8 @@ class EnergyOfTerms:
     """
 
     def __init__(self, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> None:
-        lam, self.mu = material.lame_lambda, material.lame_mu
-        square = lam / 2 if material.volumetric == "paper" else lam  # factor of e² / 2
-        self.square = square * volumes
-        self.excess = (lam + self.mu - square) * volumes  # factor of e - ln (1 + e)
+        self.mu, growth, decay = Factors.of(material)
+        self.square, self.excess = growth * volumes, decay * volumes
         h = torch.stack(list(gradients), -4)  # (…, n, d, d, n_points)
         self.rounding = torch.finfo(h.dtype).eps
         self.jacobian = JacobianPolynomial(h)
@@ -132,7 +131,7 @@ class EnergyOfTerms:
         squared = (traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0].double()
         mixed = self.nonlinear[..., n : 2 * n]  # of c₁ cₖ
         products = torch.cat((2 * mixed[..., :1], mixed[..., 1:]), -1)
-        self.works = self.squares[..., 0, :] - products + (lam + self.mu) * squared
+        self.works = self.squares[..., 0, :] - products + (material.lame_lambda + self.mu) * squared
 
     def at(self, c: Tensor) -> State:
         """Evaluate Π; it is +∞ where J is not positive at a point, without derivatives there."""

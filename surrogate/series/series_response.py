@@ -6,7 +6,7 @@ r"""The response of the body to forces on the grid, to some order in the load.
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
 (`surrogate.series.stress_series`) and the gradients G of the shape functions. The terms
-are those of `surrogate.series.load_series`, on any device. They are in double precision
+are those of `surrogate.series.third_order`, on any device. They are in double precision
 if K⁻¹ is dense: errors of single precision are rough, with much energy. Those of a large body are
 smaller than a network's, and single precision takes half the time. The coefficients c, near 1 under
 moderate loads, are those of the least potential energy (`surrogate.series.least_energy`).
@@ -14,26 +14,93 @@ moderate loads, are those of the least potential energy (`surrogate.series.least
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
-from torch import Tensor
+from scipy.sparse import csr_array
+from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.series.best_response import beyond_linear
-from surrogate.series.cell_operators import CellOperators
+from surrogate.series.least_energy import least_energy
 from surrogate.series.stress_series import SeriesStress, higher_terms
 
 if TYPE_CHECKING:
-    from surrogate.series.compiled_response import CompiledResponse
+    from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
+
+
+class CellOperators(nn.Module):
+    """Gradients of displacements at the quadrature points, and forces of stresses there.
+
+    Fields are (N, d, n_nodes), displacements in m and forces in N.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    material : NeoHookean
+    gradients : Tensor, (n_cells, n_points, n_corners, d)
+        Of the shape functions; their precision is that of all fields.
+    volumes : Tensor, (n_cells, n_points)
+    """
+
+    cells: Tensor
+    slopes: Tensor
+    weighted: Tensor
+    volumes: Tensor
+
+    def __init__(
+        self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
+    ) -> None:
+        super().__init__()
+        self.material = material
+        cells = torch.from_numpy(geometry.cells)
+        self.register_buffer("cells", cells, persistent=False)
+        count, points, corners, d = gradients.shape
+        slopes = gradients.permute(0, 2, 1, 3).reshape(count, corners, points * d)
+        weighted = (gradients * volumes[:, :, None, None]).permute(0, 1, 3, 2)
+        self.register_buffer("slopes", slopes, persistent=False)
+        self.register_buffer(
+            "weighted", weighted.reshape(count, points * d, corners), persistent=False
+        )
+        self.register_buffer("volumes", volumes.flatten(), persistent=False)
+        nodes, places = geometry.cells.ravel(), np.arange(geometry.cells.size)
+        shape = len(geometry.coordinates), geometry.cells.size
+        incidence = csr_array((np.ones(geometry.cells.size), (nodes, places)), shape)
+        self.sums = SparseProduct(incidence, gradients.dtype)
+
+    def gradient(self, u: Tensor) -> Tensor:
+        """∂u_i/∂x_j at the quadrature points: (N, d, n_nodes) → (N, d, d, n_points)."""
+        count, corners, columns = self.slopes.shape
+        samples, d, _ = u.shape
+        rows = u.flatten(0, 1).T.contiguous()  # whole rows are fast to select
+        at_corners = rows.index_select(0, self.cells.flatten()).reshape(count, corners, -1)
+        h = torch.bmm(at_corners.transpose(1, 2), self.slopes)
+        h = h.reshape(count, samples, d, columns // d, d)
+        return h.permute(1, 2, 4, 0, 3).flatten(3)
+
+    def forces(self, p: Tensor) -> Tensor:
+        """Forces of stresses: (N, d, d, n_points) → (N, d, n_nodes).
+
+        Every node sums what its cells have. ONNX Runtime would scatter what the cells have to the
+        nodes on several threads, and lose some of it (its issue 18048).
+        """
+        samples, d, _, _ = p.shape
+        count, columns, corners = self.weighted.shape
+        flat = p.reshape(samples, d, d, count, columns // d).permute(3, 0, 1, 4, 2)
+        at_corners = torch.bmm(flat.reshape(count, samples * d, columns), self.weighted)
+        rows = at_corners.transpose(1, 2).reshape(count * corners, samples * d)
+        sums = self.sums(rows)
+        return sums.T.reshape(samples, d, sums.shape[0])
 
 
 class SeriesResponse(LinearResponse):
@@ -53,6 +120,8 @@ class SeriesResponse(LinearResponse):
     ----------
     precision : torch.dtype
         Of the terms.
+    compiled : bool
+        Whether compiled code computes one load on a large body; it takes a third of the time.
 
     Raises
     ------
@@ -74,7 +143,7 @@ class SeriesResponse(LinearResponse):
         self.precision = torch.float64 if len(self.compliance.matrix) else torch.float32
         operators = solid.gradients.to(self.precision), solid.volumes.to(self.precision)
         self.higher = CellOperators(geometry, material, *operators)
-        self.order = order
+        self.order, self.compiled = order, COMPILES
         self._of_one: CompiledResponse | None = None
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
@@ -103,7 +172,7 @@ class SeriesResponse(LinearResponse):
         """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
-        alone = COMPILES and self._at_once == 1 and nodal.device.type == "cpu"
+        alone = self.compiled and self._at_once == 1 and nodal.device.type == "cpu"
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
         beyond = self._beyond_of_one if alone else self._beyond
         parts = [beyond(part) for part in torch.split(nodal, self._at_once)]
@@ -130,23 +199,53 @@ class SeriesResponse(LinearResponse):
         return beyond.reshape(shape), last.reshape(shape)
 
     def _beyond_of_one(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """The same of one load on a large body: compiled, it takes a third of the time."""
-        found = self.of_one(nodal[0].T.contiguous().numpy())
-        beyond, last = (torch.from_numpy(u).T[None] for u in found)
-        return beyond, last
+        """The same of one load on a large body, compiled."""
+        beyond, last = self.of_one(nodal[0].T.contiguous().numpy())
+        return torch.from_numpy(beyond).T[None], torch.from_numpy(last).T[None]
 
     @property
     def of_one(self) -> CompiledResponse:
         """The compiled response of a body on the CPU."""
         if self._of_one is None:
-            from surrogate.series import compiled_response  # Numba: half a second
+            from surrogate.series.compiled_series import CompiledResponse  # Numba: half a second
 
             assert isinstance(self.compliance, Compliance)
-            self._of_one = compiled_response.CompiledResponse(
-                self.higher, self.compliance, self.order
-            )
+            self._of_one = CompiledResponse(self.higher, self.compliance, self.order)
         return self._of_one
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
         return -self.respond(self.higher.forces(stress))
+
+
+def beyond_linear(
+    material: NeoHookean,
+    volumes: Tensor,
+    order: int,
+    first: Tensor,
+    gradient: Callable[[Tensor], Tensor],
+    balanced: Callable[[Tensor], Tensor],
+) -> tuple[Tensor, Tensor]:
+    """Return Σₖ cₖ uₖ - u₁ and the last term cₙ uₙ in m, (…, n_dofs) each, of u₁.
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : Tensor, (n_points,)
+        Of the quadrature points in m³ (m² in the plane).
+    order : int
+        Order n, 2 at least.
+    first : Tensor, (…, n_dofs)
+        u₁ in m.
+    gradient : callable
+        Displacements in m to their gradients, (…, n_dofs) → (…, d, d, n_points).
+    balanced : callable
+        Stresses in Pa to the displacements that balance them, (…, d, d, n_points) → (…, n_dofs).
+    """
+    slope = gradient(first)
+    terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
+    every = torch.stack([first, *terms], -2)
+    c = least_energy(material, volumes, [slope, *slopes])
+    last = c[..., -1:].to(first) * terms[-1]
+    beyond = c - torch.eye(1, order, dtype=c.dtype, device=c.device)[0]
+    return (beyond.to(first)[..., None, :] @ every)[..., 0, :], last

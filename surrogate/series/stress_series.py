@@ -14,16 +14,16 @@ and :math:`J \, (1/J) = 1` follow, beginning with :math:`C_0 = I` and :math:`J_0
 
 .. math::
     P_k = μ H_k + \sum_{j=0}^k s_{k-j} C_j, \qquad
-    s_k = \tfrac{λ}{2} J_k - (\tfrac{λ}{2} + μ) R_k \;\text{or}\; λ J_k - μ R_k
+    s_k = g J_k - d R_k, \qquad s_0 = -μ
 
-with the two volumetric terms, and :math:`s_0 = -μ`. The cross products are zero in the plane
+with the `Factors` of the volumetric term. The cross products are zero in the plane
 (`surrogate.series.cofactors`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from torch import Tensor
 
@@ -38,11 +38,33 @@ from surrogate.series.cofactors import (
 )
 
 
-def factors(material: NeoHookean) -> tuple[float, float, float]:
-    """μ, and the factors of J and -1/J in s."""
-    lam, mu = material.lame_lambda, material.lame_mu
-    growth = lam / 2 if material.volumetric == "paper" else lam
-    return mu, growth, lam + mu - growth
+class Factors(NamedTuple):
+    r"""Factors of the Neo-Hookean solid in Pa, for a series.
+
+    With the number q of `shared_schema.material.VolumetricTerm`, :math:`s = U' - μ / J` is
+    :math:`g J - d / J` and a constant, and :math:`U(J) - μ \ln J` is
+    :math:`\tfrac{g}{2} e^2 + d (e - \ln (1 + e))` and what is linear in e = J - 1.
+
+    Attributes
+    ----------
+    mu : float
+        μ.
+    growth : float
+        g = λ q.
+    decay : float
+        d = λ (1 - q) + μ.
+    """
+
+    mu: float
+    growth: float
+    decay: float
+
+    @classmethod
+    def of(cls, material: NeoHookean) -> Factors:
+        """Return those of a material."""
+        lam, mu = material.lame_lambda, material.lame_mu
+        growth = lam * material.volumetric_term.square
+        return cls(mu, growth, lam + mu - growth)
 
 
 class SeriesStress:
@@ -56,7 +78,7 @@ class SeriesStress:
     """
 
     def __init__(self, material: NeoHookean, first: Tensor) -> None:
-        self.mu, self.growth, self.decay = factors(material)
+        self.mu, self.growth, self.decay = Factors.of(material)
         self.h = [first]
         self.c: list[Any] = [linear_cofactors(first)]  # Tensors; None is zero
         self.j = [trace(first)]

@@ -58,6 +58,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
         "further-training-lshape2d_any-modal-gp",
         "further-training-lshape2d_any-reduced",
         "load-series",
+        "one-load",
         "page",
         "prediction",
         "trained",

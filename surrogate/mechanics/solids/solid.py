@@ -162,10 +162,9 @@ class Solid(nn.Module):
         g = torch.bmm(self.gradients.reshape(-1, corners, d), inverse)
         g = g.reshape(count, points, corners, len(u), d).permute(3, 0, 1, 2, 4)
         g = g.reshape(len(u) * count, points, corners * d)
-        crossed, squared = (
-            (self.volumes[:, None] * factor).transpose(0, 1).reshape(-1, points, 1)
-            for factor in tangent_moduli(j, self.neo_hookean)
-        )
+        crossed, squared = tangent_moduli(j, self.neo_hookean)
+        crossed = (self.volumes[:, None] * crossed).transpose(0, 1).reshape(-1, points, 1)
+        squared = (self.volumes[:, None] * squared).transpose(0, 1).reshape(-1, points, 1)
         k = torch.bmm((squared * g).transpose(1, 2), g)
         k = k.reshape(-1, corners, d, corners, d)
         swapped = torch.bmm((crossed * g).transpose(1, 2), g).reshape(k.shape)

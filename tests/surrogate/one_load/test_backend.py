@@ -16,8 +16,10 @@ from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import Model
-from surrogate.one_load import backend
-from surrogate.one_load.embedded_response import EmbeddedResponse
+from surrogate.one_load import small_body
+from surrogate.one_load.backend import InputsByPyTorch
+from surrogate.one_load.large_body import LargeBody
+from surrogate.one_load.small_body import SmallBody
 from surrogate.runs.description import describe
 from surrogate.runs.run_config import run_config
 from surrogate.series import series_response
@@ -73,6 +75,12 @@ def loads(dataset: Dataset) -> np.ndarray:
     return force
 
 
+def before(model: Surrogate) -> object:
+    """What computes the inputs of the network."""
+    assert model._one_load is not None
+    return model._one_load.before
+
+
 def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
     """Every load gives the same alone and in a batch, to float32: 5e-6 of the largest value."""
     force = loads(dataset)
@@ -88,24 +96,21 @@ def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
     model = untrained(dataset, **KINDS[kind])
-    assert model._one_load is not None
-    assert model._one_load.matrix is not None
+    assert isinstance(before(model), SmallBody)
     assert_same_alone(model, dataset)
 
 
 def test_without_numba(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(series_response, "COMPILES", False)
     model = untrained(dataset, network=SERIES)
-    assert model._one_load is not None
-    assert model._one_load.series is None
+    assert isinstance(before(model), InputsByPyTorch)
     assert_same_alone(model, dataset)
 
 
 def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backend, "LARGEST", 1000)
+    monkeypatch.setattr(small_body, "MOST", 1000)
     model = untrained(dataset, network=MECHANICS)
-    assert model._one_load is not None
-    assert model._one_load.matrix is None
+    assert isinstance(before(model), InputsByPyTorch)
     assert_same_alone(model, dataset)
 
 
@@ -113,10 +118,9 @@ def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.Monke
 def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Large bodies, for which no matrix is kept."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr(backend, "LARGEST", 1000)
+    monkeypatch.setattr(small_body, "MOST", 1000)
     surrogate = untrained(dataset_3d, model=model)
-    assert surrogate._one_load is not None
-    assert (surrogate._one_load.response is None) == (model == "unet")
+    assert isinstance(before(surrogate), InputsByPyTorch if model == "unet" else LargeBody)
     assert_same_alone(surrogate, dataset_3d)
 
 
@@ -126,10 +130,9 @@ def test_series_of_large_bodies(
 ) -> None:
     """Cell by cell, by a factor in single precision."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr(backend, "LARGEST", 1000)
+    monkeypatch.setattr(small_body, "MOST", 1000)
     model = untrained(dataset_3d, network={"inputs": inputs, "skip": "series"})
-    assert model._one_load is not None
-    assert model._one_load.large is not None
+    assert isinstance(before(model), InputsByPyTorch)
     assert_same_alone(model, dataset_3d)
 
 
@@ -141,15 +144,15 @@ def test_embedded_grid(dataset: Dataset) -> None:
 
 
 def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Loads on a few nodes are answered by columns, found once; others by a solve."""
+    """Loads on a few nodes are answered by columns, found once; others by PyTorch."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
-    monkeypatch.setattr(backend, "LARGEST", 1000)
+    monkeypatch.setattr(small_body, "MOST", 1000)
     model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
-    assert model._one_load is not None
-    response = model._one_load.response
-    assert isinstance(response, EmbeddedResponse)
+    body = before(model)
+    assert isinstance(body, LargeBody)
+    assert (body(loads(dataset)[1]) is None, body(loads(dataset)[2]) is None) == (False, True)
     assert_same_alone(model, dataset)
-    monkeypatch.setattr(response.columns, "respond", None)
+    monkeypatch.setattr(body.columns, "respond", None)
     model.predict(2 * loads(dataset)[1])
     with pytest.raises(TypeError):
         model.predict(np.roll(loads(dataset)[1], -1, axis=0))

@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from surrogate.networks.unet import UNet, UNetConfig
-from surrogate.one_load.unet_in_numpy import UNetInNumPy, merged
+from surrogate.one_load.unet_in_numpy import UNetInNumPy, children, neighbours, parents
 
 PLAIN = {"padding": 0, "batch_norm": False}
 MECHANICS = ("force", "linear_gradient")
@@ -67,11 +67,11 @@ def test_many_points_are_gathered_in_parts(monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(UNetInNumPy(unet, (16, 8), 2)(fields), whole, atol=1e-5)
 
 
-def test_merged_taps() -> None:
-    """Even points of a refined field read coarse points −1, 0, 0; odd points 0, 0, 1."""
-    kernel = np.array([1.0, 2.0, 4.0]).reshape(1, 1, 3)
-    np.testing.assert_array_equal(merged(kernel, (0,)).ravel(), [1, 6])
-    np.testing.assert_array_equal(merged(kernel, (1,)).ravel(), [3, 4])
+def test_points_of_the_levels() -> None:
+    """A grid of 4 × 2 points has two coarse points of four points each; 8 is the row of zeros."""
+    assert neighbours((4, 2))[3].tolist() == [0, 1, 8, 2, 3, 8, 4, 5, 8]
+    assert children((4, 2)).T.tolist() == [[0, 1, 2, 3], [4, 5, 6, 7]]
+    assert parents(children((4, 2))).tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2]
 
 
 def test_no_warning_where_an_exponential_overflows(recwarn: pytest.WarningsRecorder) -> None:

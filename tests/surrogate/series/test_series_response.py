@@ -20,8 +20,8 @@ from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.models.unet_model import UNetModel
-from surrogate.series.load_series import load_series
 from surrogate.series.series_response import SeriesResponse
+from surrogate.series.third_order import third_order_terms
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
@@ -52,7 +52,7 @@ def test_terms_are_those_of_the_series(cell_type: str, volumetric: str) -> None:
     )
     load = end_load(geometry, *(1.0, -4.0, 2.0)[: geometry.dimension])
     forces = np.stack([load, -2 * load, 0 * load])
-    series = load_series(Equilibrium(geometry, material), forces)
+    series = third_order_terms(Equilibrium(geometry, material), forces)
     response = SeriesResponse(geometry, material)
     first = torch.from_numpy(series.first).transpose(1, 2)
     terms, gradients = response.terms(first)

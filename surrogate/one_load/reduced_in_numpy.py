@@ -97,19 +97,18 @@ class ReducedInNumPy:
             terms.append(coefficients[factors].prod(axis=0) @ matrix)
             inputs.append(terms[-1] * scale)
         x = np.concatenate(inputs) if terms else coefficients
-        first, *others = (member(x) for member in self.members)
-        total = sum(others, start=first)
+        total = self.members[0](x)
+        for member in self.members[1:]:
+            total += member(x)
         for term in terms:
             total += term * np.float32(len(self.members))
-        correction: Single = (total @ self.modes).reshape(fields.shape)
-        return correction
+        return (total @ self.modes).reshape(fields.shape)
 
 
 def array(parameter: Tensor | None) -> Array:
     """Weights in double precision, for sums of them."""
     assert parameter is not None
-    copied: Array = parameter.detach().double().cpu().numpy()
-    return copied
+    return parameter.detach().double().cpu().numpy()
 
 
 def relu(x: Single) -> None:

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from surrogate.networks.reduced_network import DenseNetwork, ReducedConfig
-from surrogate.one_load.dense_in_numpy import DenseInNumPy
+from surrogate.one_load.reduced_in_numpy import DenseInNumPy
 
 
 @pytest.mark.parametrize("activation", ["relu", "silu", "gelu"])

@@ -8,7 +8,7 @@ import pytest
 from shared_schema.material import MooneyRivlin, StVenantKirchhoff
 from surrogate.certify.correction import correct
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.series.load_series import load_series
+from surrogate.series.third_order import third_order_terms
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 FORCES = {
@@ -25,7 +25,7 @@ def test_remainder_is_of_fourth_order(cell_type: str) -> None:
     geometry = box(cell_type)
     equilibrium = Equilibrium(geometry, MATERIAL)
     force = end_load(geometry, *FORCES[cell_type])
-    series = load_series(equilibrium, force[None])
+    series = third_order_terms(equilibrium, force[None])
     first, second, third = (term[0] for term in (series.first, series.second, series.third))
 
     def remainder(t: float) -> float:
@@ -49,7 +49,7 @@ def test_of_any_material(material: StVenantKirchhoff | MooneyRivlin) -> None:
     geometry = box("quad")
     equilibrium = Equilibrium(geometry, material)
     force = end_load(geometry, 0.1, -0.4)
-    series = load_series(equilibrium, force[None])
+    series = third_order_terms(equilibrium, force[None])
     u = correct(equilibrium, force, series.first[0], 1e-13).displacement
     without = np.linalg.norm(u - series.first[0])
     with_all = np.linalg.norm(u - series.first[0] - series.second[0] - series.third[0])
@@ -62,8 +62,8 @@ def test_loads_do_not_disturb_each_other() -> None:
     equilibrium = Equilibrium(geometry, MATERIAL)
     loads = np.stack([end_load(geometry, 1.0, -4.0), end_load(geometry, 0, 0)])
     loads = np.concatenate([loads, 1e-9 * loads[:1]])
-    both = load_series(equilibrium, loads)
-    one = load_series(equilibrium, loads[:1])
+    both = third_order_terms(equilibrium, loads)
+    one = third_order_terms(equilibrium, loads[:1])
     np.testing.assert_allclose(both.third[0], one.third[0], rtol=0, atol=1e-12)
     assert not both.first[1].any()
     assert not both.second[1].any()

@@ -1,0 +1,78 @@
+"""The linear response of a large body to one load, for reduced networks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.kept_columns import LOADED, KeptColumns
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.series.series_response import SeriesResponse
+
+Single = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+
+class LargeBody:
+    """Scaled forces on the grid, and the linear response at the nodes.
+
+    A load on a few nodes is answered by columns of the response, which are kept: on a grid of
+    nodes by `Compliance`, on an embedded grid, where the force of a node is distributed over many,
+    here. There other loads are left to PyTorch, which takes as long for them.
+
+    Parameters
+    ----------
+    network : NodalNetwork
+    """
+
+    def __init__(self, network: NodalNetwork) -> None:
+        assert isinstance(network.network.linear, LinearResponse)
+        self.network, self.linear = network, network.network.linear
+        weights = network.to_grid.weights.numpy() / network.network.force_scale.numpy()
+        count, points = weights.shape
+        places = np.tile(np.arange(points), count), network.to_grid.sources.numpy()
+        d, nodes = len(network.network.displacement_scale), network.to_nodes.weights.shape[1]
+        self.to_grid = coo_array((weights.ravel(), places), shape=(points, nodes)).tocsr()
+        maps = network.to_nodes, network.to_grid, self.linear.to_grid, self.linear.to_nodes
+        self.compliance: Compliance | None = None
+        if all(len(sums.weights) == 1 for sums in maps):
+            assert isinstance(self.linear.compliance, Compliance)
+            self.compliance = self.linear.compliance
+        self.columns = KeptColumns(self._responses, nodes * d)
+
+    @staticmethod
+    def fits(network: NodalNetwork) -> bool:
+        """Whether a network has no gradients as input, and adds to the linear response."""
+        field = network.network
+        linear = field.linear
+        if not isinstance(linear, LinearResponse) or isinstance(linear, SeriesResponse):
+            return False
+        return field.skip and field.inputs == ("force",)
+
+    def __call__(self, forces: Array) -> tuple[Single, Array] | None:
+        """Return inputs and response; None for other loads on an embedded grid."""
+        force = forces.astype(np.float32)
+        if self.compliance is not None:
+            response = self.compliance.respond_at_nodes(force)
+        else:
+            flat = force.ravel()
+            loaded = flat.nonzero()[0]
+            if len(loaded) > LOADED or not self.columns.fit:
+                return None
+            response = (flat[loaded] @ self.columns[loaded]).reshape(force.shape)
+        return self.to_grid @ force, response.astype(np.float64)
+
+    @torch.inference_mode()
+    def _responses(self, forces: NDArray[Any]) -> Single:
+        """Responses to several loads: (N, n_nodes · d) → same."""
+        network, movable = self.network, self.network.network.movable
+        nodal = torch.from_numpy(forces).reshape(len(forces), -1, len(self.linear.shape))
+        displacement, _ = self.linear(network.on_grid(nodal))
+        u = network.to_nodes((displacement * movable).flatten(2))
+        return u.transpose(1, 2).flatten(1).numpy()

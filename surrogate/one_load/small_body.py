@@ -1,0 +1,181 @@
+"""Everything before the network under one load on a small body, by a few matrices.
+
+Network inputs and linear response are linear in the forces, so that one matrix has them, found by
+unit forces. The terms of a load series follow from the linear response by loops that Numba compiles
+(`surrogate.series.compiled_series`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from torch import Tensor
+
+from surrogate.mechanics.weighted_sums import padded_rows
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.series.series_response import SeriesResponse
+
+MOST = 2**22  # values of a matrix: 16 MB
+AT_ONCE = 256  # unit forces at once
+Single = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+
+class SmallBody:
+    """Inputs of the network and response of the body.
+
+    Parameters
+    ----------
+    network : NodalNetwork
+
+    Attributes
+    ----------
+    matrix : array, (n_nodes · d, n_points · inputs [+ n_nodes · d])
+        Forces in N to the inputs of the network, then, if its output is added to the linear
+        response, to displacements in m.
+    series : SmallSeries or None
+        What finds the response and the gradient of the last term in a load series.
+    """
+
+    def __init__(self, network: NodalNetwork) -> None:
+        field = network.network
+        self.foretold, self.points = field.foretold, field.free.numel()
+        d, nodes = len(field.displacement_scale), network.to_nodes.weights.shape[1]
+        series = field.linear if isinstance(field.linear, SeriesResponse) else None
+        self.series = None if series is None else SmallSeries(series, d)
+        self.inputs = input_values(network)
+        units = torch.split(torch.eye(nodes * d).reshape(-1, nodes, d), AT_ONCE)
+        with torch.inference_mode():
+            self.matrix = torch.cat([linear_part(network, force) for force in units]).numpy()
+
+    @staticmethod
+    def fits(network: NodalNetwork) -> bool:
+        """Whether the matrices are small; a load series needs Numba and a grid of nodes."""
+        field, size = network.network, network.to_nodes.weights.shape[1]
+        size *= len(field.displacement_scale)
+        values = input_values(network) + size * field.skip
+        linear = field.linear
+        if isinstance(linear, SeriesResponse):
+            maps = network.to_nodes, network.to_grid, linear.to_grid, linear.to_nodes
+            if not linear.compiled or any(len(sums.weights) > 1 for sums in maps):
+                return False
+            values = max(values, linear.higher.volumes.numel() * len(linear.shape) ** 2)
+        return values * size <= MOST
+
+    def __call__(self, forces: Array) -> tuple[Single, Array | None]:
+        """Return inputs and response; a sparse load needs only some rows of the matrix."""
+        flat, matrix = forces.astype(np.float32).ravel(), self.matrix
+        loaded = flat.nonzero()[0]
+        if 4 * len(loaded) < len(flat):
+            flat, matrix = flat[loaded], matrix[loaded]
+        found = flat @ matrix
+        inputs = found[: self.inputs].reshape(self.points, -1)
+        if self.series is not None:
+            response, inputs[:, self.foretold] = self.series(forces)
+            return inputs, response
+        if len(found) == self.inputs:
+            return inputs, None
+        return inputs, found[self.inputs :].reshape(forces.shape).astype(np.float64)
+
+
+def input_values(network: NodalNetwork) -> int:
+    """Number of inputs of a network at all grid points."""
+    field = network.network
+    return field.free.numel() * max(channels.stop for channels in field.channels.values())
+
+
+def linear_part(network: NodalNetwork, force: Tensor) -> Tensor:
+    """Return what is linear in the forces: (N, n_nodes, d) in N → (N, columns of the matrix)."""
+    field, on_grid = network.network, network.on_grid(force)
+    linear, displacement = field.linear, None
+    if isinstance(linear, SeriesResponse):
+        _, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
+        parts = [field.inputs_with(on_grid, gradient)]
+    else:
+        inputs, displacement = field.inputs_of(on_grid)
+        parts = [field.scaled(inputs)]
+    if displacement is not None:
+        parts.append(network.to_nodes((displacement * field.movable).flatten(2)))
+    return torch.cat([part.flatten(2).transpose(1, 2).flatten(1) for part in parts], dim=1)
+
+
+class SmallSeries:
+    """What `SeriesResponse` finds, by a few matrices.
+
+    Parameters
+    ----------
+    response : SeriesResponse
+        Response of a body whose nodes are the grid points.
+    dimension : int
+        Number of space dimensions d.
+
+    Attributes
+    ----------
+    slopes : tuple of array, (k, d² · n_points) each
+        Sources and weights, from displacements of the nodes to their gradients at the quadrature
+        points.
+    forces : tuple of array, (k, n_dofs) each
+        From stresses there to their forces.
+    response : array, (n_dofs, n_dofs)
+        Forces to the displacements that balance them.
+    gradients : array, (n_dofs, n_grid_points · d²)
+        Displacements to their gradients on the grid.
+    """
+
+    def __init__(self, response: SeriesResponse, dimension: int) -> None:
+        from surrogate.series import compiled_fields, compiled_series  # Numba: half a second
+
+        self.weighted_sums = compiled_fields.weighted_sums
+        self.beyond_linear = compiled_series.beyond_linear_of_one
+        d, size = dimension, dimension * response.nodes
+        self.material, self.order = response.higher.material, response.order
+        self.volumes = response.higher.volumes.numpy()
+        with torch.inference_mode():
+            units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
+            slopes = response.higher.gradient(units.double())
+            of_slopes, self.shape = _rows(slopes).T, slopes.shape[1:]
+            volumes = np.tile(self.volumes, d * d)[:, None]
+            self.slopes = _by_column(csr_array(of_slopes))
+            self.forces = _by_column(csr_array((of_slopes * volumes).T))
+            balancing = -response.respond(units.double())
+            self.response = _rows(balancing.transpose(1, 2))
+            gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
+            self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
+
+    def __call__(self, force: Array) -> tuple[Array, Single]:
+        """Return the displacements in m and the gradient of the last term, of forces in N.
+
+        (n_nodes, d) → same, (n_grid_points, d²)
+        """
+        flat = force.ravel()
+        loaded = flat.nonzero()[0]
+        first = -(flat[loaded] @ self.response[loaded])
+        beyond, last = self.beyond_linear(
+            self.material, self.volumes, self.order, first, self._gradient, self._balanced
+        )
+        d = force.shape[1]
+        gradient = last.astype(np.float32) @ self.gradients
+        return (first + beyond).reshape(force.shape), gradient.reshape(-1, d * d)
+
+    def _gradient(self, u: Array) -> Array:
+        """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
+        return self.weighted_sums(*self.slopes, u).reshape(self.shape)
+
+    def _balanced(self, stress: Array) -> Array:
+        """Displacements that balance stresses: (d, d, n_cells · n_points) → (n_dofs,)."""
+        return self.response @ self.weighted_sums(*self.forces, stress.ravel())
+
+
+def _by_column(matrix: csr_array) -> tuple[NDArray[np.int64], Array]:
+    """Columns and weights of every row, (k, n_out)."""
+    columns, weights = padded_rows(matrix)
+    return np.ascontiguousarray(columns.T), np.ascontiguousarray(weights.T)
+
+
+def _rows(values: Tensor) -> NDArray[Any]:
+    """Matrix of (n, …) values."""
+    return np.ascontiguousarray(values.reshape(len(values), -1).numpy())

@@ -1,0 +1,185 @@
+r"""The load series under one load, compiled: terms of the stress, their combination, the response.
+
+`next_stress` is the recursion of `surrogate.series.stress_series`, `beyond_linear_of_one` the
+combination :math:`\sum_k c_k u_k` of `surrogate.series.series_response`, and `CompiledResponse`
+does both on a large body, cell by cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.material import NeoHookean
+from surrogate.mechanics.compliance import Compliance
+from surrogate.series.compiled_energy import least_energy, potential_of_terms
+from surrogate.series.compiled_fields import (
+    Array,
+    add_contraction,
+    add_cross_product,
+    add_linear_cofactors,
+    add_trace,
+    compiled,
+    forces_of_cells,
+    slopes_in_cells,
+)
+from surrogate.series.series_response import CellOperators
+from surrogate.series.stress_series import Factors
+
+Field = NDArray[Any]
+
+
+class Terms(NamedTuple):
+    """Terms k = 1, 2, … of the fields of a series, in rows k - 1.
+
+    Attributes
+    ----------
+    h : array, (n, d, d, n_points)
+        Hₖ.
+    c : array, (n, d, d, n_points)
+        Cₖ.
+    j, r, s : array, (n, n_points)
+        Jₖ, Rₖ, sₖ.
+    """
+
+    h: Array
+    c: Array
+    j: Array
+    r: Array
+    s: Array
+
+    @classmethod
+    def zeros(cls, order: int, gradient: Array) -> Terms:
+        """Make room for the terms of a series that begins with a gradient, (d, d, n_points)."""
+        h = np.zeros((order, *gradient.shape), gradient.dtype)
+        h[0] = gradient
+        scalars = np.zeros((order, gradient.shape[-1]), gradient.dtype)
+        return cls(h, np.zeros_like(h), scalars, scalars.copy(), scalars.copy())
+
+
+@compiled
+def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) -> Array:
+    r"""Complete the terms k - 1 from their H, and begin those of order k as if :math:`H_k = 0`.
+
+    Parameters
+    ----------
+    k : int
+        2 at least; all orders from 2 on, in turn.
+    terms : Terms
+    mu, growth, decay : float
+        `surrogate.series.stress_series.Factors`.
+
+    Returns
+    -------
+    array, (d, d, n_points)
+        :math:`P_k` without the part that is linear in :math:`H_k`.
+    """
+    h, c, j, r, s = terms
+    d, points = h.shape[1], h.shape[3]
+    new, old = k - 1, k - 2
+    of_f, of_j, of_r = h.dtype.type(mu), h.dtype.type(growth), h.dtype.type(decay)
+    add_linear_cofactors(h[old], c[old])
+    add_trace(1.0, h[old], j[old])
+    add_trace(-1.0, h[old], r[old])
+    for i in range(1, k):
+        add_contraction(i / k, h[i - 1], c[k - i - 1], j[new])
+    for q in range(points):
+        s[old, q] = of_j * j[old, q] - of_r * r[old, q]
+        r[new, q] = -j[new, q]
+    for i in range(k - 1):
+        for q in range(points):
+            r[new, q] -= j[i, q] * r[old - i, q]
+    for q in range(points):
+        s[new, q] = of_j * j[new, q] - of_r * r[new, q]
+    if d == 3:
+        for i in range(1, k // 2 + 1):
+            add_cross_product(0.5 if 2 * i == k else 1.0, h[i - 1], h[new - i], c[new])
+    stress = np.empty(h.shape[1:], h.dtype)
+    for a in range(d):
+        for b in range(d):
+            for q in range(points):
+                stress[a, b, q] = -of_f * c[new, a, b, q]
+            for i in range(k - 1):
+                for q in range(points):
+                    stress[a, b, q] += s[old - i, q] * c[i, a, b, q]
+        for q in range(points):
+            stress[a, a, q] += s[new, q]
+    return stress
+
+
+def beyond_linear_of_one(
+    material: NeoHookean,
+    volumes: Array,
+    order: int,
+    first: Field,
+    gradient: Callable[[Field], Field],
+    balanced: Callable[[Field], Field],
+) -> tuple[Field, Field]:
+    """Do what `surrogate.series.series_response.beyond_linear` does, of one load.
+
+    Parameters
+    ----------
+    material : NeoHookean
+    volumes : array, (n_points,)
+        Of the quadrature points in m³ (m² in the plane), in the precision of the fields.
+    order : int
+        Order n, 2 at least.
+    first : array, (n_dofs,)
+        u₁ in m.
+    gradient : callable
+        Displacements in m to their gradients, (n_dofs,) → (d, d, n_points).
+    balanced : callable
+        Stresses in Pa to the displacements that balance them, (d, d, n_points) → (n_dofs,).
+    """
+    slope = gradient(first)
+    every = np.empty((order, len(first)), first.dtype)
+    every[0], terms = first, Terms.zeros(order, slope)
+    for k in range(2, order + 1):
+        every[k - 1] = balanced(next_stress(k, terms, *Factors.of(material)))
+        terms.h[k - 1] = gradient(every[k - 1])
+    potential = potential_of_terms(material, volumes, terms.h)
+    c = least_energy(potential, float(np.finfo(slope.dtype).eps))[1:]
+    c[0] -= 1
+    c = c.astype(first.dtype)
+    return c @ every, c[-1] * every[-1]
+
+
+class CompiledResponse:
+    """What `SeriesResponse.beyond_first` finds, cell by cell.
+
+    Parameters
+    ----------
+    higher : CellOperators
+        On the CPU; its precision is that of all fields.
+    compliance : Compliance
+    order : int
+        Order n.
+    """
+
+    def __init__(self, higher: CellOperators, compliance: Compliance, order: int) -> None:
+        self.material, self.compliance, self.order = higher.material, compliance, order
+        self.cells, self.volumes = higher.cells.numpy(), higher.volumes.numpy()
+        self.shape = compliance.equilibrium.free.shape
+        count, corners, _ = higher.slopes.shape
+        by_point = higher.slopes.numpy().reshape(count, corners, -1, self.shape[1])
+        self.gradients = np.ascontiguousarray(by_point.swapaxes(2, 3))
+
+    def __call__(self, first: Array) -> tuple[Array, Array]:
+        """Response beyond u₁, and its last term, of u₁: (n_nodes, d) in m → same."""
+        beyond, last = beyond_linear_of_one(
+            self.material, self.volumes, self.order, first.ravel(), self._gradient, self._balanced
+        )
+        return beyond.reshape(self.shape), last.reshape(self.shape)
+
+    def _gradient(self, u: Array) -> Array:
+        """Gradients at the quadrature points: (n_dofs,) → (d, d, n_points)."""
+        return slopes_in_cells(self.cells, self.gradients, u.reshape(self.shape))
+
+    def _balanced(self, stress: Array) -> Array:
+        """Displacements that balance stresses: (d, d, n_points) → (n_dofs,)."""
+        of_cells = self.cells, self.gradients, self.volumes
+        forces = forces_of_cells(*of_cells, stress, self.shape[0])
+        return -self.compliance.respond_at_nodes(forces).ravel()
