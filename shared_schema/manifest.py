@@ -11,10 +11,10 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.configuration import Frozen, validate
+from shared_schema.common.configuration import Frozen, absent, validate
 from shared_schema.common.errors import InputError
 from shared_schema.layout import SCHEMA_VERSION, Kind
 from shared_schema.unfinished import find_unfinished
@@ -126,14 +126,7 @@ class StructuredInfo(Frozen):
     displacement: ComponentStatistics
     source_digest: str
     embedding: EmbeddingInfo | None = None
-    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
-
-    @model_serializer(mode="wrap")
-    def _without_absent_stiffness(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        content: dict[str, Any] = handler(self)
-        if self.stiffness is None:
-            del content["stiffness"]
-        return content
+    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude_if=absent)
 
 
 class Stage(Frozen):
@@ -206,23 +199,12 @@ class Manifest(Frozen):
     samples: int = Field(ge=0)
     failed: int = Field(ge=0)
     transforms: tuple[dict[str, Any], ...] = ()
-    history: tuple[Stage, ...] = ()
+    history: tuple[Stage, ...] = Field((), exclude_if=lambda stages: not stages)
     shards: tuple[ShardEntry, ...]
     structured: StructuredInfo | None = None
-    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
-    solver: SolverRecord | None = None
+    stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude_if=absent)
+    solver: SolverRecord | None = Field(None, exclude_if=absent)
     digest: str = ""
-
-    @model_serializer(mode="wrap")
-    def _without_absent_parts(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        content: dict[str, Any] = handler(self)
-        if self.stiffness is None:
-            del content["stiffness"]
-        if not self.history:
-            del content["history"]
-        if self.solver is None:
-            del content["solver"]
-        return content
 
     @property
     def stiffness_checksum(self) -> str | None:

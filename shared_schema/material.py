@@ -15,17 +15,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import (
-    Field,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, ValidationError, model_validator
 
-from shared_schema.common.configuration import Frozen, first_problem
+from shared_schema.common.configuration import Frozen, absent, first_problem
 from shared_schema.common.errors import InputError
 
 Volumetric = Literal["paper", "quadratic"]
@@ -89,16 +83,8 @@ class Material(Frozen):
         Physical group of the cells that are of this material, if a body has several.
     """
 
-    left_out: ClassVar[tuple[tuple[str, Any], ...]] = (("group", None), ("model", "neo_hookean"))
-
     model: str
-    group: str | None = Field(None, min_length=1)
-
-    @model_serializer(mode="wrap")
-    def _without_defaults(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what a case need not say, so that older cases keep their digest."""
-        content: dict[str, Any] = plain(self)
-        return {k: v for k, v in content.items() if (k, v) not in self.left_out}
+    group: str | None = Field(None, min_length=1, exclude_if=absent)
 
 
 class ShippedMaterial(Material, ABC):
@@ -154,7 +140,7 @@ class NeoHookean(YoungPoisson):
         Name of the volumetric term U(J): λ/4 (J² − 1 − 2 ln J), or λ/2 (J − 1)².
     """
 
-    model: Literal["neo_hookean"] = "neo_hookean"
+    model: Literal["neo_hookean"] = Field("neo_hookean", exclude=True)  # older cases lack it
     volumetric: Volumetric = "paper"
 
     @property

@@ -6,14 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from pydantic import (
-    Field,
-    SerializeAsAny,
-    SerializerFunctionWrapHandler,
-    ValidationInfo,
-    field_validator,
-    model_serializer,
-)
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.cases.support import Support
@@ -59,19 +52,11 @@ class Case(Frozen):
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
     mesh: Geometry
     material: SerializeAsAny[Material] | tuple[SerializeAsAny[Material], ...]
-    element: Element = "linear"
+    element: Element = Field("linear", exclude_if=lambda element: element == "linear")
     supports: tuple[Support, ...] = Field(min_length=1)
     load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...]
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
-
-    @model_serializer(mode="wrap")
-    def _without_linear_element(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out linear elements, so that cases without the key keep their digest."""
-        content: dict[str, Any] = plain(self)
-        if self.element == "linear":
-            del content["element"]
-        return content
 
     @field_validator("load", mode="before")
     @classmethod
@@ -133,9 +118,12 @@ def _each(value: Any, build: Callable[[dict[str, Any]], Any]) -> Any:
     """Build what a mapping stands for, or each mapping of a list."""
     if isinstance(value, dict):
         return build(value)
-    if isinstance(value, list) and value:
+    if isinstance(value, tuple) and value:
         built = []
         for number, content in enumerate(value):
+            if isinstance(content, Frozen):
+                built.append(content)
+                continue
             if not isinstance(content, dict):
                 raise ValueError(f"part {number}: expected a mapping")
             try:

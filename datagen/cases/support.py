@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
+from pydantic import Field, field_validator
 
 from datagen.mesh.regions import AXES, Region
+from shared_schema.common.configuration import absent
 
 Axis = Literal["x", "y", "z"]
 
@@ -23,14 +24,7 @@ class Support(Region):
         plane x = 0 are [x].
     """
 
-    components: tuple[Axis, ...] | None = Field(None, min_length=1)
-
-    @model_serializer(mode="wrap")
-    def _without_unused_keys(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what is not said, so that cases without it keep their digest."""
-        content: dict[str, Any] = plain(self)
-        unused = (("group", None), ("boundary", False), ("components", None))
-        return {key: value for key, value in content.items() if (key, value) not in unused}
+    components: tuple[Axis, ...] | None = Field(None, min_length=1, exclude_if=absent)
 
     @field_validator("components")
     @classmethod

@@ -18,16 +18,14 @@ from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     Field,
-    SerializerFunctionWrapHandler,
     ValidationError,
-    model_serializer,
 )
 
 from datagen.mesh.regions import Region
 from datagen.own_class import import_named
 from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.configuration import Frozen, first_problem
+from shared_schema.common.configuration import Frozen, absent, first_problem
 
 SHIPPED = {
     "random_node": "datagen.loads.random_node:RandomNode",
@@ -147,15 +145,7 @@ class LoadFamily(Frozen, ABC):
 
     family: str
     region: Region
-    family_sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
-
-    @model_serializer(mode="wrap")
-    def _without_absent_checksum(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out no checksum, so that cases with shipped families keep their digest."""
-        content: dict[str, Any] = plain(self)
-        if self.family_sha256 is None:
-            del content["family_sha256"]
-        return content
+    family_sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude_if=absent)
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError, which names the key, if the family does not fit the mesh."""

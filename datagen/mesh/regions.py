@@ -10,13 +10,12 @@ import operator
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer
+from pydantic import Field, field_validator
 
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.configuration import Frozen, absent
 
 AXES = ("x", "y", "z")
 COMPARISONS = {
@@ -43,18 +42,11 @@ class Region(Frozen):
         ``"<= 2"``, or none.
     """
 
-    group: str | None = None
-    boundary: bool = False
+    group: str | None = Field(None, exclude_if=absent)
+    boundary: bool = Field(False, exclude_if=lambda boundary: not boundary)
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_unused_keys(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out no group and no boundary, so that cases without them keep their digest."""
-        content: dict[str, Any] = plain(self)
-        unused = (("group", None), ("boundary", False))
-        return {key: value for key, value in content.items() if (key, value) not in unused}
 
     @field_validator("x", "y", "z")
     @classmethod

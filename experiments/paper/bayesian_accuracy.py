@@ -46,7 +46,7 @@ def calibration(resources: Resources, run: str) -> CalibrationMeasures:
 
 def coverage_table(resources: Resources) -> Table:
     """Table of the coverage of the intervals and the mean σ of every Bayesian network."""
-    rows = []
+    rows: list[tuple[str | float, ...]] = []
     for run in BAYESIAN:
         measures = calibration(resources, run)
         covered = [100 * interval.coverage for interval in measures.intervals]

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
 import yaml
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
-from pydantic_core import CoreSchema
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.yaml_reader import yaml_content
 
 LARGEST_FILE = 1 << 20  # bytes of a YAML file
-PLAIN = ("int", "float", "bool", "str")
-
-
-def _make_strict(schema: Any) -> None:
-    parts = schema.values() if isinstance(schema, dict) else schema
-    if isinstance(schema, dict) and schema.get("type") in PLAIN:
-        schema["strict"] = True
-    for part in parts:
-        if isinstance(part, (dict, list, tuple)):
-            _make_strict(part)
 
 
 class Frozen(BaseModel):
@@ -32,14 +21,26 @@ class Frozen(BaseModel):
     floats as well, and lists are tuples.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
+    @model_validator(mode="before")
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Make the schemas of plain values strict."""
-        schema = handler(source)
-        _make_strict(schema)
-        return schema
+    def _with_tuples(cls, content: Any) -> Any:
+        """Make tuples of the lists in a file, except for the keys that are lists."""
+        if not isinstance(content, dict):
+            return content
+        fields = cls.model_fields
+        lists = {name for name in fields if get_origin(fields[name].annotation) is list}
+        return {key: value if key in lists else _as_tuple(value) for key, value in content.items()}
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
+
+
+def absent(value: Any) -> bool:
+    """True for None: the ``exclude_if`` of keys that older files do not have."""
+    return value is None
 
 
 Model = TypeVar("Model")
@@ -155,5 +156,5 @@ def _message(key: str, problem: Any) -> str:
         if message.startswith(start):  # a part that was built by itself: its key is below this one
             return f"{start}{key}.{message.removeprefix(start)}"
     value = problem["input"]
-    found = "" if isinstance(value, (dict, list, BaseModel)) else f" = {value!r}"
+    found = "" if isinstance(value, (dict, list, tuple, BaseModel)) else f" = {value!r}"
     return f"key '{key}'{found}: {message[:1].lower()}{message[1:]}"

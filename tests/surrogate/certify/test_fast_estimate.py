@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.material import NeoHookean
+from shared_schema.material import NeoHookean, Volumetric
 from surrogate.certify import fast_estimate
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_estimate import FastEstimate, State, cofactors, rotations
@@ -43,7 +43,7 @@ def test_rotations_are_those_of_the_polar_decomposition(d: int, tolerance: float
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
 @pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
-def test_forces_and_tangent_are_those_of_the_solid(cell_type: str, volumetric: str) -> None:
+def test_forces_and_tangent_are_those_of_the_solid(cell_type: str, volumetric: Volumetric) -> None:
     """f_int, and K v by a central difference of it."""
     material = NeoHookean(young_modulus=500, poisson_ratio=0.4, volumetric=volumetric)
     body = box(cell_type)
