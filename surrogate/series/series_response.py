@@ -173,6 +173,7 @@ class SeriesResponse(LinearResponse):
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
         alone = self.compiled and self._at_once == 1 and nodal.device.type == "cpu"
+        alone = alone and not nodal.requires_grad  # compiled code has no gradients
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
         beyond = self._beyond_of_one if alone else self._beyond
         parts = [beyond(part) for part in torch.split(nodal, self._at_once)]

@@ -282,6 +282,12 @@ def trained(make_run: Callable[..., Path]) -> Path:
 
 
 @pytest.fixture(scope="session")
+def trained_bayes(make_run: Callable[..., Path]) -> Path:
+    """A run with random weights, after an epoch; not to be changed."""
+    return make_run(epochs=1, likelihood="variational_bayes")
+
+
+@pytest.fixture(scope="session")
 def evaluated(make_run: Callable[..., Path], data: Path) -> Path:
     """A trained and evaluated run; not to be changed."""
     folder = make_run(epochs=40)

@@ -28,11 +28,6 @@ def config(tmp_path: Path, make_config: Callable[..., UNetModel]) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def trained_bayes(make_run: Callable[..., Path]) -> Path:
-    return make_run(epochs=1, likelihood="variational_bayes")
-
-
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
     folder = tmp_path / "out"

@@ -1,0 +1,74 @@
+"""Predictions of tensors, and their gradients by the forces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import surrogate
+from surrogate.probabilistic.stochastic_passes import PASSES
+
+pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
+
+
+def random_force(model: surrogate.Surrogate, seed: int) -> np.ndarray:
+    """Forces on two free nodes, in N."""
+    rng = np.random.default_rng(seed)
+    force = np.zeros(model.geometry.coordinates.shape)
+    nodes = rng.choice(np.flatnonzero(~model.geometry.clamped), 2, replace=False)
+    force[nodes] = rng.uniform(-0.5, 0.5, (2, model.geometry.dimension))
+    return force
+
+
+@pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any_reduced", "beam3d_any"])
+def test_gradient_is_that_of_central_differences(name: str) -> None:
+    """The load series of beam2d_any, a reduced network, and a series on a large body.
+
+    Differences of steps of 3 % have errors of third order below 1e-4, and those of rounding.
+    """
+    model = surrogate.load(name)
+    force = random_force(model, 0)
+    direction = force * np.random.default_rng(1).uniform(0.5, 1.5, force.shape)
+    weight = np.random.default_rng(2).normal(size=force.shape)
+    given = torch.tensor(force, requires_grad=True)
+    displacement = model.predict(given)
+    scale = np.abs(model.predict(force)).max()
+    assert np.abs(displacement.detach().numpy() - model.predict(force)).max() < 1e-5 * scale
+    (gradient,) = torch.autograd.grad((displacement * torch.from_numpy(weight)).sum(), given)
+    step = 0.03
+    ends = [model.predict_distribution(force + s * direction).mean for s in (step, -step)]
+    expected = ((ends[0] - ends[1]) * weight).sum() / (2 * step)
+    found = float((gradient.numpy() * direction).sum())
+    assert found == pytest.approx(expected, rel=2e-4)
+    assert all(weights.requires_grad for weights in model.network.parameters())  # as before
+
+
+def test_tensors_give_tensors() -> None:
+    """Without gradients the numbers are those of NumPy; batches and single precision as well."""
+    model = surrogate.load("beam2d_any")
+    force = np.stack([random_force(model, seed) for seed in range(3)])
+    for values in (force, force[0]):
+        found = model.predict(torch.from_numpy(values))
+        np.testing.assert_array_equal(found.numpy(), model.predict(values))
+    assert model.predict(torch.from_numpy(force).float()).dtype == torch.float32
+    with torch.no_grad():
+        assert not model.predict(torch.from_numpy(force).requires_grad_()).requires_grad
+    batch = torch.from_numpy(force).requires_grad_()
+    assert model.predict(batch).requires_grad
+    assert model.predict(batch).shape == batch.shape
+
+
+def test_gradient_of_the_mean_of_all_passes(trained_bayes: Path) -> None:
+    """The mean of 300 passes in double precision, also after a prediction without gradients."""
+    model = surrogate.load(trained_bayes)
+    force = random_force(model, 3)
+    expected = model.predict_distribution(force, PASSES, 0).mean
+    given = torch.from_numpy(force).requires_grad_()
+    found = model.predict(given)
+    np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-4, atol=1e-7)
+    (gradient,) = torch.autograd.grad(found.sum(), given)
+    assert bool(gradient.any())
+    np.testing.assert_array_equal(model.predict_distribution(force, PASSES, 0).mean, expected)

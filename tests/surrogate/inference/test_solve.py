@@ -1,0 +1,164 @@
+"""Solutions of single load cases in Python: what the command `surrogate predict` writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import surrogate
+from shared_schema.common.errors import InputError
+from surrogate.command_line import main
+
+LOAD = "4,1:0,-1.5"  # at the upper right corner, in N
+
+
+@pytest.fixture(scope="module")
+def beam() -> surrogate.Surrogate:
+    return surrogate.load("beam2d_any")
+
+
+def arrays(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.mark.parametrize(
+    ("options", "given"),
+    [
+        ([], {}),
+        (["--certify"], {"certify": "full"}),
+        (["--certify", "fast", "--level", "0.9"], {"certify": "fast", "level": 0.9}),
+        (["--correct", "--certify"], {"certify": "full", "correct": True}),
+        (["--stresses"], {"stresses": True}),
+    ],
+)
+def test_files_are_those_of_the_command(
+    beam: surrogate.Surrogate, tmp_path: Path, options: list[str], given: dict[str, Any]
+) -> None:
+    command = ["predict", "beam2d_any", "--load", LOAD, "--device", "cpu", *options]
+    for name in ("u.npz", "u.vtu", "u.xdmf"):
+        assert main([*command, "--out", str(tmp_path / name)]) == 0
+        beam.solve(LOAD, **given).save(tmp_path / f"python-{name}")
+    found, expected = arrays(tmp_path / "python-u.npz"), arrays(tmp_path / "u.npz")
+    assert list(found) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    assert (tmp_path / "python-u.vtu").read_bytes() == (tmp_path / "u.vtu").read_bytes()
+
+
+def test_fields_of_a_stochastic_network(trained_bayes: Path) -> None:
+    model = surrogate.load(trained_bayes)
+    solution = model.solve("3.5,1.5:0.5,-1", passes=5, seed=2, stresses=True)
+    expected = model.predict_distribution(solution.force, 5, 2)
+    for name, values in expected.fields().items():
+        np.testing.assert_array_equal(solution.fields()[name], values)
+    assert solution.std is not None
+    assert list(solution.fields()) == ["force", *expected.fields(), "reaction"]
+    assert "largest standard deviation" in repr(solution)
+    corrected = model.solve("3.5,1.5:0.5,-1", passes=5, seed=2, correct=True)
+    np.testing.assert_array_equal(corrected.predicted, expected.mean)
+    assert list(corrected.fields()) == ["force", "displacement", "predicted"]
+
+
+def test_loads_of_all_kinds(beam: surrogate.Surrogate, tmp_path: Path) -> None:
+    """The same force as text, list, array, tensor and files."""
+    expected = beam.solve(LOAD)
+    corner = (beam.geometry.coordinates == (4, 1)).all(axis=1)
+    assert expected.force[corner].tolist() == [[0.0, -1.5]]
+    expected.save(tmp_path / "f.npz")
+    (tmp_path / "f.csv").write_text("4,1,0,-1.5\n")
+    loads: list[Any] = [
+        [LOAD],
+        ["4,1:0,-1", "4,1:0,-0.5"],
+        expected.force,
+        expected.force.tolist(),
+        torch.from_numpy(expected.force),
+        tmp_path / "f.npz",
+        ["4,1:0,-2", tmp_path / "f.csv", "4,1:0,2"],
+    ]
+    for load in loads:
+        np.testing.assert_array_equal(beam.solve(load).displacement, expected.displacement)
+    moved = beam.solve("4.1,1:0,-1.5", nearest=True)
+    assert moved.notes == ("--load '4.1,1:0,-1.5': acts at the nearest node, 4,1",)
+    np.testing.assert_array_equal(moved.displacement, expected.displacement)
+
+
+def test_verdicts(beam: surrogate.Surrogate) -> None:
+    """The estimated error of the largest node is 0.00461 mm, as `surrogate predict` prints."""
+    plain = beam.solve(LOAD)
+    assert (plain.verdict, plain.refusal, plain.estimated_error) == (None, None, None)
+    assert beam.solve(LOAD, certify="full").verdict is None
+    good = beam.solve(LOAD, certify="full", tolerance=1e-4)
+    assert (good.verdict, good.refusal) == ("certified", None)
+    bad = beam.solve(LOAD, certify="full", tolerance=1e-6)
+    assert (bad.verdict, bad.refusal) == ("not certified", "estimated error 0.00461 mm > 0.001 mm")
+    largest = 1e3 * np.linalg.norm(bad.displacement, axis=1).max()
+    assert repr(bad).splitlines() == [
+        "Solution(beam2d_any, 64 nodes)",
+        "  load: 1 loaded node, resultant (0, -1.5) N",
+        f"  largest displacement: {largest:.3g} mm at (4, 1) m",
+        f"  {bad.summary()}",
+        "  not certified: estimated error 0.00461 mm > 0.001 mm",
+    ]
+
+
+def test_unusual_loads_are_logged_and_kept(
+    beam: surrogate.Surrogate, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each kind is logged once; the solution has all of them."""
+    warnings = surrogate.load("beam2d_any").solve("4,1:0,-55").outside_training
+    assert warnings[0].startswith("force components reach beyond those of the training data")
+    assert [record.getMessage() for record in caplog.records] == list(warnings)
+    model = surrogate.load("beam2d_any")
+    for _ in range(2):
+        assert model.solve("4,1:0,-55").outside_training == warnings
+    assert len(caplog.records) == 2 * len(warnings)
+    assert "warning: force components" in repr(model.solve("4,1:0,-55"))
+
+
+@pytest.mark.parametrize(
+    ("load", "options", "part"),
+    [
+        (LOAD, {"tolerance": 1e-3}, "--tolerance 0.001: expected beside --certify"),
+        (LOAD, {"level": 0.9}, "--level 0.9: expected beside --certify fast"),
+        (LOAD, {"certify": "fast", "correct": True}, "expected 'full' beside --correct"),
+        (LOAD, {"passes": 3}, "--passes 3: passes of this network do not differ"),
+        (LOAD, {"conformal": "marginal"}, "no conformal intervals in the run"),
+        ("4.1,1:0,-1", {}, "no node stands there"),
+        ([], {}, "no load, expected"),
+        (np.zeros((1, 64, 2)), {}, r"forces have shape \(1, 64, 2\), expected \(64, 2\)"),
+        (np.ones((64, 2)), {}, "forces at node 0: the node is clamped"),
+    ],
+)
+def test_wrong_input(
+    beam: surrogate.Surrogate, load: Any, options: dict[str, Any], part: str
+) -> None:
+    with pytest.raises(InputError, match=part):
+        beam.solve(load, **options)
+
+
+def test_a_network_without_a_folder_has_no_calibration(
+    make_run: Callable[..., Path], trained: Path
+) -> None:
+    model = surrogate.load(trained)
+    model.folder = None
+    with pytest.raises(InputError, match="not loaded from a run folder"):
+        model.solve("3.5,1.5:0.5,-1", certify="fast")
+
+
+@pytest.mark.parametrize("name", ["beam2d_any", "finger3d"])
+def test_plot(name: str) -> None:
+    """Colours are the estimated errors of a certified solution, else the displacements."""
+    model = surrogate.load(name)
+    force = np.zeros(model.geometry.coordinates.shape)
+    force[model.geometry.tip, -1] = -0.01
+    figure = model.solve(force).plot()
+    assert figure.axes[1].get_ylabel() == r"displacement $\|u\|_2$ [mm]"
+    if name == "beam2d_any":
+        figure = model.solve(force, certify="full").plot()
+        assert figure.axes[1].get_ylabel() == "estimated error of a node [mm]"
