@@ -20,6 +20,8 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+__all__ = ["NewtonSolverNonlinearProblem", "functionspace"]
+
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
 

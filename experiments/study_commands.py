@@ -9,13 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared_schema.common import (
-    Commands,
-    Parser,
-    add_command,
-    add_set,
-    require_writable,
-)
+from shared_schema.common import Commands, Parser, add_command, add_set, require_writable
 
 if TYPE_CHECKING:
     from experiments.framework.experiment import Experiment
@@ -104,8 +98,7 @@ def run_some(options: argparse.Namespace) -> None:
 def run_published(options: argparse.Namespace) -> None:
     """Print the numbers as YAML; an empty mapping for a case that the paper does not have."""
     from experiments.paper.published_numbers import PAPER, as_yaml
-    from surrogate.runs.folder import RunFolder
-    from surrogate.runs.shelf import find_run
+    from surrogate.runs import RunFolder, find_run
 
     of = RunFolder(find_run(options.run)).description().run
     print(as_yaml(PAPER.published(of.case, of.likelihood)), end="")

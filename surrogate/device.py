@@ -11,6 +11,8 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 
+__all__ = ["Precision", "choose_device", "convolutions", "lay_out"]
+
 Precision = Literal["float32", "tensorfloat32", "bfloat16"]
 
 

@@ -12,6 +12,8 @@ from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.memory import GIB, require_memory
 from shared_schema.common.processor import processor
 
+__all__ = ["hardware"]
+
 
 def hardware(device: torch.device) -> str:
     """Return the names of GPU and processor, or processor and number of threads on a CPU."""

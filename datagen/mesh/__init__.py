@@ -1,1 +1,11 @@
 """Meshes: geometries, mesh files, distributed meshes, node numbers, regions of nodes."""
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from datagen.mesh.distributed_mesh import distributed
+
+__all__ = ["distributed"]
+__getattr__ = lazy_names(__name__, {"distributed": "distributed_mesh"})

@@ -19,9 +19,8 @@ from experiments.benchmarks.benchmark import Benchmark, Results, case_of
 from experiments.framework.report import markdown_table
 from experiments.measures.alarms import alarms, judge, judge_unusual
 from experiments.measures.certificates import certified
-from shared_schema.common import Parser
-from shared_schema.common.atomic_file import write_text
-from surrogate.data import Dataset, read_dataset
+from shared_schema.common import Parser, write_text
+from surrogate import Dataset, read_dataset
 
 
 def measure(options: argparse.Namespace) -> Results:

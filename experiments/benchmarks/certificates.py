@@ -31,11 +31,11 @@ from experiments.measures.certificates import SETTLED, Certified, certified, fas
 from experiments.measures.corrections import Work, efforts
 from shared_schema.common import Parser
 from shared_schema.common.drawing import make_drawing, make_figure, save, styled
-from surrogate.certify.certificate import Certificate
-from surrogate.data import Dataset, read_dataset
-from surrogate.data.random_loads import random_loads
-from surrogate.inference.calibration import fit_fast_certificate
-from surrogate.measures.error_metrics import node_errors
+from surrogate import Dataset, read_dataset
+from surrogate.certify import Certificate
+from surrogate.data import random_loads
+from surrogate.inference import fit_fast_certificate
+from surrogate.measures import node_errors
 
 Array = NDArray[np.float64]
 LOADS = 300  # of every kind

@@ -18,8 +18,8 @@ import torch
 
 import surrogate
 from experiments.measures.corrections import corrected
-from shared_schema.common.atomic_file import complete_or_absent
-from surrogate.data.random_loads import random_loads
+from shared_schema.common import complete_or_absent
+from surrogate.data import random_loads
 
 SEED = 15
 

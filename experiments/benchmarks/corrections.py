@@ -22,15 +22,13 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from datagen.cases.body import Body, make_body
-from datagen.cases.case import Case, read_case
-from datagen.solver.given_start import solve_from
-from datagen.solver.load_stepping import solve_load_case
+from datagen import Case, read_case
+from datagen.cases import Body, make_body
+from datagen.solver import solve_from, solve_load_case
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
-from shared_schema.common import Parser
-from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common import Parser, complete_or_absent
 
 Array = NDArray[np.float64]
 LEARNER = Path(".venv-surrogate/bin/python")

@@ -11,7 +11,7 @@ import argparse
 import time
 from functools import partial
 
-from datagen.discretisation.element import ELEMENTS
+from datagen.discretisation import ELEMENTS
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed

@@ -21,10 +21,10 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from datagen.cases.body import Body, make_body
-from datagen.cases.case import Case, read_case
+from datagen import Case, read_case
+from datagen.cases import Body, make_body
 from datagen.loads import LoadCase
-from datagen.solver.load_stepping import solve_load_case
+from datagen.solver import solve_load_case
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 from experiments.framework.report import markdown_table

@@ -30,19 +30,12 @@ from experiments.benchmarks.benchmark import Benchmark, Results, case_of
 from experiments.framework.report import markdown_table
 from experiments.framework.scale import merged
 from experiments.measures.solutions import typical_seconds
-from shared_schema.common import Parser
-from shared_schema.common.atomic_file import write_text
-from surrogate.data import Dataset, read_dataset
-from surrogate.inference.loading import load
-from surrogate.inference.proposal import farthest
-from surrogate.inference.surrogate import Surrogate
-from surrogate.measures.error_metrics import sample_errors
-from surrogate.models.model import TrainedModel
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.recipes import read_recipe
-from surrogate.runs.run_config import run_config
-from surrogate.training.loop import train
-from surrogate.training.refinement import refine
+from shared_schema.common import Parser, write_text
+from surrogate import Dataset, Surrogate, load, read_dataset, refine, train
+from surrogate.inference import farthest
+from surrogate.measures import sample_errors
+from surrogate.models import TrainedModel
+from surrogate.runs import RunFolder, read_recipe, run_config
 
 Rows = NDArray[np.int64]
 ROUNDS = 2

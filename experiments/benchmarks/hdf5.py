@@ -20,15 +20,12 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from datagen.cases.case import Case, read_case
-from datagen.farm.farm import run
-from datagen.transforms.reindexing import structure
+from datagen import Case, read_case, run, structure
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
+from shared_schema import Arrays, Kind, read_shard, write_shard
 from shared_schema.common import Parser
-from shared_schema.layout import Arrays, Kind
-from shared_schema.shard import read_shard, write_shard
 
 MB = 1e6
 

@@ -18,16 +18,13 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-from datagen.mesh.distributed_mesh import distributed
-from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.load_stepping import solve_load_case
-from datagen.solver.settings import SolverSettings
+from datagen.mesh import distributed
+from datagen.solver import EquilibriumProblem, SolverSettings, solve_load_case
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.scaling import run_program
 from experiments.framework.report import markdown_table
-from shared_schema.common import Parser
-from shared_schema.common.memory import largest_resident
-from shared_schema.material import NeoHookean
+from shared_schema import NeoHookean
+from shared_schema.common import Parser, largest_resident
 from tests.datagen.solver.cantilever import box
 
 SIZES = {"small": (27, 11, 11), "medium": (50, 19, 19), "large": (87, 33, 33)}

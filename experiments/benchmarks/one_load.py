@@ -21,9 +21,8 @@ from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
-from surrogate import Surrogate, load
+from surrogate import Surrogate, load, shelved
 from surrogate.one_load import InputsByPyTorch, OneLoad, in_numpy
-from surrogate.runs.shelf import shelved
 from surrogate.series import SeriesResponse
 
 LOADS, FEW, LARGE = 20, 4, 1000  # different loads; nodes of few; nodes of a large body

@@ -21,9 +21,7 @@ from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
-from surrogate.inference.loading import load
-from surrogate.page.page import write_page
-from surrogate.runs.shelf import shelved
+from surrogate import load, shelved, write_page
 from tests.surrogate.page.browser import OpenPage, chromium
 
 WIDTH, HEIGHT = 1280, 800

@@ -15,8 +15,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser
 
-from surrogate.inference.loading import load
-from surrogate.page.page import write_page
+from surrogate import load, write_page
 from tests.surrogate.page.browser import OpenPage, chromium
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"

@@ -28,10 +28,10 @@ from experiments.measures.latency import Work, by_compiling, by_onnx, by_pytorch
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, read_body, untrained
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common import InputError, Parser
-from surrogate.inference.loading import load
-from surrogate.networks.unet import parameter_count
-from surrogate.probabilistic.stochastic_passes import PASSES
-from surrogate.runs.folder import RunFolder
+from surrogate import load
+from surrogate.networks import parameter_count
+from surrogate.probabilistic import PASSES
+from surrogate.runs import RunFolder
 
 WAYS = ("PyTorch", "compiled", "ONNX")
 

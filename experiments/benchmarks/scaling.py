@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from datagen.cases.case import SHIPPED
+from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results, stored_record
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed

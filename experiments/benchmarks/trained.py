@@ -25,12 +25,11 @@ from numpy.typing import NDArray
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.measures.latency import Predict, by_onnx, by_pytorch
-from shared_schema.common import Parser
-from shared_schema.common.nodal_forces import scatter_forces
-from shared_schema.dataset_reader import DatasetReader
-from surrogate.inference.loading import load
-from surrogate.networks.unet import parameter_count
-from surrogate.runs.shelf import find_run, shelved
+from shared_schema import DatasetReader
+from shared_schema.common import Parser, scatter_forces
+from surrogate import load, shelved
+from surrogate.networks import parameter_count
+from surrogate.runs import find_run
 
 DATAGEN = Path(".venv-datagen/bin/datagen")
 WAYS = ("predict", "PyTorch", "ONNX Runtime", "datagen")

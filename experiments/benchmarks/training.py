@@ -28,15 +28,13 @@ from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from experiments.measures.untrained import shipped_unet
-from shared_schema.common import Parser
-from shared_schema.common.progress import Progress
-from surrogate.data import Dataset, read_dataset
-from surrogate.data.samples import Samples
+from shared_schema.common import Parser, Progress
+from surrogate import Dataset, read_dataset
+from surrogate.data import Samples
 from surrogate.device import lay_out
-from surrogate.models.unet_model import UNetModel
-from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.unet import parameter_count
-from surrogate.training.trainer import Trainer
+from surrogate.models import UNetModel
+from surrogate.networks import FieldNetwork, parameter_count
+from surrogate.training import Trainer
 
 BATCH = 4  # the paper's
 NETWORKS = {"paper": "beam2d-det-paper", "fast": "beam2d-det-fast"}

@@ -11,12 +11,12 @@ from dolfinx.nls.petsc import NewtonSolver
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from datagen.cases.body import Body
-from datagen.cases.case import Case
+from datagen import Case
+from datagen.cases import Body
 from datagen.dolfinx_versions import NewtonSolverNonlinearProblem, functionspace
 from datagen.loads import LoadCase
-from datagen.solver.strain_energy import deformation_gradient, strain_energy
-from shared_schema.material import NeoHookean
+from datagen.solver import deformation_gradient, energy_density
+from shared_schema import NeoHookean
 
 
 class TutorialProblem(NewtonSolverNonlinearProblem):
@@ -26,13 +26,10 @@ class TutorialProblem(NewtonSolverNonlinearProblem):
         domain = body.mesh.domain
         space = functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,)))
         self.state = dolfinx.fem.Function(space)
-        material = case.material
-        assert isinstance(material, NeoHookean)
-        lam = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_lambda))
-        mu = dolfinx.fem.Constant(domain, PETSc.ScalarType(material.lame_mu))
         dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": 2})
         gradient = deformation_gradient(self.state)
-        energy = strain_energy(gradient, lam, mu, material.volumetric) * dx
+        assert isinstance(case.material, NeoHookean)
+        energy = energy_density(gradient, case.material, domain) * dx
         residual = ufl.derivative(energy, self.state)
         self._numbering = body.problem.numbering
         clamped = np.flatnonzero(body.clamped[self._numbering.node_of_block]).astype(np.int32)

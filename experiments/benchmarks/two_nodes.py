@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from datagen.cases.case import SHIPPED
+from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.scaling import run_seconds
 from experiments.framework.report import markdown_table

@@ -18,12 +18,12 @@ from experiments.measures.alarms import alarms, auroc_of_errors, judge, judge_un
 from experiments.measures.certificates import WITHIN, Certified, certified, fast_measures
 from experiments.measures.corrections import PREDICTION, ZERO, newton_starts
 from experiments.measures.errors_on_test_split import MM
-from shared_schema.common.drawing.figure_style import make_figure, styled
-from shared_schema.common.errors import InputError
-from surrogate.certify.certificate import certify
-from surrogate.inference.calibration import fit_fast_certificate
-from surrogate.inference.training_range import OutsideTrainingWarning
-from surrogate.measures.error_metrics import sample_errors
+from shared_schema.common import InputError
+from shared_schema.common.drawing import make_figure, styled
+from surrogate import OutsideTrainingWarning
+from surrogate.certify import certify
+from surrogate.inference import fit_fast_certificate
+from surrogate.measures import sample_errors
 
 Array = NDArray[np.float64]
 PREDICTED = (

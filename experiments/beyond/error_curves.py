@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.beyond.networks import Kind
-from shared_schema.common.drawing.figure_style import make_figure, styled
+from shared_schema.common.drawing import make_figure, styled
 
 WIDTH, HEIGHT = 4.2, 2.5  # of a panel, in inches
 MOST_TICKS = 8  # whole numbers on the abscissa that are ticked one by one

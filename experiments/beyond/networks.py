@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from experiments.framework.scale import Scale
-from shared_schema.common.drawing.figure_style import NETWORK
-from surrogate.figures.curve_colours import CURVES
+from shared_schema.common.drawing import NETWORK
+from surrogate.figures import CURVES
 
 GREY, TEAL = "0.45", "#1295a8"
 GREEN, ORANGE, PURPLE = CURVES[2:]

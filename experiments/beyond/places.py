@@ -28,9 +28,8 @@ from experiments.measures.predicted_samples import (
     distance_groups,
     predicted_samples,
 )
-from shared_schema.common.drawing.figure_style import UNDEFORMED, make_figure, styled
-from shared_schema.common.drawing.mesh_drawing import make_drawing
-from surrogate.data.geometry import Geometry
+from shared_schema.common.drawing import UNDEFORMED, make_drawing, make_figure, styled
+from surrogate.data import Geometry
 
 Array = NDArray[np.float64]
 COMPARED = ("forces", "mechanics", "reduced")

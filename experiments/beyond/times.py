@@ -11,8 +11,8 @@ from experiments.framework.resources import Resources
 from experiments.measures.latency import prediction_seconds
 from experiments.measures.solutions import typical_seconds
 from experiments.measures.speed_up import CPU
+from surrogate import load
 from surrogate.hardware import hardware
-from surrogate.inference.loading import load
 
 MS = 1e3  # ms in a second
 TIMED = tuple(dict.fromkeys((*COMPARED, "gp", *UNCERTAIN)))

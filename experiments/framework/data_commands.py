@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from experiments.framework.scale import Scale
-from shared_schema.manifest import MANIFEST
+from shared_schema import MANIFEST
 
 
 def missing_data(scale: Scale, data: Path) -> Iterator[str]:

@@ -13,21 +13,17 @@ from experiments.framework.experiment import Experiment, Setting
 from experiments.framework.machine import machine
 from experiments.framework.record import DatasetRecord, RunRecord
 from experiments.framework.scale import Scale
-from shared_schema.common.errors import InputError
-from shared_schema.layout import Kind
-from shared_schema.manifest import MANIFEST, Manifest, digest_of, read_manifest
-from surrogate.certify.fast_certificate import FastCertificate
-from surrogate.data import Dataset, read_dataset
-from surrogate.data.nodal_dataset import NodalDataset, read_nodal_dataset
+from shared_schema import MANIFEST, Kind, Manifest, digest_of, read_manifest
+from shared_schema.common import InputError
+from surrogate import Dataset, Surrogate, load, read_dataset, train
+from surrogate.certify import FastCertificate
+from surrogate.data import NodalDataset, read_nodal_dataset
 from surrogate.hardware import hardware
-from surrogate.inference.calibration import fit_fast_certificate
-from surrogate.inference.loading import load
-from surrogate.inference.surrogate import Surrogate
-from surrogate.measures.extrapolation import Extrapolation, extrapolate
-from surrogate.networks.unet import parameter_count
-from surrogate.probabilistic.distribution import Distribution
-from surrogate.runs.folder import RunFolder
-from surrogate.training.loop import train
+from surrogate.inference import fit_fast_certificate
+from surrogate.measures import Extrapolation, extrapolate
+from surrogate.networks import parameter_count
+from surrogate.probabilistic import Distribution
+from surrogate.runs import RunFolder
 
 Value = TypeVar("Value")
 SEED = Setting.seed  # of the stochastic passes

@@ -10,15 +10,11 @@ from typing import Any, Self
 from pydantic import Field, TypeAdapter, model_validator
 
 from experiments.framework.timing import TIMING, Timing
-from shared_schema.common.changed_keys import changed, source_of
-from shared_schema.common.configuration import Frozen, read_named, validate
-from shared_schema.common.errors import InputError
-from shared_schema.manifest import NodeOrder
-from surrogate.models.model import Model
-from surrogate.models.unet_model import UNetModel
-from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES
-from surrogate.runs.recipes import read_recipe
-from surrogate.runs.run_config import run_config
+from shared_schema import NodeOrder
+from shared_schema.common import Frozen, InputError, changed, read_named, source_of, validate
+from surrogate.models import Model, UNetModel
+from surrogate.probabilistic import MOST_PASSES, PASSES
+from surrogate.runs import read_recipe, run_config
 
 
 class DatasetSpec(Frozen):

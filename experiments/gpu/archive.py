@@ -12,7 +12,7 @@ import tarfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common import InputError, WorkError
 
 LIMIT = 16 * 2**20  # bytes of a file
 LEFT_OUT = {".safetensors", ".h5"}

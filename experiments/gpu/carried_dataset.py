@@ -19,10 +19,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import complete_or_absent
-from shared_schema.dataset_reader import DatasetReader
-from shared_schema.manifest import Manifest, ShardEntry, StructuredInfo, write_manifest
-from shared_schema.shard import write_shard
+from shared_schema import (
+    DatasetReader,
+    Manifest,
+    ShardEntry,
+    StructuredInfo,
+    write_manifest,
+    write_shard,
+)
+from shared_schema.common import complete_or_absent
 
 SUFFIX = ".npz.xz"
 STEP = 1e-6  # m

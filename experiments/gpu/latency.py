@@ -24,14 +24,11 @@ from experiments.gpu.cuda_graphs import captured
 from experiments.gpu.setting import CASES, GpuSetting, Results
 from experiments.measures.latency import Work, by_compiling
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
-from surrogate.data import Dataset
+from surrogate import Dataset, Surrogate, load
 from surrogate.device import Precision, convolutions
-from surrogate.inference.export import NodalFunction
-from surrogate.inference.loading import load
-from surrogate.inference.surrogate import Surrogate
-from surrogate.networks.unet import parameter_count
-from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.probabilistic.stochastic_passes import PASSES
+from surrogate.inference import NodalFunction
+from surrogate.networks import parameter_count
+from surrogate.probabilistic import PASSES, Likelihood
 
 BATCHES = (1, 4, 16, 64, 256, 1024, 4096)
 LARGEST_IN_SPACE = 256

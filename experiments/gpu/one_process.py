@@ -13,9 +13,9 @@ from experiments.gpu.setting import GpuSetting
 from experiments.gpu.trainings import adapted
 from experiments.measures.untrained import changed, shipped_unet
 from shared_schema.common import WorkError
-from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
-from surrogate.training.loop import train
+from surrogate import train
+from surrogate.models import UNetModel
+from surrogate.runs import RunFolder
 
 CASE = "beam2d"
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from experiments.framework.machine import ROOT
 from experiments.gpu.carried_dataset import SUFFIX, pack
 from experiments.gpu.setting import CASES
-from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common import InputError, WorkError
 
 LIMIT = 64 * 2**20  # bytes of the carried folder and the repository
 WITH_NEEDS = ("pydantic",)  # its core has to be of one exact version

@@ -13,7 +13,7 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.gpu.trainings import adapted, train_within
 from experiments.measures.untrained import changed, shipped_unet
-from surrogate.models.unet_model import UNetModel
+from surrogate.models import UNetModel
 
 EPOCHS = 600
 

@@ -11,7 +11,7 @@ from experiments.framework.experiment import Experiment, Setting
 from experiments.framework.machine import machine
 from experiments.gpu.carried_dataset import SUFFIX, unpack
 from shared_schema import digest_of
-from surrogate.data import Dataset, read_dataset
+from surrogate import Dataset, read_dataset
 from surrogate.hardware import hardware
 
 CASES = ("beam2d", "lshape2d", "beam3d")

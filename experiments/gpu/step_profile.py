@@ -30,12 +30,12 @@ from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.cuda_graphs import captured
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.gpu.throughput import NETWORKS, small_or_whole
-from surrogate.data import Dataset
-from surrogate.data.samples import Samples
+from surrogate import Dataset
+from surrogate.data import Samples
 from surrogate.device import Precision, convolutions, lay_out
-from surrogate.models.unet_model import UNetModel
-from surrogate.networks.unet import parameter_count
-from surrogate.training.trainer import Trainer
+from surrogate.models import UNetModel
+from surrogate.networks import parameter_count
+from surrogate.training import Trainer
 
 BATCH = 4
 STEPS = 20

@@ -19,8 +19,8 @@ from experiments.benchmarks.training import (
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.measures.untrained import changed
-from surrogate.data import Dataset
-from surrogate.models.unet_model import UNetModel
+from surrogate import Dataset
+from surrogate.models import UNetModel
 
 NETWORKS = {  # configuration, dataset, changes of the network
     "paper": ("beam2d-det-paper", "beam2d", {}),

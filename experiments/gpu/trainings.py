@@ -10,12 +10,9 @@ import torch
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.measures.untrained import changed
-from surrogate.data import Dataset
-from surrogate.evaluation.run_evaluation import Evaluation, evaluate
-from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.tensor_file import load_tensors
-from surrogate.training.loop import train
+from surrogate import Dataset, Evaluation, evaluate, train
+from surrogate.models import UNetModel
+from surrogate.runs import RunFolder, load_tensors
 
 RESERVE = {"variational_bayes": 35.0}  # s for the evaluation; 12 of other likelihoods
 CURVE = 200  # lines of the learning curve in the result

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import roc_auc_score
 
-from shared_schema.common.errors import WorkError
-from shared_schema.material import NeoHookean
-from surrogate.certify.certificate import Certificate, certify
-from surrogate.certify.correction import correct
-from surrogate.data.random_loads import RandomLoads
-from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from shared_schema import NeoHookean
+from shared_schema.common import WorkError
+from surrogate import Surrogate
+from surrogate.certify import Certificate, certify, correct
+from surrogate.data import RandomLoads
+from surrogate.mechanics import Equilibrium, norms
 
 Array = NDArray[np.float64]
 SOFTER = 0.8  # Young's modulus of the other material, over that of the training

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from experiments.framework.timing import TIMING, Timing, median_seconds
-from surrogate.certify.certificate import Certificate, certify
-from surrogate.certify.correction import correct
-from surrogate.certify.fast_certificate import FastCertificate
-from surrogate.inference.surrogate import Surrogate
-from surrogate.measures.error_metrics import sample_errors
+from surrogate import Surrogate
+from surrogate.certify import Certificate, FastCertificate, certify, correct
+from surrogate.measures import sample_errors
 
 Array = NDArray[np.float64]
 WITHIN = (0.8, 1.5)  # estimated over true errors that are close to 1

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from experiments.framework.timing import timed
 from shared_schema.common import WorkError
-from surrogate.certify.correction import Correction, correct, iterated
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.certify import Correction, correct, iterated
+from surrogate.mechanics import Equilibrium
 
 Array = NDArray[np.float64]
 ZERO, LINEAR, PREDICTION = "undeformed body", "linear response", "safest of three"

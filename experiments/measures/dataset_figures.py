@@ -8,9 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import ArrayLike
 
-from shared_schema.common.drawing.figure_style import REFERENCE, UNDEFORMED, make_figure, styled
-from shared_schema.common.drawing.mesh_drawing import make_drawing
-from surrogate.data.geometry import Geometry
+from shared_schema.common.drawing import REFERENCE, UNDEFORMED, make_drawing, make_figure, styled
+from surrogate.data import Geometry
 
 
 @styled

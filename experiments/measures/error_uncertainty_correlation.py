@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from experiments.framework.record import Claim, Table
 from experiments.measures.errors_on_test_split import MM
-from surrogate.measures.error_metrics import node_errors
-from surrogate.measures.extrapolation import BAND
-from surrogate.probabilistic.calibration import half_width, rank_correlation
+from surrogate.measures import BAND, node_errors
+from surrogate.probabilistic import half_width, rank_correlation
 
 Array = NDArray[np.float64]
 STRONG = 0.7  # rank correlation from which fields count as strongly correlated

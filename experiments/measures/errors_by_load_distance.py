@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surrogate.measures.error_metrics import node_errors, sample_errors
-from surrogate.measures.extrapolation import Extrapolation
+from surrogate.measures import Extrapolation, node_errors, sample_errors
 
 
 class ErrorsByLoadDistance:

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from experiments.framework.timing import TIMING, Timing, median_seconds
-from surrogate.inference.export import NodalFunction, export
-from surrogate.inference.surrogate import Surrogate
+from surrogate import Surrogate, export
+from surrogate.inference import NodalFunction
 
 Array = NDArray[np.float64]
 Work = Callable[[], object]

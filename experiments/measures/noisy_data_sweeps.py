@@ -13,11 +13,10 @@ from scipy.interpolate import CubicSpline
 from experiments.framework.resources import SEED, Resources
 from experiments.measures.errors_on_test_split import MM
 from experiments.paper.published_numbers import PAPER
-from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
-from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.figures.curve_colours import OTHER
-from surrogate.measures.extrapolation import Extrapolation
-from surrogate.measures.force_sweep import ForceSweep, force_sweep
+from shared_schema.common.drawing import NETWORK, REFERENCE, make_figure, styled
+from surrogate.data import NodalSamples
+from surrogate.figures import OTHER
+from surrogate.measures import Extrapolation, ForceSweep, force_sweep
 
 Array = NDArray[np.float64]
 NOISY = PAPER.noise.largest_force_newton  # samples under larger forces have no noise in training

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.framework.resources import Resources
-from surrogate.certify.fast_certificate import FastCertificate
-from surrogate.data.geometry import Geometry
-from surrogate.measures.error_metrics import sample_errors
-from surrogate.measures.extrapolation import BAND
-from surrogate.probabilistic.calibration import half_width
-from surrogate.probabilistic.distribution import Distribution
+from surrogate.certify import FastCertificate
+from surrogate.data import Geometry
+from surrogate.measures import BAND, sample_errors
+from surrogate.probabilistic import Distribution, half_width
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

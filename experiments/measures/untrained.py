@@ -10,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.measures.solutions import typical_seconds
-from shared_schema.common.nodal_forces import scatter_forces
-from shared_schema.dataset_reader import DatasetReader
-from shared_schema.grid import Grid
-from shared_schema.manifest import ComponentStatistics, Manifest, StructuredInfo
-from surrogate.data.geometry import Geometry
-from surrogate.models.unet_model import UNetModel
-from surrogate.networks.unet import UNetConfig
-from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.description import DataFingerprint, RunDescription
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import read_config, run_config
+from shared_schema import ComponentStatistics, DatasetReader, Grid, Manifest, StructuredInfo
+from shared_schema.common import scatter_forces
+from surrogate import read_config
+from surrogate.data import Geometry
+from surrogate.models import UNetModel
+from surrogate.networks import UNetConfig
+from surrogate.probabilistic import Likelihood
+from surrogate.runs import DataFingerprint, RunDescription, RunFolder, run_config
 
 RECIPES = ("paper", "fast")
 LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")

@@ -13,8 +13,8 @@ from experiments.framework.scale import Scale
 from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.measures.latency import prediction_seconds
 from experiments.paper.published_numbers import PAPER, PaperChannels, PaperNetwork
+from surrogate import load
 from surrogate.hardware import hardware
-from surrogate.inference.loading import load
 
 RUNS, STANDARD = "beam3d-c*", "beam3d-det"
 BEST, TOO_MANY = PAPER.best_channels, PAPER.overfitting_channels

@@ -13,9 +13,9 @@ from experiments.framework.record import MARGIN, Claim, Table, compare
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM, name_of, split_errors
 from experiments.paper.published_numbers import PAPER
-from shared_schema.common.drawing.figure_style import make_figure, styled
-from surrogate.figures.curve_colours import CURVES
-from surrogate.measures.error_metrics import displacement_at_load, sample_errors
+from shared_schema.common.drawing import make_figure, styled
+from surrogate.figures import CURVES
+from surrogate.measures import displacement_at_load, sample_errors
 
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")

@@ -15,8 +15,8 @@ from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
-from surrogate.figures.sweep_curves import sweep_curves
-from surrogate.measures.force_sweep import ForceSweep, force_sweep
+from surrogate.figures import sweep_curves
+from surrogate.measures import ForceSweep, force_sweep
 
 MATCH = 0.05  # error up to which a prediction matches, relative to the largest displacement
 GROWTH = 0.9  # rank correlation from which uncertainty grows steadily

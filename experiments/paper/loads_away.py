@@ -12,10 +12,9 @@ from experiments.framework.resources import Resources
 from experiments.measures.errors_by_load_distance import ErrorsByLoadDistance
 from experiments.measures.errors_on_test_split import MM
 from experiments.measures.vertical_force import describe_vertical_force
-from shared_schema.common.drawing.figure_style import NETWORK, make_figure, styled
-from surrogate.figures.curve_colours import CURVES
-from surrogate.figures.mesh_figures import deformed_meshes
-from surrogate.measures.extrapolation import Extrapolation
+from shared_schema.common.drawing import NETWORK, make_figure, styled
+from surrogate.figures import CURVES, deformed_meshes
+from surrogate.measures import Extrapolation
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
 TWO_ORDERS = 10**1.5  # smallest factor that counts as two orders of magnitude, rounded

@@ -7,7 +7,7 @@ from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import name_of
 from experiments.paper.published_numbers import PAPER
-from surrogate.figures.loss_curves import loss_curves
+from surrogate.figures import loss_curves
 
 Losses = dict[str, list[float]]  # losses of every epoch, by example
 

@@ -14,13 +14,11 @@ from experiments.measures.error_displacement_correlation import (
 )
 from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER
-from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.figures.mesh_figures import meshes_and_errors
-from surrogate.inference.surrogate import Surrogate
-from surrogate.measures.error_metrics import measure as measure_errors
-from surrogate.measures.extrapolation import Extrapolation
-from surrogate.measures.shown_sample import find_example, tip_measures
+from surrogate import Surrogate
+from surrogate.data import Geometry, NodalSamples
+from surrogate.figures import meshes_and_errors
+from surrogate.measures import Extrapolation, find_example, tip_measures
+from surrogate.measures import measure as measure_errors
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"

@@ -12,9 +12,9 @@ from experiments.framework.record import Claim, Table, compare
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER, PaperErrors
-from shared_schema.common.drawing.figure_style import make_figure, styled
-from shared_schema.grid import Grid
-from surrogate.data.geometry import Geometry
+from shared_schema import Grid
+from shared_schema.common.drawing import make_figure, styled
+from surrogate.data import Geometry
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
 PAPER_ORDERS: dict[str, PaperErrors] = {

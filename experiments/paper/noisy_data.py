@@ -16,7 +16,7 @@ from experiments.measures.noisy_data_sweeps import (
     without_noise,
 )
 from experiments.paper.force_sweeps import GROWTH
-from surrogate.measures.force_sweep import ForceSweep
+from surrogate.measures import ForceSweep
 
 NOISE_FREE = {"beam2d": "beam2d_f1-vb", "lshape2d": "lshape2d-vb"}
 RUNS = tuple(f"{body}_noisy-{kind}" for body in NOISE_FREE for kind in ("mle", "vb"))

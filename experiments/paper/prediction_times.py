@@ -35,8 +35,8 @@ from experiments.measures.times_by_load import (
     solving_grows,
 )
 from experiments.paper.published_numbers import PAPER
+from surrogate import load
 from surrogate.hardware import hardware
-from surrogate.inference.loading import load
 
 MS = 1e3  # ms in a second
 DETERMINISTIC = {case: f"{case}-det" for case in BODIES}

@@ -7,8 +7,8 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
-from shared_schema.common.configuration import Frozen, read_yaml, validate
-from surrogate.evaluation.published import Published
+from shared_schema.common import Frozen, read_yaml, validate
+from surrogate.evaluation import Published
 
 SOURCE = Path(__file__).with_name("paper.yaml")
 CITATION = (

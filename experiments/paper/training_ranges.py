@@ -9,11 +9,10 @@ from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
-from shared_schema.common.drawing.figure_style import NETWORK, legend_below, make_figure, styled
-from surrogate.figures.curve_colours import OTHER
-from surrogate.measures.extrapolation import BAND
-from surrogate.measures.force_sweep import ForceSweep, force_sweep
-from surrogate.probabilistic.calibration import half_width
+from shared_schema.common.drawing import NETWORK, legend_below, make_figure, styled
+from surrogate.figures import OTHER
+from surrogate.measures import BAND, ForceSweep, force_sweep
+from surrogate.probabilistic import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
 FORCES = tuple(range(1, 9))  # rows of the table, in N

@@ -20,11 +20,10 @@ from experiments.measures.error_uncertainty_correlation import (
 from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.multiple_loads import LOADS, find_papers_example
 from experiments.paper.published_numbers import PAPER
-from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.figures.field_figures import error_beside_uncertainty
-from surrogate.measures.shown_sample import find_example
-from surrogate.probabilistic.distribution import Distribution
+from surrogate.data import Geometry, NodalSamples
+from surrogate.figures import error_beside_uncertainty
+from surrogate.measures import find_example
+from surrogate.probabilistic import Distribution
 
 Array = NDArray[np.float64]
 RUN, SWEEP = "beam2d-vb", "beam2d_sweep"

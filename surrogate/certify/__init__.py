@@ -14,7 +14,7 @@ the reason why a tolerance is not kept.
 
 from surrogate.certify.certificate import Certificate, certify
 from surrogate.certify.conformal import ConformalCalibration, Intervals
-from surrogate.certify.correction import Correction, correct
+from surrogate.certify.correction import Correction, correct, iterated
 from surrogate.certify.error_certificate import ErrorCertificate
 from surrogate.certify.fast_certificate import Bounds, FastCertificate
 from surrogate.certify.fast_estimate import FastEstimate
@@ -30,4 +30,5 @@ __all__ = [
     "Intervals",
     "certify",
     "correct",
+    "iterated",
 ]

@@ -12,3 +12,35 @@
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================
 """
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.inference.calibration import fit_fast_certificate
+    from surrogate.inference.export import NodalFunction
+    from surrogate.inference.loading import load
+    from surrogate.inference.proposal import farthest
+    from surrogate.inference.surrogate import Surrogate
+    from surrogate.inference.training_range import OutsideTrainingWarning
+
+__all__ = [
+    "NodalFunction",
+    "OutsideTrainingWarning",
+    "Surrogate",
+    "farthest",
+    "fit_fast_certificate",
+    "load",
+]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "NodalFunction": "export",
+        "OutsideTrainingWarning": "training_range",
+        "Surrogate": "surrogate",
+        "farthest": "proposal",
+        "fit_fast_certificate": "calibration",
+        "load": "loading",
+    },
+)

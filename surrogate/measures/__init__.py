@@ -7,12 +7,13 @@ from surrogate.measures.error_metrics import (
     node_errors,
     sample_errors,
 )
-from surrogate.measures.extrapolation import Extrapolation, extrapolate
+from surrogate.measures.extrapolation import BAND, Extrapolation, extrapolate
 from surrogate.measures.force_sweep import ForceSweep, force_sweep
 from surrogate.measures.shown_sample import find_example, tip_measures
 from surrogate.measures.stress_errors import StressMeasures, measure_stresses
 
 __all__ = [
+    "BAND",
     "ErrorMeasures",
     "Extrapolation",
     "ForceSweep",
