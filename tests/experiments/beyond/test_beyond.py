@@ -103,6 +103,7 @@ def test_the_committed_report_is_that_of_the_committed_records(scale: str, tmp_p
     assert (out / PAGE).read_text() == (committed / PAGE).read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.studies
 def test_the_whole_report(resources: Resources, tmp_path: Path) -> None:
     """Records hold configuration, seed and digests; the page has every study and figure."""

@@ -107,6 +107,7 @@ def test_share_of_effectivities_close_to_one() -> None:
     assert within(np.array([0.7, 0.9, 1.1, 1.6])) == 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.studies
 def test_tables(resources: Resources, result_of: Callable[[str], Findings]) -> None:
     """Every network has its rows, in the plane and in space."""

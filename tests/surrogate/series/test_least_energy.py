@@ -168,6 +168,7 @@ class Beyond(torch.nn.Module):
         return self.response.beyond_first(nodal)[0]
 
 
+@pytest.mark.slow
 def test_exported_files_search_as_long_as_it_takes() -> None:
     """Loads of one step, of many steps, and one that turns points inside out first."""
     geometry = box("quad")

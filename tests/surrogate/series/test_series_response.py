@@ -145,6 +145,7 @@ def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> N
     assert_resumes(config, in_equilibrium(dataset), tmp_path, stop_after=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["deterministic", "mle"])
 def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
     config = config_of(dataset, **KINDS[kind])
@@ -197,6 +198,7 @@ def test_a_network_of_zeros_is_the_series(dataset: Dataset) -> None:
     assert gradient.shape[1] == 8
 
 
+@pytest.mark.slow
 def test_large_bodies_and_their_exported_files(
     tmp_path: Path, dataset_3d: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
