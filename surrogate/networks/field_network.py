@@ -54,7 +54,7 @@ class FieldNetwork(nn.Module):
         Number K of members of the ensemble; 1 for a single network.
     channels : dict of str to slice
         Channels of every input.
-    foretold : slice or None
+    last_gradient : slice or None
         Channels of the last gradient, which gives the size of the output (`amplitude`), if any.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
@@ -98,7 +98,7 @@ class FieldNetwork(nn.Module):
         self.network, self.members = network, members_of(network)
         self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
         self.channels = channels_of(inputs, geometry.dimension)
-        self.foretold = self.channels.get("last_gradient")
+        self.last_gradient = self.channels.get("last_gradient")
         self.node_fraction = float(geometry.grid.mask.mean())
         free = torch.from_numpy(geometry.free_mask).float()
         rms = root_mean_square(info)
@@ -133,11 +133,11 @@ class FieldNetwork(nn.Module):
             Scale every component of every node by its own, not all by a common one.
         """
         sizes = prepared.displacement.abs()
-        if self.foretold is not None:
+        if self.last_gradient is not None:
             sizes = sizes / (self.amplitude(prepared.force) + TINY)
         if not by_node:
             sizes = sizes.flatten(2).index_select(2, self.free_points).flatten()[:, None, None]
-        if self.foretold is None:
+        if self.last_gradient is None:
             typical = sizes.square().mean(dim=0).sqrt()
         else:
             typical = sizes.median(dim=0).values
@@ -173,7 +173,7 @@ class FieldNetwork(nn.Module):
         """Predict in m, from the inputs of `prepared`, what the linear response leaves over."""
         output: Tensor | Prediction = self.network(self.scaled(inputs))
         scale, d = self.displacement_scale * self.movable, len(self.displacement_scale)
-        if self.foretold is not None:
+        if self.last_gradient is not None:
             scale = scale * self.of_members(self.amplitude(inputs))
         if isinstance(output, Prediction):
             mean, std = output
@@ -183,7 +183,7 @@ class FieldNetwork(nn.Module):
         if output.shape[1] == d:
             return Prediction(mean, None)
         std = (functional.softplus(output[:, d:]) + SMALLEST_STD) * scale
-        if self.foretold is not None:
+        if self.last_gradient is not None:
             std = std + self.of_members(self.rounding(inputs)) * self.movable
         return Prediction(mean, std)
 
@@ -193,7 +193,7 @@ class FieldNetwork(nn.Module):
         The remainder of the series follows it closely, over many decades, so that it is the unit of
         the network's output, which vanishes with the load.
         """
-        gradient = inputs[:, self.foretold].flatten(2)
+        gradient = inputs[:, self.last_gradient].flatten(2)
         largest = gradient.square().sum(dim=1).amax(dim=1).sqrt()
         return largest.reshape(-1, *(1,) * (inputs.ndim - 1))
 
@@ -209,7 +209,7 @@ class FieldNetwork(nn.Module):
 
     def unit(self, inputs: Tensor) -> Tensor | None:
         """Amplitude, with the rounding of displacements in its unit; None if there is none."""
-        if self.foretold is None:
+        if self.last_gradient is None:
             return None
         return self.amplitude(inputs) + self.rounding(inputs) / self.displacement_scale.mean()
 
@@ -221,9 +221,9 @@ class FieldNetwork(nn.Module):
         """Scale the inputs of `learned` for the network; those of a linear response are already."""
         if self.linear is None:
             return inputs / self.force_scale
-        if self.foretold is None:
+        if self.last_gradient is None:
             return inputs
-        start, stop = self.foretold.start, self.foretold.stop
+        start, stop = self.last_gradient.start, self.last_gradient.stop
         direction = inputs[:, start:stop] / (self.amplitude(inputs) + TINY)
         return torch.cat([inputs[:, :start], direction, inputs[:, stop:]], dim=1)
 
@@ -286,7 +286,6 @@ class FieldNetwork(nn.Module):
 
 def root_mean_square(info: StructuredInfo) -> float:
     """Return the root mean square displacement over nodes and components, in m; 1 if it is 0."""
-    squares = [
-        m**2 + s**2 for m, s in zip(info.displacement.mean, info.displacement.std, strict=True)
-    ]
+    components = zip(info.displacement.mean, info.displacement.std, strict=True)
+    squares = [mean**2 + std**2 for mean, std in components]
     return math.sqrt(sum(squares) / len(squares)) or 1.0

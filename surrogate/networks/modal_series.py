@@ -64,10 +64,11 @@ class ModalSeries(nn.Module):
     def fit(self, a: Tensor, terms: Sequence[Tensor]) -> None:
         """Fit the polynomials to terms (N, outputs) under loads with coefficients a."""
         for order, term in zip(self.orders, terms, strict=True):
-            x, y = self._monomials(a.double(), order), term.double()
-            gram = x.T @ x
-            gram.diagonal().add_(PENALTY * gram.diagonal().mean() + torch.finfo(x.dtype).tiny)
-            found = torch.linalg.solve(gram, x.T @ y)
+            monomials = self._monomials(a.double(), order)
+            gram = monomials.T @ monomials
+            penalty = PENALTY * gram.diagonal().mean() + torch.finfo(gram.dtype).tiny
+            gram.diagonal().add_(penalty)
+            found = torch.linalg.solve(gram, monomials.T @ term.double())
             self.get_buffer(f"coefficients_{order}").copy_(found)
         scales = [half_whitening(term) for term in self(a)]
         self.input_scales.copy_(torch.stack(scales))

@@ -67,7 +67,7 @@ class OneLoad:
     def __init__(self, network: NodalNetwork, members: list[GridFunction]) -> None:
         self.network, self.members = network, members
         field = network.network
-        self.foretold = field.foretold
+        self.last_gradient = field.last_gradient
         d, weights = len(field.displacement_scale), network.to_nodes.weights.numpy()
         scale = (field.displacement_scale * field.movable).reshape(d, -1).numpy().T
         self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
@@ -81,8 +81,8 @@ class OneLoad:
             return self.by_pytorch(forces)
         inputs, response = found
         amplitude = np.float32(1)
-        if self.foretold is not None:
-            last = inputs[:, self.foretold]
+        if self.last_gradient is not None:
+            last = inputs[:, self.last_gradient]
             amplitude = np.sqrt((last * last).sum(axis=1).max())
             last /= amplitude + SMALLEST
         y = self.members[0](inputs)
@@ -117,7 +117,7 @@ class InputsByPyTorch:
         """Return inputs and response."""
         force = self.network.on_grid(torch.from_numpy(forces.astype(np.float32))[None])
         inputs, response = self.field.inputs_of(force)
-        if self.field.foretold is None:
+        if self.field.last_gradient is None:
             inputs = self.field.scaled(inputs)
         fields = np.ascontiguousarray(inputs.flatten(2)[0].T.numpy())
         if response is None:

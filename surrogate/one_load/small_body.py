@@ -43,7 +43,7 @@ class SmallBody:
 
     def __init__(self, network: NodalNetwork) -> None:
         field = network.network
-        self.foretold, self.points = field.foretold, field.free.numel()
+        self.last_gradient, self.points = field.last_gradient, field.free.numel()
         d, nodes = len(field.displacement_scale), network.to_nodes.weights.shape[1]
         series = field.linear if isinstance(field.linear, SeriesResponse) else None
         self.series = None if series is None else SmallSeries(series, d)
@@ -75,7 +75,7 @@ class SmallBody:
         found = flat @ matrix
         inputs = found[: self.inputs].reshape(self.points, -1)
         if self.series is not None:
-            response, inputs[:, self.foretold] = self.series(forces)
+            response, inputs[:, self.last_gradient] = self.series(forces)
             return inputs, response
         if len(found) == self.inputs:
             return inputs, None

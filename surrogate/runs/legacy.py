@@ -25,7 +25,8 @@ def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
     content = dict(run)
     for section, names in RENAMED.items():
         if isinstance(content.get(section), Mapping):
-            content[section] = {names.get(k, k): v for k, v in content[section].items()}
+            old = content[section].items()
+            content[section] = {names.get(key, key): value for key, value in old}
     network, members = content.get("network"), content.get("ensemble", 1)
     if isinstance(network, Mapping) and "force_transforms" in network:
         used = network["force_transforms"][:members]

@@ -180,7 +180,7 @@ def prepared_store(
 
 def _prepared(samples: Samples, network: FieldNetwork) -> Samples:
     """Prepare samples; with progress, if each takes time for a load series."""
-    if network.foretold is None or len(samples) == 0:
+    if network.last_gradient is None or len(samples) == 0:
         return network.prepared(samples)
     progress = Progress(len(samples), 0, "loads", "surrogate train: load series")
     found = network.prepared(samples, progress.update)

@@ -189,7 +189,7 @@ def test_a_network_of_zeros_is_the_series(dataset: Dataset) -> None:
     inputs, _ = network.inputs_of(dataset.train.force)
     assert inputs.shape[1] == 2 + 4 + 4
     assert float(inputs[:, 2:6].square().mean()) == pytest.approx(1, rel=1e-4)
-    assert network.foretold == slice(6, 10)
+    assert network.last_gradient == slice(6, 10)
     direction = network.scaled(inputs)[:, 6:]
     largest = direction.square().sum(dim=1).flatten(1).amax(dim=1)
     torch.testing.assert_close(largest, torch.ones(len(inputs)))
