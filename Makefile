@@ -84,7 +84,7 @@ evaluate: train ## evaluate the run on the test split and draw its figures
 report: evaluate
 	@$(SURROGATE) report $(RUN) --nodal $(DATA)/nodal --beside $(PUBLISHED) --out $(RUN)/report.html
 
-page: $(if $(SHIPPED),.venv-surrogate/.installed,train) $(BUNDLE) ## write a page on which one drags a load
+page: $(if $(SHIPPED),.venv-surrogate/.installed,train) $(BUNDLE) ## write a page to drag loads on
 	@mkdir -p build
 	$(SURROGATE) page $(SHOWN) --out build/$(notdir $(SHOWN)).html
 

@@ -5,12 +5,12 @@ Newton's method under the full load starts from the given displacement u if its 
 .. math:: Π(u) = E(u) - f · u
 
 is below that of the undeformed body, which is 0. Its result is accepted if it converges to a state
-of no higher energy. In all other cases the load is stepped up from rest (`load_stepping`), so
-that a wrong displacement costs time and nothing else.
+of no higher energy. In all other cases the load is stepped up from rest (`load_stepping`), so a
+poor displacement only costs extra iterations.
 
-From rest, multigrid goes on to a hundredth of an absolute tolerance, and the last Krylov iterations
-often to much less. From a given displacement both stop at the tolerance, since it has few steps to
-make.
+From rest, multigrid iterates to a hundredth of an absolute tolerance, and the last Krylov
+iterations often to much less. From a given displacement both stop at the tolerance, since few
+Newton steps follow.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""surrogate page: write one HTML file on which one drags a load."""
+"""surrogate page: write a self-contained page on which a user drags loads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
     parser = add_command(
         commands,
         "page",
-        "write one HTML file on which one drags a load",
+        "write a self-contained HTML page on which a user drags loads",
         "surrogate page beam2d_any --out beam.html",
     )
     add_run(parser)

@@ -1,1 +1,1 @@
-"""A page on which one drags a load: one HTML file with body, network and all that runs it."""
+"""A page to drag loads on: one HTML file with the body, the network and the code that runs it."""

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import importlib
 import platform
 from pathlib import Path
 
 import pytest
 
-from shared_schema.common import processor as module
 from shared_schema.common.processor import processor
+
+module = importlib.import_module("shared_schema.common.processor")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-/** The page: a body on which one drags a load. */
+/** The page: a body and the loads that the user drags. */
 
 import { bytes, readContent } from "./content";
 import type { Curve } from "./curve";
