@@ -9,14 +9,15 @@
 Names are imported at their first use, so that a prediction loads no code of the training.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
     from surrogate.data.joined_dataset import read_dataset
     from surrogate.evaluation.learning_curves import LearningCurve, learning_curve
-    from surrogate.evaluation.published import read_published
+    from surrogate.evaluation.published import Published, read_published
     from surrogate.evaluation.run_comparison import Comparison, compare
     from surrogate.evaluation.run_evaluation import Evaluation, evaluate
     from surrogate.evaluation.run_report import write_report
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from surrogate.planning.first_configuration import first_config
     from surrogate.planning.trial_steps import dry_run
     from surrogate.runs.config_list import config_list
+    from surrogate.runs.config_schema import config_keys, config_schema
     from surrogate.runs.run_config import read_config
     from surrogate.runs.shelf import shelve, shelved
     from surrogate.runs.trained_list import trained_list
@@ -44,10 +46,13 @@ __all__ = [
     "LearningCurve",
     "OutsideTrainingWarning",
     "Proposal",
+    "Published",
     "Solution",
     "Surrogate",
     "compare",
+    "config_keys",
     "config_list",
+    "config_schema",
     "dry_run",
     "evaluate",
     "export",
@@ -66,42 +71,41 @@ __all__ = [
     "write_page",
     "write_report",
 ]
-_MODULES = {  # where each name is
-    "Comparison": "evaluation.run_comparison",
-    "Dataset": "data.dataset",
-    "Evaluation": "evaluation.run_evaluation",
-    "LearningCurve": "evaluation.learning_curves",
-    "OutsideTrainingWarning": "inference.training_range",
-    "Proposal": "inference.proposal",
-    "Solution": "inference.solution",
-    "Surrogate": "inference.surrogate",
-    "compare": "evaluation.run_comparison",
-    "config_list": "runs.config_list",
-    "dry_run": "planning.trial_steps",
-    "evaluate": "evaluation.run_evaluation",
-    "export": "inference.export",
-    "first_config": "planning.first_configuration",
-    "learning_curve": "evaluation.learning_curves",
-    "load": "inference.loading",
-    "propose": "inference.proposal",
-    "read_config": "runs.run_config",
-    "read_dataset": "data.joined_dataset",
-    "read_published": "evaluation.published",
-    "refine": "training.refinement",
-    "shelve": "runs.shelf",
-    "shelved": "runs.shelf",
-    "train": "training.loop",
-    "trained_list": "runs.trained_list",
-    "write_page": "page.page",
-    "write_report": "evaluation.run_report",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name at its first use."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'surrogate' has no attribute '{name}'")
-    return getattr(import_module(f"surrogate.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Comparison": "evaluation.run_comparison",
+        "Dataset": "data.dataset",
+        "Evaluation": "evaluation.run_evaluation",
+        "LearningCurve": "evaluation.learning_curves",
+        "OutsideTrainingWarning": "inference.training_range",
+        "Proposal": "inference.proposal",
+        "Published": "evaluation.published",
+        "Solution": "inference.solution",
+        "Surrogate": "inference.surrogate",
+        "compare": "evaluation.run_comparison",
+        "config_keys": "runs.config_schema",
+        "config_list": "runs.config_list",
+        "config_schema": "runs.config_schema",
+        "dry_run": "planning.trial_steps",
+        "evaluate": "evaluation.run_evaluation",
+        "export": "inference.export",
+        "first_config": "planning.first_configuration",
+        "learning_curve": "evaluation.learning_curves",
+        "load": "inference.loading",
+        "propose": "inference.proposal",
+        "read_config": "runs.run_config",
+        "read_dataset": "data.joined_dataset",
+        "read_published": "evaluation.published",
+        "refine": "training.refinement",
+        "shelve": "runs.shelf",
+        "shelved": "runs.shelf",
+        "train": "training.loop",
+        "trained_list": "runs.trained_list",
+        "write_page": "page.page",
+        "write_report": "evaluation.run_report",
+    },
+)
 
 
 def __dir__() -> list[str]:

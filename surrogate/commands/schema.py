@@ -23,6 +23,6 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the keys."""
-    from surrogate.runs.config_schema import config_keys, config_schema
+    import surrogate
 
-    print(printed(options, config_keys(), config_schema()))
+    print(printed(options, surrogate.config_keys(), surrogate.config_schema()))

@@ -62,7 +62,8 @@ def error_over_uncertainty(std: Array, errors: Array) -> Figure:
     std, errors : array, (..., n_nodes, d)
         σ and U − u in m. Nodes where either is zero are left out: the axes are logarithmic.
     """
-    x, y = (np.linalg.norm(values, axis=-1) * 1e3 for values in (std, errors))
+    x = np.linalg.norm(std, axis=-1) * 1e3
+    y = np.linalg.norm(errors, axis=-1) * 1e3
     shown = (x > 0) & (y > 0)
     figure = make_figure(4.8, 3.6)
     axes = figure.subplots()

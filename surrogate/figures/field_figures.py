@@ -71,7 +71,7 @@ def error_beside_uncertainty(
     """
     figure = make_figure(10.0, 3.2)
     x = geometry.coordinates
-    left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
+    left, right = make_drawing(figure, geometry, 121), make_drawing(figure, geometry, 122)
     left.coloured(x + mean, node_errors(mean, reference) * 1e3, NODAL_ERROR)
     left.mesh(x + reference, REFERENCE, "finite elements", linewidth=0.6)
     left.forces(x + mean, force)

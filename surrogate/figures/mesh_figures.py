@@ -78,7 +78,7 @@ def meshes_and_errors(
 ) -> Figure:
     """Draw `deformed_meshes` and `error_field` side by side."""
     figure = make_figure(9.6, 3.2)
-    left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
+    left, right = make_drawing(figure, geometry, 121), make_drawing(figure, geometry, 122)
     _draw_meshes(left, geometry, predicted, reference)
     left.forces(geometry.coordinates + reference, force)
     left.finish()

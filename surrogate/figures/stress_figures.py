@@ -30,7 +30,7 @@ def von_mises_beside_reference(
         Von Mises stresses of both in Pa.
     """
     figure = make_figure(10.0, 3.2)
-    left, right = (make_drawing(figure, geometry, position) for position in (121, 122))
+    left, right = make_drawing(figure, geometry, 121), make_drawing(figure, geometry, 122)
     x, nodal = geometry.coordinates, [at_nodes(geometry, values) for values in stresses]
     limits = 0.0, float(max(values.max() for values in nodal)) or 1.0
     names = "predicted", "finite elements"

@@ -1,1 +1,25 @@
 """Before a training: a first configuration for a dataset, and what its training takes."""
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.planning.first_configuration import FirstConfig, first_config
+    from surrogate.planning.trial_steps import DryRun, dry_run
+
+__all__ = [
+    "DryRun",
+    "FirstConfig",
+    "dry_run",
+    "first_config",
+]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "DryRun": "trial_steps",
+        "FirstConfig": "first_configuration",
+        "dry_run": "trial_steps",
+        "first_config": "first_configuration",
+    },
+)

@@ -31,7 +31,7 @@ from shared_schema.common.configuration import read_yaml, validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.runs.description import RunDescription
-from surrogate.runs.metric_lines import append_line, read_lines, write_lines
+from surrogate.runs.metric_lines import read_lines, write_lines
 from surrogate.runs.seal import Seal
 from surrogate.runs.tensor_file import load_tensors, save_atomically
 
@@ -244,10 +244,6 @@ class RunFolder:
                 f"{self.checkpoint.name}"
             )
         write_lines(self.metrics, lines)
-
-    def append_metric_line(self, line: Mapping[str, float]) -> None:
-        """Append the measures of an epoch."""
-        append_line(self.metrics, line)
 
     def write_evaluation(self, files: Mapping[Path, bytes]) -> None:
         """Write all files of an evaluation in place of those before, or none of them.

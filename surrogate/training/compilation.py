@@ -23,9 +23,8 @@ def compiled(network: Callable[[Tensor], Prediction]) -> Callable[[Tensor], Pred
 
     def forward(force: Tensor) -> Prediction:
         try:
-            prediction: Prediction = fast(force)
+            return fast(force)
         except TorchDynamoException as error:
             raise WorkError(f"key 'training.compile' = True: {first_line(error)}") from None
-        return prediction
 
     return forward

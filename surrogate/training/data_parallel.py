@@ -86,8 +86,7 @@ class Ranks:
         distributed.broadcast_object_list(outcome)
         if isinstance(outcome[0], Exception):
             raise outcome[0]
-        result: Result = outcome[0]
-        return result
+        return outcome[0]
 
 
 ALONE = Ranks()

@@ -145,10 +145,8 @@ def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = N
         As `fit_factors` takes it.
     """
     geometry, network = surrogate.geometry, surrogate.network
-    force, reference = (
-        geometry.grid.to_nodes(field.double().cpu().numpy())
-        for field in (held_out.force, held_out.displacement)
-    )
+    force = geometry.grid.to_nodes(held_out.force.double().cpu().numpy())
+    reference = geometry.grid.to_nodes(held_out.displacement.double().cpu().numpy())
     predicted = surrogate.predict_distribution(force, PASSES)
     free = ~geometry.clamped
     a, b = fit_factors(predicted, reference, free, level)

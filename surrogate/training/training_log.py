@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from shared_schema.common.errors import InputError
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.metric_lines import append_line
 
 Line = Mapping[str, float]
 
@@ -39,7 +40,7 @@ class TrainingLog:
     def write(self, line: Line) -> None:
         """Append the measures of an epoch."""
         if self._run is not None:
-            self._run.append_metric_line(line)
+            append_line(self._run.metrics, line)
         if self._events is not None:
             for name, value in line.items():
                 if name != "epoch":

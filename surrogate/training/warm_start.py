@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -22,7 +23,6 @@ from surrogate.runs.folder import first_difference
 from surrogate.runs.tensor_file import tensor_digest
 
 OWN_KEYS = ("name", "case", "recipe", "training", "seed")  # may differ from the other run's
-FACTORS = ("aleatoric_factor", "epistemic_factor")
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class WarmStart:
     def apply(self, network: FieldNetwork) -> None:
         """Give a network of the same kind the weights and scales of the other run."""
         network.load_state_dict(self.network.state_dict())
-        for name in FACTORS:
-            getattr(network, name).fill_(1.0)
+        network.aleatoric_factor.fill_(1.0)
+        network.epistemic_factor.fill_(1.0)
         network.count_factor.set([1.0], [1.0])
 
 
@@ -60,10 +60,7 @@ def warm_start(run: str | Path, config: Model, dataset: Dataset) -> WarmStart:
         raise InputError(f"{where}: config '{config.name}' is fitted directly, expected a network")
     surrogate = load(run)
     description = surrogate.description
-    theirs, ours = (
-        {key: value for key, value in model.plain().items() if key not in OWN_KEYS}
-        for model in (description.run, config)
-    )
+    theirs, ours = compared_keys(description.run), compared_keys(config)
     if theirs != ours:
         difference = first_difference(theirs, ours).replace("the folder has", "that run has")
         raise InputError(f"{where}: config '{config.name}' has another {difference}")
@@ -76,3 +73,8 @@ def warm_start(run: str | Path, config: Model, dataset: Dataset) -> WarmStart:
         weights = tensor_digest(dict(surrogate.network.state_dict()), {})
     origin = Origin(run=description.run.name, data=description.data.digest, weights=weights)
     return WarmStart(surrogate.network, origin)
+
+
+def compared_keys(config: Model) -> dict[str, Any]:
+    """Return the keys of a configuration in which both runs have to agree."""
+    return {key: value for key, value in config.plain().items() if key not in OWN_KEYS}

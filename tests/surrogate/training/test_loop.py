@@ -7,12 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 import yaml
 from safetensors.torch import load_file
 from torch import Tensor
 
+import surrogate
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import shown_progress
@@ -22,6 +24,7 @@ from surrogate.models.model import TrainedModel
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.schedule import ScheduleConfig
 from surrogate.runs.folder import RunFolder
+from surrogate.runs.metric_lines import append_line
 from surrogate.seeds import stream
 from surrogate.training.loop import train
 
@@ -103,6 +106,22 @@ def test_epochs_within_a_time(tmp_path: Path, dataset: Dataset, make_config: Mak
     assert_same_run(whole, parts)
 
 
+def test_from_python(data: Path, tmp_path: Path, make_config: MakeConfig) -> None:
+    """From a mapping and a folder; a stopped training returns its network so far."""
+    config, force = make_config(epochs=2).plain(), np.zeros((32, 2))
+    force[31, 1] = 1.0
+    stopped = surrogate.train(config, data, tmp_path / "run", stop_after=1, device="cpu")
+    with pytest.raises(InputError, match="the run is not finished"):
+        surrogate.load(tmp_path / "run")
+    finished = surrogate.train(config, data, tmp_path / "run", device="cpu")
+    loaded = surrogate.load(tmp_path / "run")
+    assert np.array_equal(finished.predict(force), loaded.predict(force))
+    assert not np.array_equal(stopped.predict(force), loaded.predict(force))
+    evaluation = surrogate.evaluate(tmp_path / "run", data, device="cpu")
+    assert "12 test samples, mean error" in repr(evaluation)
+    assert surrogate.compare([evaluation.write()], device="cpu").runs[0].samples == 12
+
+
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
 def test_no_time_to_train_within(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, seconds: float
@@ -182,7 +201,7 @@ def test_lost_measures_of_epochs_after_the_checkpoint_are_made_again(
     run, whole = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     config = make_config(epochs=4)
     train(config, dataset, run.folder, device="cpu", stop_after=2)
-    run.append_metric_line({"epoch": 3, "train_loss": 0.0, "seconds": 0.0})
+    append_line(run.metrics, {"epoch": 3, "train_loss": 0.0, "seconds": 0.0})
     train(config, dataset, run.folder, device="cpu")
     train(config, dataset, whole.folder, device="cpu")
     assert_same_run(run, whole)
