@@ -23,6 +23,7 @@ from datagen.farm.work_plan import shard_name
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
+from shared_schema.common.differences import difference_text, differences
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from shared_schema.layout import Arrays
@@ -248,24 +249,24 @@ def _require_same(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -
     """Raise InputError, which names every difference, unless two cases are the same."""
     if digest_of(found) == digest_of(wanted):
         return
-    differences = _differences(found, wanted)
-    if list(differences) == [SAMPLES]:
-        old, new = differences[SAMPLES]
+    different = differences(found, wanted)
+    if list(different) == [SAMPLES]:
+        old, new = different[SAMPLES]
         raise InputError(
             f"--out '{folder}': {SAMPLES} = {new}, but a run of {old} samples is unfinished there; "
             f"expected --samples {old} first"
         )
-    said = [_said(key, *values, found, wanted) for key, values in differences.items()]
+    said = [_said(key, *values, found, wanted) for key, values in sorted(different.items())]
     raise InputError(f"--out '{folder}': made from another case: {'; '.join(said)}")
 
 
 def _require_same_or_fewer(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Raise InputError unless a complete dataset is of the same case with at most its samples."""
-    differences = _differences(found, wanted)
-    if list(differences) != [SAMPLES]:
+    different = differences(found, wanted)
+    if list(different) != [SAMPLES]:
         _require_same(folder, found, wanted)
         return
-    old, new = differences[SAMPLES]
+    old, new = different[SAMPLES]
     if not new > old:
         raise InputError(
             f"--out '{folder}': {SAMPLES} = {new}, the folder has {old}; a dataset can only grow"
@@ -277,17 +278,4 @@ def _said(key: str, old: Any, new: Any, found: dict[str, Any], wanted: dict[str,
     for section, checksum, file in FILES:
         if key == f"{section}.{checksum}" and found[section].get(file) == wanted[section].get(file):
             return f"the file of {section}.{file} = {wanted[section][file]!r} has changed"
-    return f"{key} = {new!r}, the folder has {old!r}"
-
-
-def _differences(
-    old: dict[str, Any], new: dict[str, Any], prefix: str = ""
-) -> dict[str, tuple[Any, Any]]:
-    found: dict[str, tuple[Any, Any]] = {}
-    for key in sorted(old.keys() | new.keys()):
-        a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            found |= _differences(a, b, f"{prefix}{key}.")
-        elif a != b:
-            found[prefix + key] = (a, b)
-    return found
+    return difference_text(key, old, new)

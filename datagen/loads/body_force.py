@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
-from shared_schema.common.bodies.facet_quadrature import CORNERS, GAUSS
+from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
 
 
 class BodyForce(LoadFamily):
@@ -71,9 +71,7 @@ def cell_shares(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     if count == d + 1:
         volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / factorial(d)
         return np.repeat(volume[:, None] / count, count, axis=1)
-    signs = CORNERS
-    if d == 3:
-        signs = np.array([(*corner, z) for z in (-1, 1) for corner in CORNERS])
+    signs = 2 * np.array(CORNERS["quad" if d == 2 else "hexahedron"]) - 1
     shares = np.zeros(corners.shape[:2])
     for point in product(GAUSS, repeat=d):
         factors = (1 + signs * np.array(point)) / 2

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from surrogate.mechanics.solids.elements import CORNERS, gradients_at
+from shared_schema.common.bodies.reference_cells import CORNERS
+from surrogate.mechanics.solids.elements import gradients_at
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.solids.elements import CORNERS, gradients_at
+from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
 from surrogate.mechanics.solids.solid import Solid
 

@@ -10,10 +10,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from shared_schema.common.bodies.cells import FACETS, boundary_facets
+from shared_schema.common.bodies.surface_edges import edges_of, sharp_edges, smooth_pairs
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 
-SMOOTH = np.cos(np.radians(30))  # facets at a larger angle meet in an edge
 Integers = NDArray[np.int32]
 
 
@@ -58,11 +58,11 @@ def surface_of(geometry: Geometry) -> Surface:
         )
     facets = boundary_facets(geometry.cells, geometry.cell_type)
     faces = geometry.cells if geometry.dimension == 2 else facets
-    around = np.sort(edges(faces), axis=1)
-    pairs = smooth_pairs(geometry, faces, around)
+    around = np.sort(edges_of(faces), axis=1)
+    pairs = smooth_pairs(geometry.coordinates, faces)
     vertices, corners = smooth_vertices(faces, around, pairs)
     lines = np.unique(around, axis=0)
-    sharp = facets if geometry.dimension == 2 else without(lines, around[pairs[:, 0]])
+    sharp = facets if geometry.dimension == 2 else sharp_edges(geometry.coordinates, faces)
     held = facets[geometry.clamped[facets].all(axis=1)]
     return Surface(
         vertices=vertices.astype(np.int32),
@@ -73,35 +73,12 @@ def surface_of(geometry: Geometry) -> Surface:
     )
 
 
-def edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Edges of all faces, going round each of them: (n, corners) → (n · corners, 2)."""
-    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-
-
 def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Split quadrilaterals into two triangles each: (n, 3 or 4) → (n or 2n, 3)."""
     if faces.shape[1] == 3:
         return faces
     found: NDArray[np.int64] = faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     return found
-
-
-def smooth_pairs(
-    geometry: Geometry, faces: NDArray[np.int64], around: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Pairs of equal edges, by their rows in `around`, whose two faces meet at 30° at most."""
-    _, number, count = np.unique(around, axis=0, return_inverse=True, return_counts=True)
-    number = number.ravel()
-    order: NDArray[np.int64] = np.argsort(number, kind="stable")
-    order = order[count[number[order]] == 2].reshape(-1, 2)
-    if geometry.dimension == 2:
-        return order
-    x = geometry.coordinates[faces]
-    normal = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
-    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    first, second = (normal[rows // faces.shape[1]] for rows in order.T)
-    smooth = np.einsum("ij,ij->i", first, second) >= SMOOTH
-    return np.asarray(order[smooth])
 
 
 def smooth_vertices(
@@ -126,9 +103,3 @@ def smooth_vertices(
     vertices = np.empty(count, dtype=np.int64)
     vertices[vertex] = faces.ravel()
     return vertices, vertex.reshape(faces.shape)
-
-
-def without(lines: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows of `lines` that are no rows of `others`, both (n, 2)."""
-    size = int(lines.max()) + 1
-    return lines[~np.isin(lines @ [size, 1], others @ [size, 1])]

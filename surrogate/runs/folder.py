@@ -28,6 +28,7 @@ from torch import Tensor
 
 from shared_schema.common.atomic_file import complete_or_absent, remove_partial_files, write_text
 from shared_schema.common.configuration import read_yaml, validate
+from shared_schema.common.differences import difference_text, differences
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.runs.description import RunDescription
@@ -309,10 +310,7 @@ class RunFolder:
             return None
 
 
-def first_difference(old: Any, new: Any, key: str = "") -> str:
+def first_difference(old: dict[str, Any], new: dict[str, Any]) -> str:
     """Describe the first difference of two nested mappings: ``key = new, the folder has old``."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for name in [*old, *(k for k in new if k not in old)]:
-            if old.get(name) != new.get(name):
-                return first_difference(old.get(name), new.get(name), f"{key}.{name}".strip("."))
-    return f"{key} = {new!r}, the folder has {old!r}"
+    key, values = next(iter(differences(old, new).items()))
+    return difference_text(key, *values)

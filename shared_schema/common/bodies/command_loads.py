@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
+from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.point_load import RELATIVE_TOLERANCE, nodal_forces
 from shared_schema.common.solution_file import read_field
 
 Array = NDArray[np.float64]

@@ -13,9 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
+
 Array = NDArray[np.float64]
-GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3)
-CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of the reference quadrilateral
+SIGNS = 2 * np.array(CORNERS["quad"]) - 1  # corners of the quadrilateral between -1 and 1
 
 
 def shape_functions(corners: int) -> tuple[Array, Array, Array]:
@@ -45,8 +46,8 @@ def shape_functions(corners: int) -> tuple[Array, Array, Array]:
         gradients = np.broadcast_to([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]], (3, 3, 2))
         return values, np.array(gradients), np.full(3, 1 / 6)
     points = np.stack(np.meshgrid(GAUSS, GAUSS, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    linear = 1 + CORNERS * points
-    gradients = np.stack([CORNERS[:, 0] * linear[..., 1], CORNERS[:, 1] * linear[..., 0]], axis=-1)
+    linear = 1 + SIGNS * points
+    gradients = np.stack([SIGNS[:, 0] * linear[..., 1], SIGNS[:, 1] * linear[..., 0]], axis=-1)
     return linear.prod(axis=-1) / 4, gradients / 4, np.ones(4)
 
 

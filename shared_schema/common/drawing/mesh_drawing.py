@@ -15,6 +15,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.surface_edges import edges_of, sharp_edges
 
 Array = NDArray[np.float64]
 Extent = tuple[Array, Array]
@@ -59,37 +60,12 @@ def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
 
 def surface_edges(mesh: Mesh) -> NDArray[np.int64]:
     """Edges of the surface's faces, each once: (n_edges, 2) node numbers."""
-    return _each_once(_edges_of(surface_faces(mesh)))
-
-
-def sharp_edges(mesh: Mesh) -> NDArray[np.int64]:
-    """Edges of a body in space where its boundary turns by more than 30°.
-
-    Returns
-    -------
-    array of int, (n_edges, 2)
-        Node numbers.
-    """
-    faces = surface_faces(mesh)
-    corners = mesh.coordinates[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    edges = _edges_of(faces)
-    face = np.repeat(np.arange(len(faces)), faces.shape[1])
-    order = np.lexsort(edges.reshape(-1, 2).T)  # the two faces of an edge come in pairs
-    one, other = face[order].reshape(-1, 2).T
-    cosine = np.abs((normal[one] * normal[other]).sum(axis=1))
-    return np.asarray(edges.reshape(-1, 2)[order[::2]][cosine < np.cos(np.pi / 6)])
-
-
-def _edges_of(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Edges of each face, lower node number first: (n_faces, n_corners, 2)."""
-    return np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=-1), axis=-1)
+    return _each_once(edges_of(surface_faces(mesh)))
 
 
 def _each_once(edges: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Edges (..., 2), each once: (n_edges, 2)."""
-    return np.unique(edges.reshape(-1, 2), axis=0)
+    """Edges, lower node number first, each once: (n_edges, 2)."""
+    return np.unique(np.sort(edges, axis=1), axis=0)
 
 
 class Drawing(ABC):
@@ -341,10 +317,10 @@ class SpaceDrawing(Drawing):
         corner = self._on_paper(x)[faces]
         following = np.roll(corner, -1, axis=1)
         area = corner[..., 0] * following[..., 1] - corner[..., 1] * following[..., 0]
-        return _each_once(_edges_of(faces[area.sum(axis=1) > 0]))
+        return _each_once(edges_of(faces[area.sum(axis=1) > 0]))
 
     def _outline(self) -> NDArray[np.int64]:
-        return sharp_edges(self._mesh)
+        return sharp_edges(self._mesh.coordinates, surface_faces(self._mesh))
 
     def _on_paper(self, x: Array) -> Array:
         return np.asarray(x @ self._paper.T)

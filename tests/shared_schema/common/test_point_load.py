@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shared_schema.common.bodies.point_load import PointLoad, nodal_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.point_load import PointLoad, nodal_forces
 
 COORDINATES = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [0.0, 1.0]])
 CLAMPED = np.array([True, False, False, True])

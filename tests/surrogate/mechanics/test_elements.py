@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.mechanics.solids.elements import CORNERS, cell_gradients, quadrature
+from shared_schema.common.bodies.reference_cells import CORNERS, quadrature
+from surrogate.mechanics.solids.elements import cell_gradients
 
 VOLUMES = {"triangle": 1 / 2, "quad": 1.0, "tetra": 1 / 6, "hexahedron": 1.0}
 

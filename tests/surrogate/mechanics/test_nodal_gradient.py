@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shared_schema.common.bodies.reference_cells import CORNERS, shape_gradients
 from surrogate.mechanics.nodal_gradient import nodal_gradient
-from surrogate.mechanics.solids.elements import CORNERS, shape_gradients
 from surrogate.mechanics.weighted_sums import padded_rows
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)

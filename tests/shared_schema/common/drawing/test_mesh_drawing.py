@@ -11,11 +11,11 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from shared_schema.common.bodies.surface_edges import sharp_edges
 from shared_schema.common.drawing.figure_style import save
 from shared_schema.common.drawing.mesh_drawing import (
     Drawing,
     make_drawing,
-    sharp_edges,
     surface_edges,
     surface_faces,
 )
@@ -79,7 +79,7 @@ def test_surface_of_a_mesh_in_space(cell_type: str, parts: int) -> None:
 def test_sharp_edges_of_a_box(cell_type: str) -> None:
     """4 (7 + 3 + 3) pieces: on two faces of the box at once."""
     mesh = block(cell_type)
-    edges = sharp_edges(mesh)
+    edges = sharp_edges(mesh.coordinates, surface_faces(mesh))
     assert len(edges) == 4 * (7 + 3 + 3)
     at_faces = (mesh.coordinates == 0) | (mesh.coordinates == mesh.coordinates.max(axis=0))
     assert (at_faces[edges].all(axis=1).sum(axis=1) == 2).all()
