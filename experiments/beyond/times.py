@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import torch
+
 from experiments.beyond.coverage import UNCERTAIN
 from experiments.beyond.loads_by_number import COMPARED
 from experiments.beyond.networks import BODIES, kind_of, patterns, runs_by_body
@@ -10,10 +12,10 @@ from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
 from experiments.measures.latency import prediction_seconds
 from experiments.measures.solutions import typical_seconds
-from experiments.measures.speed_up import CPU
 from surrogate import load
 from surrogate.hardware import hardware
 
+CPU = torch.device("cpu")
 MS = 1e3  # ms in a second
 TIMED = tuple(dict.fromkeys((*COMPARED, "gp", *UNCERTAIN)))
 

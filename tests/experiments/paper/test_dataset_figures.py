@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.measures.dataset_figures import draw_padding
+from experiments.paper.datasets import draw_padding
 from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
 

@@ -9,9 +9,9 @@ import pytest
 
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.measures.errors_by_load_distance import ErrorsByLoadDistance
 from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.loads_away import (
+    ErrorsByLoadDistance,
     drop_claim,
     growth_claim,
     low_claim,

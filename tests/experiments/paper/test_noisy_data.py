@@ -8,13 +8,15 @@ import pytest
 
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.measures.noisy_data_sweeps import (
+from experiments.paper.noisy_data import (
+    captured,
+    growing,
     noise_ratio,
     refined,
     true_std,
+    unreliable,
     without_noise,
 )
-from experiments.paper.noisy_data import captured, growing, unreliable
 from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.measures.force_sweep import ForceSweep
 from tests.surrogate.force_sweeps import hand_made

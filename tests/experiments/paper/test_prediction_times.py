@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from experiments.framework.experiment import Findings
-from experiments.measures.bayesian_prediction_times import PassTimes, pass_comparisons
+from experiments.paper.prediction_times import PassTimes, pass_comparisons
 
 
 def test_times_and_ratios(result_of: Callable[[str], Findings]) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.measures.speed_up import PAPER_TIMES, Times, faster, real_time
+from experiments.paper.prediction_times import PAPER_TIMES, Times, faster, real_time
 
 
 def test_the_papers_ratios() -> None:

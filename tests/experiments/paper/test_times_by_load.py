@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.measures.solutions import Solutions
-from experiments.measures.times_by_load import (
+from experiments.paper.prediction_times import (
     Ends,
     TimesByLoad,
     load_table,

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.measures.error_uncertainty_correlation import (
+from experiments.paper.uncertainty_fields import (
     close,
     correlated,
     measure_fields,

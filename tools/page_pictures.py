@@ -1,6 +1,6 @@
 """Pictures of pages for the documentation, at twice their size and smoothed down.
 
-    .venv-surrogate/bin/python -m experiments.benchmarks.page_pictures RUN NAME --drag RIGHT UP
+    .venv-surrogate/bin/python -m tools.page_pictures RUN NAME --drag RIGHT UP
 
 writes `docs/figures/page-NAME.jpg` and, of a narrow screen, `docs/figures/page-NAME-narrow.jpg`.
 """
@@ -18,7 +18,7 @@ from playwright.sync_api import Browser
 from surrogate import load, write_page
 from tests.surrogate.page.browser import OpenPage, chromium
 
-FIGURES = Path(__file__).parents[2] / "docs" / "figures"
+FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 SIZES = {"": (1280, 800), "-narrow": (360, 740)}
 SCALE, QUALITY = 2, 82
 STEPS = 15  # of a drag
