@@ -19,7 +19,6 @@ from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse, required
 from surrogate.models.reduced_model import ReducedModel
 from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.modal_series import ModalSeries
 from surrogate.networks.modes import leading_modes
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.optim.optimisers import is_hidden_kernel
@@ -105,22 +104,6 @@ def test_it_starts_as_the_load_series(dataset: Dataset) -> None:
     assert errors[3] < errors[2]
 
 
-def test_series_of_known_polynomials() -> None:
-    """Polynomials are found from values, and their scaled values are of order one."""
-    torch.manual_seed(0)
-    a, series = torch.randn(200, 5), ModalSeries((4, 3), 2)
-    second = torch.stack([a[:, 0] * a[:, 3], a[:, 1] ** 2 - a[:, 2] * a[:, 1]], dim=1)
-    third = torch.stack([a[:, 2] ** 3, 0.1 * a[:, 0] * a[:, 1] * a[:, 2]], dim=1)
-    series.fit(a, [second, third])
-    found = series(a)
-    torch.testing.assert_close(found, [second, third], rtol=1e-4, atol=1e-4)
-    scaled = series.scaled(found)
-    assert [float(x.square().mean()) for x in scaled] == pytest.approx([1, 1])
-    series.in_units_of(torch.tensor(0.5))
-    torch.testing.assert_close(series(a)[0], 2 * found[0])
-    torch.testing.assert_close(series.scaled(series(a)), scaled)
-
-
 def test_modes_and_truncation_error(dataset: Dataset) -> None:
     """The modes are orthogonal; the rest has the root mean square `truncation`."""
     field, network = fitted(reduced(), dataset)
@@ -139,17 +122,6 @@ def test_modes_and_truncation_error(dataset: Dataset) -> None:
     singular = torch.linalg.svdvals(correction)
     expected = float(singular[8:].square().sum())
     assert float(rest.square().sum()) == pytest.approx(expected, rel=1e-2)
-
-
-def test_leading_modes_of_a_large_matrix() -> None:
-    """The randomised decomposition spans the leading singular vectors."""
-    torch.manual_seed(0)
-    left, right = torch.linalg.qr(torch.randn(300, 40)).Q, torch.linalg.qr(torch.randn(400, 40)).Q
-    snapshots = left * 0.5 ** torch.arange(40) @ right.T
-    found = leading_modes(snapshots, 5, seed=0)
-    overlap = torch.linalg.svdvals(found @ right[:, :5])
-    torch.testing.assert_close(overlap, torch.ones(5))
-    assert torch.equal(found, leading_modes(snapshots, 5, seed=0))
 
 
 def test_standard_deviations_are_those_of_the_coefficients(dataset: Dataset) -> None:
