@@ -54,7 +54,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report page shelve reproduce beyond benchmark gpu test \
+.PHONY: help setup demo data train evaluate report page script shelve reproduce beyond benchmark gpu test \
 	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
 	images compose-demo test-images test-debian
 
@@ -87,6 +87,9 @@ report: evaluate
 page: $(if $(SHIPPED),.venv-surrogate/.installed,train) $(BUNDLE) ## write a page to drag loads on
 	@mkdir -p build
 	$(SURROGATE) page $(SHOWN) --out build/$(notdir $(SHOWN)).html
+
+script: setup ## run FILE, a Python script that imports both programs
+	.venv-datagen/bin/python tools/both_programs.py $(FILE)
 
 shelve: CERTIFY = --certify
 shelve: evaluate ## put the evaluated run among the trained networks of the package, as CASE

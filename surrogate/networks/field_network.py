@@ -194,8 +194,10 @@ class FieldNetwork(nn.Module):
         the network's output, which vanishes with the load.
         """
         gradient = inputs[:, self.last_gradient].flatten(2)
-        largest = gradient.square().sum(dim=1).amax(dim=1).sqrt()
-        return largest.reshape(-1, *(1,) * (inputs.ndim - 1))
+        square = gradient.square().sum(dim=1).amax(dim=1)
+        if square.requires_grad:  # the root has no derivative at 0, without a load
+            square = torch.where(square > 0, square, square.detach())
+        return square.sqrt().reshape(-1, *(1,) * (inputs.ndim - 1))
 
     def rounding(self, inputs: Tensor) -> Tensor:
         """Error of displacements in single precision, in m: (N, inputs, …) → (N, 1, …).

@@ -12,6 +12,7 @@ import surrogate
 from surrogate.probabilistic.stochastic_passes import PASSES
 
 pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
+RELATIVE = {"beam2d_any": 1e-5, "beam3d_any_reduced": 0.1}  # a reduced network adds its own error
 
 
 def random_force(model: surrogate.Surrogate, seed: int) -> np.ndarray:
@@ -44,6 +45,19 @@ def test_gradient_is_that_of_central_differences(name: str) -> None:
     found = float((gradient.numpy() * direction).sum())
     assert found == pytest.approx(expected, rel=2e-4)
     assert all(weights.requires_grad for weights in model.network.parameters())  # as before
+
+
+@pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any_reduced"])
+def test_gradient_without_a_load_is_the_linear_response(name: str) -> None:
+    """At zero the displacement of the tip in y is linear in a force there, by K(0)⁻¹."""
+    model = surrogate.load(name)
+    tip, shape = model.geometry.tip, model.geometry.coordinates.shape
+    given = torch.zeros(shape, dtype=torch.float64, requires_grad=True)
+    (gradient,) = torch.autograd.grad(model.predict(given)[tip, 1], given)
+    unit = np.zeros(shape)
+    unit[tip, 1] = 1.0
+    expected = model.equilibrium.linear_response(unit[None])[0, tip, 1]
+    assert gradient[tip, 1].item() == pytest.approx(expected, rel=RELATIVE[name])
 
 
 def test_tensors_give_tensors() -> None:
