@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from shared_schema.common.configuration import Frozen
-from surrogate.data.dataset import Dataset
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 AT_ONCE = 2**20  # grid points of all samples that are held at once
 

@@ -5,13 +5,18 @@ potential energy. `Compliance` and `LinearResponse` are K⁻¹ of the undeformed
 on the grid, for networks. `LoadPaths` tell how an equilibrium changes with its load.
 """
 
-from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.load_path import LoadPaths, follow
-from surrogate.mechanics.out_of_balance import Equilibrium, NewtonSteps, norms
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.stresses import cell_stresses, reactions
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.compliance import Compliance
+    from surrogate.mechanics.linear_response import LinearResponse
+    from surrogate.mechanics.load_path import LoadPaths, follow
+    from surrogate.mechanics.out_of_balance import Equilibrium, NewtonSteps, norms
+    from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+    from surrogate.mechanics.solids.solid import Solid
+    from surrogate.mechanics.stresses import cell_stresses, reactions
 
 __all__ = [
     "Compliance",
@@ -26,3 +31,19 @@ __all__ = [
     "norms",
     "reactions",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Compliance": "compliance",
+        "Equilibrium": "out_of_balance",
+        "LinearResponse": "linear_response",
+        "LoadPaths": "load_path",
+        "MeanDilationSolid": "solids.mean_dilation",
+        "NewtonSteps": "out_of_balance",
+        "Solid": "solids.solid",
+        "cell_stresses": "stresses",
+        "follow": "load_path",
+        "norms": "out_of_balance",
+        "reactions": "stresses",
+    },
+)

@@ -9,13 +9,18 @@
 ==================  ==========================================================================
 """
 
-from surrogate.models.kinds import KINDS, RunConfig
-from surrogate.models.linear_model import LinearModel
-from surrogate.models.model import Gaussian, Model, TrainedModel
-from surrogate.models.network_model import NetworkModel
-from surrogate.models.pod_model import PODModel
-from surrogate.models.reduced_model import ReducedModel
-from surrogate.models.unet_model import UNetModel
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.models.kinds import KINDS, RunConfig
+    from surrogate.models.linear_model import LinearModel
+    from surrogate.models.model import Gaussian, Model, TrainedModel
+    from surrogate.models.network_model import NetworkModel
+    from surrogate.models.pod_model import PODModel
+    from surrogate.models.reduced_model import ReducedModel
+    from surrogate.models.unet_model import UNetModel
 
 __all__ = [
     "KINDS",
@@ -29,3 +34,18 @@ __all__ = [
     "TrainedModel",
     "UNetModel",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Gaussian": "model",
+        "KINDS": "kinds",
+        "LinearModel": "linear_model",
+        "Model": "model",
+        "NetworkModel": "network_model",
+        "PODModel": "pod_model",
+        "ReducedModel": "reduced_model",
+        "RunConfig": "kinds",
+        "TrainedModel": "model",
+        "UNetModel": "unet_model",
+    },
+)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sized
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.baselines.linear_map import LinearMap, compliance_of
-from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.models.model import TrainedModel, require_stiffness
 from surrogate.networks.field_network import FieldNetwork
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 
 class LinearModel(TrainedModel):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sized
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import torch
 from pydantic import Field
@@ -14,7 +14,6 @@ from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials
-from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import body_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
@@ -25,6 +24,9 @@ from surrogate.networks.inputs import Input, channels_of
 from surrogate.probabilistic.flipout import VariationalConfig
 from surrogate.probabilistic.likelihoods import Likelihood, Prediction
 from surrogate.probabilistic.moments import Moments
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 METHODS = {"maximum_likelihood": "maximum likelihood", "variational_bayes": "variational Bayes"}
 

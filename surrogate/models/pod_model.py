@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sized
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from torch import Tensor, nn
 
 from shared_schema.common.memory import require_memory
 from surrogate.baselines.pod import PODConfig, PODNetwork
-from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Gaussian, Model
@@ -18,6 +17,9 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.seeds import INITIAL_WEIGHTS, stream
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 
 class PODModel(Model):

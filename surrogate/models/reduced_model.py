@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sized
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 from pydantic import model_validator
 from torch import Tensor, nn
 
-from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.network_model import NetworkModel
@@ -23,6 +22,9 @@ from surrogate.networks.reduced_network import (
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream
 from surrogate.series.third_order import series_on_grid
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 LARGEST_FIT = 6000  # samples that a series is fitted to
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sized
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials
-from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
@@ -22,6 +21,9 @@ from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.flipout import VariationalConvolutions
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.series.series_response import SeriesResponse
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 GROWTH = {1: "constant", 2: "doubling"}
 SCALED_BY = 500  # samples at most, evenly spaced, that tell the scales of a network on a series

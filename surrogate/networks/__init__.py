@@ -5,10 +5,15 @@ them between forces in N and displacements in m on the grid, with the response o
 the configuration says so. `NodalNetwork` adds the maps between grid and nodes.
 """
 
-from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.nodal_network import NodalNetwork
-from surrogate.networks.reduced_network import DenseNetwork, ReducedConfig, ReducedNetwork
-from surrogate.networks.unet import UNet, UNetConfig, parameter_count
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.networks.field_network import FieldNetwork
+    from surrogate.networks.nodal_network import NodalNetwork
+    from surrogate.networks.reduced_network import DenseNetwork, ReducedConfig, ReducedNetwork
+    from surrogate.networks.unet import UNet, UNetConfig, parameter_count
 
 __all__ = [
     "DenseNetwork",
@@ -20,3 +25,16 @@ __all__ = [
     "UNetConfig",
     "parameter_count",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "DenseNetwork": "reduced_network",
+        "FieldNetwork": "field_network",
+        "NodalNetwork": "nodal_network",
+        "ReducedConfig": "reduced_network",
+        "ReducedNetwork": "reduced_network",
+        "UNet": "unet",
+        "UNetConfig": "unet",
+        "parameter_count": "unet",
+    },
+)

@@ -1,10 +1,15 @@
 """Optimisers, learning-rate schedules, weight averages, early stopping."""
 
-from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
-from surrogate.optim.muon import Muon
-from surrogate.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
-from surrogate.optim.schedule import ScheduleConfig
-from surrogate.optim.weight_average import WeightAverage
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
+    from surrogate.optim.muon import Muon
+    from surrogate.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
+    from surrogate.optim.schedule import ScheduleConfig
+    from surrogate.optim.weight_average import WeightAverage
 
 __all__ = [
     "EarlyStopping",
@@ -16,3 +21,16 @@ __all__ = [
     "make_optimisers",
     "set_learning_rate",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "EarlyStopping": "early_stopping",
+        "EarlyStoppingConfig": "early_stopping",
+        "Muon": "muon",
+        "OptimiserConfig": "optimisers",
+        "ScheduleConfig": "schedule",
+        "WeightAverage": "weight_average",
+        "make_optimisers": "optimisers",
+        "set_learning_rate": "optimisers",
+    },
+)

@@ -5,19 +5,24 @@ each has a mean and, with a likelihood, a standard deviation. `moments` joins th
 distribution, and `calibration` measures distributions against reference solutions.
 """
 
-from surrogate.probabilistic.calibration import (
-    INTERVALS,
-    CalibrationMeasures,
-    half_width,
-    measure_calibration,
-    rank_correlation,
-)
-from surrogate.probabilistic.distribution import Distribution
-from surrogate.probabilistic.ensemble import Ensemble
-from surrogate.probabilistic.flipout import VariationalConvolutions
-from surrogate.probabilistic.likelihoods import Likelihood, Prediction
-from surrogate.probabilistic.moments import Moments
-from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES, Passes
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.probabilistic.calibration import (
+        INTERVALS,
+        CalibrationMeasures,
+        half_width,
+        measure_calibration,
+        rank_correlation,
+    )
+    from surrogate.probabilistic.distribution import Distribution
+    from surrogate.probabilistic.ensemble import Ensemble
+    from surrogate.probabilistic.flipout import VariationalConvolutions
+    from surrogate.probabilistic.likelihoods import Likelihood, Prediction
+    from surrogate.probabilistic.moments import Moments
+    from surrogate.probabilistic.stochastic_passes import MOST_PASSES, PASSES, Passes
 
 __all__ = [
     "INTERVALS",
@@ -35,3 +40,22 @@ __all__ = [
     "measure_calibration",
     "rank_correlation",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "CalibrationMeasures": "calibration",
+        "Distribution": "distribution",
+        "Ensemble": "ensemble",
+        "INTERVALS": "calibration",
+        "Likelihood": "likelihoods",
+        "MOST_PASSES": "stochastic_passes",
+        "Moments": "moments",
+        "PASSES": "stochastic_passes",
+        "Passes": "stochastic_passes",
+        "Prediction": "likelihoods",
+        "VariationalConvolutions": "flipout",
+        "half_width": "calibration",
+        "measure_calibration": "calibration",
+        "rank_correlation": "calibration",
+    },
+)

@@ -5,12 +5,17 @@ has the files of a run, `description` the content of its ``config.yaml``; `seal`
 check that nothing has changed. `shelf` finds the trained networks that come with the package.
 """
 
-from surrogate.runs.description import DataFingerprint, RunDescription
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.recipes import read_recipe
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
 from surrogate.runs.run_config import read_config, run_config
-from surrogate.runs.shelf import find_run, shelved
-from surrogate.runs.tensor_file import load_tensors
+
+if TYPE_CHECKING:
+    from surrogate.runs.description import DataFingerprint, RunDescription
+    from surrogate.runs.folder import RunFolder
+    from surrogate.runs.recipes import read_recipe
+    from surrogate.runs.shelf import find_run, shelved
+    from surrogate.runs.tensor_file import load_tensors
 
 __all__ = [
     "DataFingerprint",
@@ -23,3 +28,15 @@ __all__ = [
     "run_config",
     "shelved",
 ]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "DataFingerprint": "description",
+        "RunDescription": "description",
+        "RunFolder": "folder",
+        "find_run": "shelf",
+        "load_tensors": "tensor_file",
+        "read_recipe": "recipes",
+        "shelved": "shelf",
+    },
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -11,11 +11,13 @@ from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials, materials_of
-from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.kinds import KINDS, RunConfig, tag_of
 from surrogate.models.model import Model, TrainedModel
 from surrogate.runs.legacy import upgraded
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 
 class DataFingerprint(Frozen):

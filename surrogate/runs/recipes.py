@@ -14,17 +14,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.shipped_files import names_in
 from shared_schema.manifest import read_manifest
-from surrogate.data.dataset import Dataset
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 SHIPPED = Path(__file__).parents[1] / "configs"
 ANY = "_any"
-Data = Dataset | str | Path | Sequence[str | Path]
+Data: TypeAlias = "Dataset | str | Path | Sequence[str | Path]"
 
 
 def read_recipe(name: str, data: Data | None = None) -> tuple[dict[str, Any], str]:
@@ -100,7 +102,6 @@ def named(content: dict[str, Any], case: str, recipe: str) -> dict[str, Any]:
 
 def case_of(data: Data) -> str:
     """Return the name of a dataset's case."""
-    if isinstance(data, Dataset):
-        return data.manifest.name
-    first = data if isinstance(data, (str, Path)) else data[0]
-    return read_manifest(Path(first), "structured").name
+    if isinstance(data, (str, Path)):
+        return read_manifest(Path(data), "structured").name
+    return case_of(data[0]) if isinstance(data, Sequence) else data.manifest.name

@@ -20,6 +20,7 @@ for bodies of any material; that of a Neo-Hookean one, to any order, is
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -27,10 +28,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.common.progress import Progress
-from surrogate.data.dataset import Dataset
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.out_of_balance import Equilibrium
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
 
 Array = NDArray[np.float64]
 SMALL_SLOPE = 1e-3  # largest gradient of h u₁
