@@ -34,7 +34,8 @@ def test_ten_lines(tmp_path: Path) -> None:
     text = SCRIPT.read_text().replace("samples=200", "samples=20")
     assert "samples=20)" in text
     (tmp_path / "script.py").write_text(text + EXACT)
-    command = [DATAGEN.parent / "python", ROOT / "tools" / "both_programs.py", "script.py"]
+    runner = ROOT / "tools" / "both_programs.py"
+    command: list[str | Path] = [DATAGEN.parent / "python", runner, "script.py"]
     result = subprocess.run(
         command, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=False
     )
