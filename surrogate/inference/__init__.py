@@ -3,6 +3,7 @@
 =====================  ========================================================================
 `loading`              a network from a run folder, or from the package
 `surrogate`            the network with its body: `Surrogate.predict`, `Surrogate.solve`
+`body`                 its base: equilibrium, stresses and reactions of the body
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
 `batched_prediction`   distributions under any number of loads
 `solution`             what `solve` returns; its figure is `solution_figure`

@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
+from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.batched_prediction import BatchedPrediction
+from surrogate.inference.body import TrainedBody
 from surrogate.inference.given_load import Load, checked_force, checked_forces, given_load
 from surrogate.inference.training_range import TrainingRange
-from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
@@ -37,14 +36,13 @@ if TYPE_CHECKING:
         Intervals,
     )
     from surrogate.inference.solution import Solution
-    from surrogate.mechanics.solids.solid import Solid
     from surrogate.one_load.backend import OneLoad
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # probability of fast bounds
 
 
-class Surrogate:
+class Surrogate(TrainedBody):
     """A trained network with the mesh that it predicts on.
 
     Attributes
@@ -69,10 +67,8 @@ class Surrogate:
     def __init__(
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
-        self.network = network.eval()
+        super().__init__(network.eval(), geometry, description)
         self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
-        self.geometry = geometry
-        self.description = description
         data = description.data
         self.training_range = TrainingRange(
             data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
@@ -399,87 +395,6 @@ class Surrogate:
     def score_scale(self, predicted: Distribution) -> ArrayLike:
         """Divisor of errors in conformal scores: σ in m, or 1 m if the network predicts none."""
         return predicted.std if self.is_probabilistic else 1.0
-
-    # --- mechanics --------------------------------------------------------------------------------
-
-    @cached_property
-    def equilibrium(self) -> Equilibrium:
-        """The finite-element equilibrium of the body.
-
-        Raises
-        ------
-        InputError
-            If its material is none of the shipped ones, or the learner does not compute the
-            equilibria of its elements.
-        """
-        require_known_elements(self.description.data.case, self.geometry)
-        whole = self.geometry.mean_dilation
-        for module in self.network.modules():
-            if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
-                return module.equilibrium
-        return Equilibrium(self.geometry, self.description.data.material)
-
-    def balanced(self) -> Equilibrium:
-        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
-        if self.geometry.pressed is not None:
-            raise InputError(
-                "the loads of the case have a pressure that follows the surface, so that the "
-                "forces of a prediction cannot be balanced; expected dead loads"
-            )
-        return self.equilibrium
-
-    @property
-    def stressed(self) -> Solid:
-        """The solid whose stresses are known.
-
-        Raises
-        ------
-        InputError
-            If its material is none of the shipped ones, or its elements are not linear.
-        """
-        require_linear_elements(self.description.data.case, "stresses and reactions")
-        return self.equilibrium.solid
-
-    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
-        """Compute stresses at the middle of every cell.
-
-        Parameters
-        ----------
-        displacement : array, (n_nodes, d) or (N, n_nodes, d)
-            In m.
-
-        Returns
-        -------
-        dict of array, (n_cells, …) or (N, n_cells, …)
-            By the names of `shared_schema.common.bodies.stress_fields`.
-
-        Raises
-        ------
-        InputError
-            If the material is none of the shipped ones.
-        """
-        from surrogate.mechanics.stresses import cell_stresses
-
-        u = np.asarray(displacement, dtype=np.float64)
-        samples = u.reshape(-1, *self.geometry.coordinates.shape)
-        fields = cell_stresses(self.stressed, self.geometry, samples)
-        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
-
-    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
-        """Compute the forces of the supports on the body, (n_nodes, d) in N.
-
-        Parameters
-        ----------
-        displacement : array, (n_nodes, d)
-            In m.
-        pushed : array, (n_nodes, d), optional
-            Forces in N of pressures on the deformed body; none by default.
-        """
-        from surrogate.mechanics.stresses import reactions
-
-        u = np.asarray(displacement, dtype=np.float64)
-        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
-        return np.asarray(reactions(self.stressed, self.geometry, u[None], forces[None])[0])
 
 
 def require_options_fit(

@@ -1,0 +1,118 @@
+"""The body that a network was trained on: its equilibrium, stresses and reactions."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shared_schema.common.errors import InputError
+from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.runs.description import RunDescription
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.solids.solid import Solid
+
+Array = NDArray[np.float64]
+
+
+class TrainedBody:
+    """The body of a run, as far as no prediction is needed.
+
+    Parameters
+    ----------
+    network : FieldNetwork
+        Its linear response, if it has one, shares the factor of K(0).
+    geometry : Geometry
+    description : RunDescription
+    """
+
+    def __init__(
+        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+    ) -> None:
+        self.network, self.geometry, self.description = network, geometry, description
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or the learner does not compute the
+            equilibria of its elements.
+        """
+        require_known_elements(self.description.data.case, self.geometry)
+        whole = self.geometry.mean_dilation
+        for module in self.network.modules():
+            if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
+                return module.equilibrium
+        return Equilibrium(self.geometry, self.description.data.material)
+
+    def balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
+        if self.geometry.pressed is not None:
+            raise InputError(
+                "the loads of the case have a pressure that follows the surface, so that the "
+                "forces of a prediction cannot be balanced; expected dead loads"
+            )
+        return self.equilibrium
+
+    @property
+    def stressed(self) -> Solid:
+        """The solid whose stresses are known.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or its elements are not linear.
+        """
+        require_linear_elements(self.description.data.case, "stresses and reactions")
+        return self.equilibrium.solid
+
+    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+
+        Returns
+        -------
+        dict of array, (n_cells, …) or (N, n_cells, …)
+            By the names of `shared_schema.common.bodies.stress_fields`.
+
+        Raises
+        ------
+        InputError
+            If the material is none of the shipped ones.
+        """
+        from surrogate.mechanics.stresses import cell_stresses
+
+        u = np.asarray(displacement, dtype=np.float64)
+        samples = u.reshape(-1, *self.geometry.coordinates.shape)
+        fields = cell_stresses(self.stressed, self.geometry, samples)
+        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
+
+    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
+        """Compute the forces of the supports on the body, (n_nodes, d) in N.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d)
+            In m.
+        pushed : array, (n_nodes, d), optional
+            Forces in N of pressures on the deformed body; none by default.
+        """
+        from surrogate.mechanics.stresses import reactions
+
+        u = np.asarray(displacement, dtype=np.float64)
+        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
+        return np.asarray(reactions(self.stressed, self.geometry, u[None], forces[None])[0])
