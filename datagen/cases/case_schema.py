@@ -59,8 +59,7 @@ def case_keys() -> list[Key]:
 
 def _family(place: str) -> type[LoadFamily]:
     module, _, class_name = place.partition(":")
-    family: type[LoadFamily] = getattr(importlib.import_module(module), class_name)
-    return family
+    return getattr(importlib.import_module(module), class_name)
 
 
 def _name(reference: Schema) -> str:

@@ -118,9 +118,9 @@ class ElementLoop:
         vertices = np.ascontiguousarray(geometry_nodes(domain)[: len(dofs)])
         volumes = None if elimination is None else elimination.volumes
         if cells is not None:
-            places, dofs, vertices = (
-                np.ascontiguousarray(array[cells]) for array in (places, dofs, vertices)
-            )
+            places = np.ascontiguousarray(places[cells])
+            dofs = np.ascontiguousarray(dofs[cells])
+            vertices = np.ascontiguousarray(vertices[cells])
             volumes = None if volumes is None else np.ascontiguousarray(volumes[cells])
         points = np.ascontiguousarray(domain.geometry.x, dtype=np.float64)
         counts = len(dofs), places.shape[1], dofs.shape[1], vertices.shape[1]

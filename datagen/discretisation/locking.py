@@ -44,5 +44,6 @@ def locking_warning(element: Element, cell_type: str, poisson_ratio: float) -> s
 
 def shortfall(cell_type: str, poisson_ratio: float) -> float:
     """Fraction by which linear elements bend too little."""
-    at, known = (-np.log(1 - 2 * np.array(ratio)) for ratio in (poisson_ratio, RATIOS))
+    at = -np.log(1 - 2 * np.array(poisson_ratio))
+    known = -np.log(1 - 2 * np.array(RATIOS))
     return float(np.interp(at, known, SHORTFALL[cell_type]))

@@ -85,14 +85,12 @@ class Unknowns:
 
     def at_points(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """Interpolate a displacement of the nodes, (n_nodes, d), at the points: (n_points, d)."""
-        at: NDArray[np.float64] = self.interpolation @ displacement[self.numbering.node_of_block]
-        return at
+        return self.interpolation @ displacement[self.numbering.node_of_block]
 
     def owned_points(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions in m of the points that this rank owns, (n, d), from those of the nodes."""
         positions = self.interpolation @ coordinates[self.numbering.node_of_block]
-        owned: NDArray[np.float64] = positions[self.point_dofs[:, 0] < self.owned]
-        return owned
+        return positions[self.point_dofs[:, 0] < self.owned]
 
     def held(self, components: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Components held at all corners around a point: nodes' (n_nodes, d) → (n_points, d)."""
@@ -107,8 +105,7 @@ class Unknowns:
         values : array
             In the layout of the state, ghosts included.
         """
-        forces: NDArray[np.float64] = self.interpolation.T @ values[self.point_dofs]
-        return forces
+        return self.interpolation.T @ values[self.point_dofs]
 
 
 def _dofs_of_cells(space: Any) -> NDArray[np.int32]:
@@ -123,9 +120,8 @@ def _corner_weights(domain: Any, degree: int) -> NDArray[np.float64]:
     """Linear shape functions at the points of a reference cell: (n_points, n_corners)."""
     cell = getattr(basix.CellType, domain.topology.cell_type.name)
     variant = basix.LagrangeVariant.gll_warped
-    linear, own = (
-        basix.create_element(basix.ElementFamily.P, cell, k, variant) for k in (1, degree)
-    )
+    linear = basix.create_element(basix.ElementFamily.P, cell, 1, variant)
+    own = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
     weights = linear.tabulate(0, own.points)[0]
     weights = weights.reshape(len(own.points), -1)
     return np.round(weights, 12)  # halves, quarters and eighths

@@ -57,12 +57,15 @@ def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
 def read_raw_mesh(path: Path) -> RawMesh:
     """Read a mesh that `write_raw_mesh` wrote."""
     with np.load(path) as file:
-        groups, cell_groups = (
-            {name.removeprefix(kind): file[name] for name in file if name.startswith(kind)}
-            for kind in ("group:", "cells:")
-        )
+        groups = _named(file, "group:")
+        cell_groups = _named(file, "cells:")
         cell_type = str(file["cell_type"])
         return RawMesh(file["coordinates"], file["cells"], cell_type, groups, cell_groups)
+
+
+def _named(file: Mapping[str, NDArray[np.int64]], kind: str) -> dict[str, NDArray[np.int64]]:
+    """Arrays of a file whose names begin with a kind, by the rest of their names."""
+    return {name.removeprefix(kind): file[name] for name in file if name.startswith(kind)}
 
 
 def raw_mesh(

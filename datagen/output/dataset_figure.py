@@ -90,10 +90,8 @@ def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
     for drawing, sample in zip(drawings, shown, strict=True):
         _draw_sample(drawing, dataset, sample)
     first.finish()
-    lower, upper = (
-        np.array(corners)
-        for corners in zip(*(drawing.extent() for drawing in (first, *drawings)), strict=True)
-    )
+    extents = np.array([drawing.extent() for drawing in (first, *drawings)])
+    lower, upper = extents[:, 0], extents[:, 1]
     left, right = lower[:, 0].min(), upper[:, 0].max()
     bottom, top = lower[1:, 1].min(), upper[1:, 1].max()
     for drawing in drawings:

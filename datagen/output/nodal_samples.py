@@ -106,7 +106,8 @@ class NodalSamples:
         if entry != self._loaded:
             self._loaded, self._arrays = entry, self._reader.shard(entry)
         row = self._arrays["samples/number"].tolist().index(number)
-        nodes, loads = (self._arrays[f"samples/{name}"][row] for name in ("loaded_nodes", "force"))
+        nodes = self._arrays["samples/loaded_nodes"][row]
+        loads = self._arrays["samples/force"][row]
         force = scatter_forces(nodes, loads, len(self.coordinates))
         pressures = np.zeros(0)
         if self.surfaces:

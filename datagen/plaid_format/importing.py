@@ -173,10 +173,8 @@ def _mesh(source: Path, arrays: Arrays) -> Arrays:
         If no node is clamped, a clamped node moves or is loaded, or another than a loadable one is
         loaded.
     """
-    moved, loaded = (
-        np.any([(values != 0).any(axis=-1) for values in arrays[name]], axis=0)
-        for name in ("displacement", "force")
-    )
+    moved = np.any([(values != 0).any(axis=-1) for values in arrays["displacement"]], axis=0)
+    loaded = np.any([(values != 0).any(axis=-1) for values in arrays["force"]], axis=0)
     count = len(arrays["coordinates"])
     clamped = _tagged(arrays, "clamped", count, ~moved)
     loadable = _tagged(arrays, "loadable", count, loaded)

@@ -97,7 +97,8 @@ def energy_density(
         return _own_energy(completed(f if dilation is None else squared**0.5 * f), material)
     assert isinstance(material, ShippedMaterial)
     if isinstance(material, NeoHookean) and dilation is None:
-        lam, mu = (_constant(m, domain) for m in (material.lame_lambda, material.lame_mu))
+        lam = _constant(material.lame_lambda, domain)
+        mu = _constant(material.lame_mu, domain)
         return strain_energy(f, lam, mu, material.volumetric)
     # By the invariants of F: the compiled derivatives of a scaled F are ten times as long.
     numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}

@@ -134,8 +134,8 @@ def weak_form(
         measures = {part: of_parts(part) for part, _ in several}
 
     def energy_of(density: Callable[[Any], Any]) -> Any:
-        first, *others = (density(m) * measures[part] for part, m in several)
-        return sum(others, start=first)
+        terms = [density(each) * measures[part] for part, each in several]
+        return sum(terms[1:], start=terms[0])
 
     if kind.dilation == "pointwise":
         f = deformation_gradient(state)
@@ -147,10 +147,8 @@ def weak_form(
     else:
         u, t, q = ufl.split(state)
         modulus = max(longitudinal_modulus(m) for _, m in several)
-        length, scale = (
-            dolfinx.fem.Constant(domain, PETSc.ScalarType(value))
-            for value in (size, modulus / size)
-        )
+        length = dolfinx.fem.Constant(domain, PETSc.ScalarType(size))
+        scale = dolfinx.fem.Constant(domain, PETSc.ScalarType(modulus / size))
         dilation, pressure = 1 + t / length, scale * q
     f = deformation_gradient(u)
     j = ufl.det(f)

@@ -37,10 +37,8 @@ def _is_same(old: Manifest, made: Manifest) -> bool:
 def _is_smaller(old: Manifest, made: Manifest) -> bool:
     """True if the old dataset was made in the same way before the case's dataset has grown."""
     grown = old.case_digest in {stage.case_digest for stage in made.history}
-    theirs, ours = (
-        [{**step, "source_digest": None} for step in manifest.transforms]
-        for manifest in (old, made)
-    )
+    theirs = [{**step, "source_digest": None} for step in old.transforms]
+    ours = [{**step, "source_digest": None} for step in made.transforms]
     return grown and old.kind == made.kind and theirs == ours
 
 

@@ -127,9 +127,8 @@ def locate(
         here, part = interpolation(positions, corners[candidate], cell_type)
         better = part * size[candidate] < best
         best[better] = (part * size[candidate])[better]
-        cell[better], weights[better], outside[better] = (
-            values[better] for values in (candidate, here, part)
-        )
+        cell[better], weights[better] = candidate[better], here[better]
+        outside[better] = part[better]
     return cell, weights, outside
 
 

@@ -61,7 +61,8 @@ def _of_container() -> float:
         if line.startswith("0::"):
             group = CGROUPS / line[3:].strip("/")
             for folder in (group, *group.parents):
-                limit, used = (_lines(folder / f"memory.{name}") for name in ("max", "current"))
+                limit = _lines(folder / "memory.max")
+                used = _lines(folder / "memory.current")
                 if limit and used and limit[0] != "max":
                     free = min(free, float(limit[0]) - float(used[0]) + _file_cache(folder))
     return free

@@ -68,8 +68,7 @@ class LoadedBody:
     def facets_of(self, group: str) -> NDArray[np.int64]:
         """Facets whose nodes all belong to a group, seen from outside."""
         facets = outward_facets(self.coordinates, self.cells, self.cell_type)
-        inside: NDArray[np.int64] = facets[self.groups[group][facets].all(axis=1)]
-        return inside
+        return facets[self.groups[group][facets].all(axis=1)]
 
 
 @dataclass
@@ -102,7 +101,8 @@ class CommandLoads:
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.forces, self.displacement = (np.zeros(self.body.coordinates.shape) for _ in range(2))
+        self.forces = np.zeros(self.body.coordinates.shape)
+        self.displacement = np.zeros(self.body.coordinates.shape)
         self.moved = np.zeros(self.body.coordinates.shape, dtype=bool)
 
     @property

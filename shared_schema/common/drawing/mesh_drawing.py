@@ -297,7 +297,8 @@ class SpaceDrawing(Drawing):
     def __init__(self, axes: Axes, mesh: Mesh) -> None:
         super().__init__(axes, mesh)
         axes.set_axis_off()
-        turn, lift = (np.array((np.cos(a), np.sin(a))) for a in (AZIMUTH, ELEVATION))
+        turn = np.array((np.cos(AZIMUTH), np.sin(AZIMUTH)))
+        lift = np.array((np.cos(ELEVATION), np.sin(ELEVATION)))
         self._paper = np.array(
             [[-turn[1], turn[0], 0.0], [-lift[1] * turn[0], -lift[1] * turn[1], lift[0]]]
         )
