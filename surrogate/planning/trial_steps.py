@@ -15,11 +15,9 @@ from surrogate.runs.recipes import Data
 from surrogate.runs.run_config import Config, read_config
 from surrogate.training.setup import (
     dataset_for,
-    initial_network,
+    least_memory,
     make_trainer,
-    require_memory_of,
     split_for,
-    with_mirrored_samples,
 )
 
 SECONDS = 10.0  # of steps
@@ -106,18 +104,15 @@ def dry_run(
             f"--dry-run: config '{config.name}' is fitted directly, expected a model that is "
             "trained step by step"
         )
-    split = with_mirrored_samples(config, data, split_for(config, data))
-    memory = require_memory_of(config, data, split, target)
-    network = initial_network(config, data, split)
-    trainer = make_trainer(config, network, split, data, target)
+    trainer = make_trainer(config, data, split_for(config, data), target)
     times = list(trainer.timed_steps(WARM_UP + MOST, SECONDS))
     counted = times[WARM_UP:] or times[-1:]
     return DryRun(
         architecture=config.architecture,
-        parameters=parameter_count(network),
-        memory=memory,
-        samples=len(split.train),
-        validation=len(split.validation),
+        parameters=parameter_count(trainer.network),
+        memory=least_memory(config, data, len(trainer.train)),
+        samples=len(trainer.train),
+        validation=len(trainer.validation),
         epochs=config.training.epochs,
         steps=trainer.steps,
         seconds=sum(counted) / len(counted),

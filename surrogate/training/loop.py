@@ -12,6 +12,7 @@ import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from shared_schema.common.atomic_file import require_writable
@@ -38,12 +39,9 @@ from surrogate.training.setup import (
     Split,
     dataset_for,
     initial_network,
-    load_paths,
     make_trainer,
-    require_memory_of,
     require_options,
     split_for,
-    with_mirrored_samples,
 )
 from surrogate.training.trainer import Trainer, all_finite
 from surrogate.training.training_log import TrainingLog
@@ -113,15 +111,9 @@ def train(
         description = ranks.from_first(lambda: run.require_free(described))
         if run.is_finished and run.description().went_on_from == description.went_on_from:
             return load(run.folder, target.type)
-        if isinstance(config, TrainedModel):
-            split = with_mirrored_samples(config, data, split)
-            require_memory_of(config, data, split, target, ranks.count)
         ranks.from_first(lambda: held.enter_context(run.owned()))
-        began = time.perf_counter()
-        network = initial_network(config, data, split, start)
         if isinstance(config, TrainedModel):
-            paths = load_paths(config, data, split, ranks)
-            trainer = make_trainer(config, network, split, data, target, ranks, paths)
+            trainer = make_trainer(config, data, split, target, ranks, start)
             ranks.from_first(lambda: run.start(description))
             last = stop_after or config.training.epochs
             is_over = train_epochs(trainer, description, run, last, deadline, tensorboard)
@@ -130,8 +122,7 @@ def train(
                 return make_surrogate(tensors, description, target.type)
             ranks.from_first(lambda: finish(trainer, description, run, tensors))
         else:
-            ranks.from_first(lambda: run.start(description))
-            ranks.from_first(lambda: fit(config, network.to(target), split, data, run, began))
+            ranks.from_first(lambda: fit(config, data, split, target, description, run))
         return load(run.folder, target.type)
 
 
@@ -225,14 +216,16 @@ def finish(
 
 def fit(
     config: Model,
-    network: FieldNetwork,
-    split: Split,
     dataset: Dataset,
+    split: Split,
+    device: torch.device,
+    description: RunDescription,
     run: RunFolder,
-    began: float,
 ) -> None:
     """Write a model that is fitted directly, and one line of measures with epoch 0."""
-    device = network.displacement_rms.device
+    began = time.perf_counter()
+    network = initial_network(config, dataset, split).to(device)
+    run.start(description)
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
         store = DeviceStore(network.prepared(split.validation.in_memory()), device)
         seconds = time.perf_counter() - began

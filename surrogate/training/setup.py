@@ -80,6 +80,43 @@ def split_for(config: Model, dataset: Dataset, processes: int = 1) -> Split:
     return split
 
 
+def make_trainer(
+    config: TrainedModel,
+    dataset: Dataset,
+    split: Split,
+    device: torch.device,
+    ranks: Ranks = ALONE,
+    start: WarmStart | None = None,
+) -> Trainer:
+    """Build a network in training: mirrored samples, weights, load paths. Collective.
+
+    Raises
+    ------
+    InputError
+        If the training takes more memory than the device has, or the body is not symmetric.
+    """
+    split = with_mirrored_samples(config, dataset, split)
+    keys = "keys 'network', 'ensemble', 'training.batch_size'"
+    needed = least_memory(config, dataset, len(split.train), ranks.count)
+    require_device_memory(needed, f"config '{config.name}': {keys}: training", device)
+    network = initial_network(config, dataset, split, start)
+    paths = load_paths(config, dataset, split, ranks)
+    lay_out(network, dataset.geometry.dimension, config.training.precision, device)
+    if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
+        logger.warning(
+            "config '%s': 'training.cuda_graphs' is for one process on cuda, here %d on %s; "
+            "training continues without it",
+            *(config.name, ranks.count, device.type),
+        )
+    return Trainer(config, network, split.train, split.validation, ranks, paths)
+
+
+def least_memory(config: TrainedModel, dataset: Dataset, samples: int, processes: int = 1) -> int:
+    """Estimate what a training on so many samples takes in each process, in bytes, from below."""
+    batch = min(math.ceil(config.training.batch_size / processes), samples)
+    return training_memory(config, dataset.geometry, batch)
+
+
 def with_mirrored_samples(config: TrainedModel, dataset: Dataset, split: Split) -> Split:
     """Add the mirror images of the training samples, if the configuration asks for them."""
     axes, key = config.training.mirrors, f"config '{config.name}': key 'training.mirrors'"
@@ -88,17 +125,6 @@ def with_mirrored_samples(config: TrainedModel, dataset: Dataset, split: Split) 
     if isinstance(split.train, SamplesOnDisk):
         raise InputError(f"{key} = {list(axes)}: expected none of samples on disk")
     return replace(split, train=with_mirror_images(split.train, dataset.geometry, axes, key))
-
-
-def require_memory_of(
-    config: TrainedModel, dataset: Dataset, split: Split, device: torch.device, processes: int = 1
-) -> int:
-    """Return what the training takes at least, in bytes; InputError if the device has less."""
-    batch = min(math.ceil(config.training.batch_size / processes), len(split.train))
-    needed = training_memory(config, dataset.geometry, batch)
-    keys = "keys 'network', 'ensemble', 'training.batch_size'"
-    require_device_memory(needed, f"config '{config.name}': {keys}: training", device)
-    return needed
 
 
 def initial_network(
@@ -139,23 +165,3 @@ def load_paths(
     paths = read_paths(dataset, split.train_rows, count)
     key = f"config '{config.name}': key 'training.mirrors'"
     return paths.with_mirror_images(dataset.geometry, mirrors, key)
-
-
-def make_trainer(
-    config: TrainedModel,
-    network: FieldNetwork,
-    split: Split,
-    dataset: Dataset,
-    device: torch.device,
-    ranks: Ranks = ALONE,
-    paths: SamplePaths | None = None,
-) -> Trainer:
-    """Move a network to the device and make its trainer."""
-    lay_out(network, dataset.geometry.dimension, config.training.precision, device)
-    if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
-        logger.warning(
-            "config '%s': 'training.cuda_graphs' is for one process on cuda, here %d on %s; "
-            "training continues without it",
-            *(config.name, ranks.count, device.type),
-        )
-    return Trainer(config, network, split.train, split.validation, ranks, paths)
