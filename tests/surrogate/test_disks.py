@@ -20,7 +20,7 @@ from tools.small_disk import SmallDisk
 
 pytestmark = pytest.mark.faults
 
-PYTHON = [sys.executable, "-m", "surrogate.command_line"]
+SURROGATE = "surrogate.command_line"
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
@@ -35,8 +35,10 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def run_on(disk: SmallDisk, *arguments: object) -> subprocess.CompletedProcess[str]:
-    words = disk.words([*PYTHON, *map(str, arguments)])
+def run_on(
+    disk: SmallDisk, *arguments: object, program: str = SURROGATE
+) -> subprocess.CompletedProcess[str]:
+    words = disk.words([sys.executable, "-m", program, *map(str, arguments)])
     return subprocess.run(
         words, env=ENVIRONMENT, capture_output=True, text=True, check=False, timeout=120
     )
@@ -85,7 +87,8 @@ def test_read_only_targets_are_wrong_input(
         ["reproduce", "--scale", "smoke", "--out", folder / "report"],
     ]
     for command in commands:
-        done = run_on(disk, *command)
+        program = "experiments" if command[0] == "reproduce" else SURROGATE
+        done = run_on(disk, *command, program=program)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
         assert f"{folder}" in done.stderr
         assert "cannot be written to (Read-only file system)" in done.stderr
