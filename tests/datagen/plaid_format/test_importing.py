@@ -56,7 +56,6 @@ def test_there_and_back_is_the_same_dataset(nodal: Path, tmp_path: Path, plaid: 
     np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.slow
 def test_a_dataset_of_somebody_else(foreign: Path, tmp_path: Path, plaid: Path) -> None:
     """Plane although in space; clamped where nothing moves, loadable where a force acts."""
     out = tmp_path / "nodal"

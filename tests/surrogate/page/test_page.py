@@ -176,6 +176,13 @@ def test_wrong_input_gets_one_line(
     assert list(tmp_path.glob("*.html")) == []
 
 
+def test_command(small_bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "page.html"
+    assert main(["page", "beam2d_any", "--out", str(path)]) == 0
+    assert capsys.readouterr().out.startswith(f"{path}: ")
+    assert "let page;" in path.read_text()
+
+
 def test_checkout_without_bundle_says_how_to_build_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
