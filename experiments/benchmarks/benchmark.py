@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from experiments.framework.experiment import Experiment, Findings, Setting
 from experiments.framework.machine import ROOT, machine
-from experiments.framework.record import Record, read_record, record_path
+from experiments.framework.record import DatasetRecord, Record, read_record, record_path
 from experiments.framework.runner import measured
-from shared_schema import DatasetReader, digest_of
+from shared_schema import MANIFEST, DatasetReader, digest_of, read_manifest
 from shared_schema.common import Parser, write_text
 
 DOCS = ROOT / "docs"
@@ -43,9 +45,22 @@ class Options(Setting):
         """Describe processor and load."""
         return machine()
 
+    def used_datasets(self, experiment: Experiment[Any]) -> dict[str, DatasetRecord]:
+        """Entries of the datasets among the options."""
+        values = [v for value in vars(self.options).values() for v in np.atleast_1d(value)]
+        folders = [v for v in values if isinstance(v, Path) and (v / MANIFEST).is_file()]
+        manifests = {str(folder): read_manifest(folder) for folder in folders}
+        return {
+            name: DatasetRecord(case=m.name, samples=m.samples, digest=m.digest)
+            for name, m in manifests.items()
+        }
+
     def fingerprint(self, experiment: Experiment[Any]) -> str:
-        """Digest of the benchmark and its options."""
-        return digest_of({"benchmark": experiment.name, "options": self.configuration()})
+        """Digest of the benchmark, its options and its datasets."""
+        datasets = {name: of.digest for name, of in self.used_datasets(experiment).items()}
+        return digest_of(
+            {"benchmark": experiment.name, **self.configuration(), "datasets": datasets}
+        )
 
 
 @dataclass(frozen=True)

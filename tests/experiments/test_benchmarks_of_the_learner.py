@@ -12,7 +12,8 @@ from experiments.__main__ import main
 from experiments.benchmark_commands import PROGRAMS, find_benchmark
 from experiments.benchmarks import benchmark, training
 from experiments.benchmarks.benchmark import page_path, stored_record
-from shared_schema.common import InputError
+from shared_schema import read_manifest
+from shared_schema.common import InputError, Parser
 from surrogate.data import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import UNetConfig
@@ -81,25 +82,32 @@ def test_programs_are_those_of_the_files() -> None:
 
 
 def test_a_benchmark_is_recorded_and_published(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its record holds options, machine, versions, command and digest; the page is made from it."""
     monkeypatch.setattr(benchmark, "DOCS", tmp_path)
     monkeypatch.setattr(benchmark, "RESULTS", tmp_path / "results")
+
+    def add_options(parser: Parser) -> None:
+        parser.add_argument("--count", type=int, default=1)
+        parser.add_argument("--data", type=Path, nargs="+")
+
     made_up = benchmark.Benchmark(
         name="made-up",
         title="Made up for `{case}`",
         measure=lambda options: {"case": "beam2d", "twice": 2 * options.count},
         page=lambda numbers: f"Twice: {numbers['twice']}.\n",
-        arguments=lambda parser: parser.add_argument("--count", type=int, default=1),
+        arguments=add_options,
         variant=lambda options: f"of-{options.count}",
     )
-    path = made_up.run(["--count", "3"], "python -m experiments benchmark made-up")
+    program = "python -m experiments benchmark made-up"
+    path = made_up.run(["--count", "3", "--data", str(data)], program)
     assert path == tmp_path / "benchmarks" / "made-up-of-3.md"
     assert path.read_text().startswith("# Made up for `beam2d`\n\nTwice: 6.\n\n")
     record = stored_record("made-up-of-3")
-    assert record.configuration == {"count": 3}
-    assert record.command == "python -m experiments benchmark made-up --count 3"
+    assert record.configuration["count"] == 3
+    assert record.command == f"{program} --count 3 --data {data}"
+    assert record.datasets[str(data)].digest == read_manifest(data).digest
     assert len(record.machine["load_averages"]) == 2
     assert record.software["torch"] == torch.__version__
     file = tmp_path / "results" / "benchmark-made-up-of-3.json"
