@@ -17,6 +17,7 @@ ELSEWHERE = (
     "docker/README.md",
     "shared_schema/README.md",
 )
+SHORT = (ROOT / "README.md", ROOT / "docs" / "get-started.md")
 MADE = ("-commands.md", "-keys.md")  # by `make docs`, from the programs
 PAGES = sorted(
     [
@@ -40,8 +41,8 @@ def _runs(page: Path) -> bool:
 
 
 def _marks_of(page: Path) -> list[pytest.MarkDecorator]:
-    """Pages with many commands are slow, those with mpirun need MPI."""
-    marks = [pytest.mark.slow] if _commands_of(page) > 2 else []
+    """All pages but the first that one reads are slow, those with mpirun need MPI."""
+    marks = [] if page in SHORT else [pytest.mark.slow]
     return [*marks, pytest.mark.mpi] if "mpirun" in page.read_text() else marks
 
 

@@ -176,9 +176,12 @@ def test_wrong_input_gets_one_line(
     assert list(tmp_path.glob("*.html")) == []
 
 
-def test_command(small_bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(
+    small_bundle: Path, dataset: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = untrained(tmp_path / "run", dataset, dataset.geometry, {})
     path = tmp_path / "page.html"
-    assert main(["page", "beam2d_any", "--out", str(path)]) == 0
+    assert main(["page", str(run), "--out", str(path)]) == 0
     assert capsys.readouterr().out.startswith(f"{path}: ")
     assert "let page;" in path.read_text()
 
