@@ -40,6 +40,7 @@ from surrogate.training.setup import (
     dataset_for,
     initial_network,
     make_trainer,
+    require_a_sample_each,
     require_options,
     split_for,
 )
@@ -103,10 +104,11 @@ def train(
     config, run = read_config(config, data=dataset), RunFolder(Path(out))
     require_writable(run.folder)
     with joined(device) as (ranks, target), ExitStack() as held:
+        ranks.from_first(lambda: require_a_sample_each(config, ranks.count))
         data = dataset_for(config, dataset)
         deadline = time.perf_counter() + seconds
         start = None if start_from is None else warm_start(start_from, config, data)
-        split = split_for(config, data, ranks.count)
+        split = split_for(config, data)
         described = describe(config, data, None if start is None else start.origin)
         description = ranks.from_first(lambda: run.require_free(described))
         if run.is_finished and run.description().went_on_from == description.went_on_from:

@@ -68,14 +68,18 @@ def dataset_for(config: Model, dataset: Data) -> Dataset:
     return dataset
 
 
-def split_for(config: Model, dataset: Dataset, processes: int = 1) -> Split:
-    """Split the training samples; InputError unless the configuration can learn from them."""
-    split = split_training(dataset.training, config)
+def require_a_sample_each(config: Model, processes: int) -> None:
+    """Raise InputError if a batch has fewer samples than there are processes."""
     if isinstance(config, TrainedModel) and config.training.batch_size < processes:
         raise InputError(
             f"config '{config.name}': key 'training.batch_size' = {config.training.batch_size}, "
             f"expected {processes} at least, the number of processes"
         )
+
+
+def split_for(config: Model, dataset: Dataset) -> Split:
+    """Split the training samples; InputError unless the configuration can learn from them."""
+    split = split_training(dataset.training, config)
     config.require_suitable(dataset, split.train)
     return split
 
