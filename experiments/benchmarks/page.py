@@ -180,7 +180,7 @@ def arguments(parser: Parser) -> None:
 
 BENCHMARK = Benchmark(
     name="page",
-    title="Times of pages on which one drags a load",
+    title="Times of pages to drag loads on",
     measure=measure,
     page=page,
     arguments=arguments,
