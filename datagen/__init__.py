@@ -12,8 +12,9 @@ raises `InputError`, work that fails `WorkError`.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from datagen.cases.case import Case, read_case
@@ -55,38 +56,4 @@ __all__ = [
     "solve",
     "structure",
 ]
-
-_PLACES = {  # imported at first use, so that a command can fix thread counts before numpy loads
-    "Case": "datagen.cases.case:Case",
-    "DryRun": "datagen.farm.run_estimate:DryRun",
-    "InputError": "shared_schema.common.errors:InputError",
-    "Solution": "datagen.solution:Solution",
-    "WorkError": "shared_schema.common.errors:WorkError",
-    "add_noise": "datagen.transforms.added_noise:add_noise",
-    "case_keys": "datagen.cases.case_schema:case_keys",
-    "case_schema": "datagen.cases.case_schema:case_schema",
-    "check": "shared_schema.checker:check_dataset",
-    "dry_run": "datagen.farm.run_estimate:dry_run",
-    "export": "datagen.output.paraview_series:export",
-    "export_plaid": "datagen.plaid_format.exporting:export_plaid",
-    "import_plaid": "datagen.plaid_format.importing:import_plaid",
-    "info": "datagen.output.dataset_info:info",
-    "plot": "datagen.output.dataset_figure:plot_dataset",
-    "read_case": "datagen.cases.case:read_case",
-    "run": "datagen.farm.farm:run",
-    "shipped_cases": "datagen.cases.case_list:shipped_cases",
-    "solve": "datagen.solution:solve",
-    "structure": "datagen.transforms.reindexing:structure",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _PLACES:
-        raise AttributeError(f"module 'datagen' has no attribute '{name}'")
-    module, _, own_name = _PLACES[name].partition(":")
-    value = globals()[name] = getattr(import_module(module), own_name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__ = lazy_names(__name__)

@@ -4,25 +4,30 @@ The two programs share nothing but files; this package defines their content and
 code that both import. It needs h5py and numpy, and meshio for VTU files; no solver, no torch.
 """
 
-from shared_schema.checker import check_dataset
-from shared_schema.dataset_reader import DatasetReader
-from shared_schema.grid import Grid, grid_of
-from shared_schema.layout import Arrays, Kind
-from shared_schema.load_cases import LoadCases, read_load_cases, write_load_cases
-from shared_schema.manifest import (
-    MANIFEST,
-    ComponentStatistics,
-    Manifest,
-    NodeOrder,
-    ShardEntry,
-    StructuredInfo,
-    digest_of,
-    read_manifest,
-    write_manifest,
-)
-from shared_schema.material import NeoHookean
-from shared_schema.shard import read_shard, write_shard
-from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from shared_schema.checker import check_dataset
+    from shared_schema.dataset_reader import DatasetReader
+    from shared_schema.grid import Grid, grid_of
+    from shared_schema.layout import Arrays, Kind
+    from shared_schema.load_cases import LoadCases, read_load_cases, write_load_cases
+    from shared_schema.manifest import (
+        MANIFEST,
+        ComponentStatistics,
+        Manifest,
+        NodeOrder,
+        ShardEntry,
+        StructuredInfo,
+        digest_of,
+        read_manifest,
+        write_manifest,
+    )
+    from shared_schema.material import NeoHookean
+    from shared_schema.shard import read_shard, write_shard
+    from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 __version__ = "0.2.0"
 __all__ = [
@@ -51,3 +56,4 @@ __all__ = [
     "write_shard",
     "write_stiffness",
 ]
+__getattr__ = lazy_names(__name__)

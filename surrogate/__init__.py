@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from surrogate.planning.first_configuration import first_config
     from surrogate.planning.trial_steps import dry_run
     from surrogate.runs.config_list import config_list
+    from surrogate.runs.config_reader import read_config
     from surrogate.runs.config_schema import config_keys, config_schema
-    from surrogate.runs.run_config import read_config
     from surrogate.runs.shelf import shelve, shelved
     from surrogate.runs.trained_list import trained_list
     from surrogate.training.loop import train
@@ -71,43 +71,4 @@ __all__ = [
     "write_page",
     "write_report",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "Comparison": "evaluation.run_comparison",
-        "Dataset": "data.dataset",
-        "Evaluation": "evaluation.run_evaluation",
-        "LearningCurve": "evaluation.learning_curves",
-        "OutsideTrainingWarning": "inference.training_range",
-        "Proposal": "inference.proposal",
-        "Published": "evaluation.published",
-        "Solution": "inference.solution",
-        "Surrogate": "inference.surrogate",
-        "compare": "evaluation.run_comparison",
-        "config_keys": "runs.config_schema",
-        "config_list": "runs.config_list",
-        "config_schema": "runs.config_schema",
-        "dry_run": "planning.trial_steps",
-        "evaluate": "evaluation.run_evaluation",
-        "export": "inference.export",
-        "first_config": "planning.first_configuration",
-        "learning_curve": "evaluation.learning_curves",
-        "load": "inference.loading",
-        "propose": "inference.proposal",
-        "read_config": "runs.run_config",
-        "read_dataset": "data.joined_dataset",
-        "read_published": "evaluation.published",
-        "refine": "training.refinement",
-        "shelve": "runs.shelf",
-        "shelved": "runs.shelf",
-        "train": "training.loop",
-        "trained_list": "runs.trained_list",
-        "write_page": "page.page",
-        "write_report": "evaluation.run_report",
-    },
-)
-
-
-def __dir__() -> list[str]:
-    """Public names, for completion."""
-    return sorted({*globals(), *__all__})
+__getattr__ = lazy_names(__name__)

@@ -10,7 +10,7 @@ import torch
 
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.memory import GIB, require_memory
-from shared_schema.common.processor import processor
+from shared_schema.common.processor_name import processor
 
 __all__ = ["hardware"]
 

@@ -9,7 +9,4 @@ if TYPE_CHECKING:
     from datagen.cases.case import SHIPPED, Case, read_case
 
 __all__ = ["SHIPPED", "Body", "Case", "make_body", "read_case"]
-__getattr__ = lazy_names(
-    __name__,
-    {"SHIPPED": "case", "Body": "body", "Case": "case", "make_body": "body", "read_case": "case"},
-)
+__getattr__ = lazy_names(__name__)

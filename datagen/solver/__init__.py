@@ -19,14 +19,4 @@ __all__ = [
     "solve_from",
     "solve_load_case",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "EquilibriumProblem": "equilibrium",
-        "SolverSettings": "settings",
-        "deformation_gradient": "strain_energy",
-        "energy_density": "strain_energy",
-        "solve_from": "given_start",
-        "solve_load_case": "load_stepping",
-    },
-)
+__getattr__ = lazy_names(__name__)

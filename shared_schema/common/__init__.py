@@ -3,22 +3,27 @@
 Figures are in `shared_schema.common.drawing`, which needs matplotlib.
 """
 
-from shared_schema.common.atomic_file import complete_or_absent, require_writable, write_text
-from shared_schema.common.changed_keys import changed, source_of
-from shared_schema.common.command_line import (
-    Commands,
-    Parser,
-    add_command,
-    add_set,
-    make_parser,
-    run_command,
-)
-from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
-from shared_schema.common.errors import InputError, WorkError
-from shared_schema.common.memory import largest_resident
-from shared_schema.common.nodal_forces import scatter_forces
-from shared_schema.common.processor import processor
-from shared_schema.common.progress import Progress
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from shared_schema.common.atomic_file import complete_or_absent, require_writable, write_text
+    from shared_schema.common.changed_keys import changed, source_of
+    from shared_schema.common.command_line import (
+        Commands,
+        Parser,
+        add_command,
+        add_set,
+        make_parser,
+        run_command,
+    )
+    from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
+    from shared_schema.common.errors import InputError, WorkError
+    from shared_schema.common.memory import largest_resident
+    from shared_schema.common.nodal_forces import scatter_forces
+    from shared_schema.common.processor_name import processor
+    from shared_schema.common.progress import Progress
 
 __all__ = [
     "Commands",
@@ -43,3 +48,4 @@ __all__ = [
     "validate",
     "write_text",
 ]
+__getattr__ = lazy_names(__name__)

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import ast
+import sys
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
-def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Make the ``__getattr__`` of a package.
+def lazy_names(package: str) -> Callable[[str], Any]:
+    """Make the ``__getattr__`` of a package, whose names stand under ``if TYPE_CHECKING``.
+
+    Type checkers read these imports as they stand; at run time, each is done when its name is first
+    asked for (PEP 562).
 
     Parameters
     ----------
     package : str
         Its ``__name__``.
-    modules : mapping of str to str
-        Module in the package, by public name.
     """
 
+    @cache
+    def places() -> dict[str, tuple[str, str]]:
+        """Return module and name there, by public name."""
+        source = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
+        return {
+            alias.asname or alias.name: (str(node.module), alias.name)
+            for block in ast.parse(source).body
+            if isinstance(block, ast.If)
+            for node in block.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+
     def find(name: str) -> Any:
-        if name not in modules:
+        if name.startswith("_") or name not in places():
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
-        return getattr(import_module(f"{package}.{modules[name]}"), name)
+        module, original = places()[name]
+        return getattr(import_module(module), original)
 
     return find

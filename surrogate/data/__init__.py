@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING
 
 from shared_schema.common.lazy_names import lazy_names
-from surrogate.data.random_loads import RandomLoads, random_loads
 
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
     from surrogate.data.geometry import Geometry
     from surrogate.data.joined_dataset import read_dataset
+    from surrogate.data.load_families import RandomLoads, random_loads
     from surrogate.data.nodal_dataset import NodalDataset, NodalSamples, read_nodal_dataset
     from surrogate.data.samples import Samples
     from surrogate.data.samples_on_disk import SamplesOnDisk
@@ -25,16 +25,4 @@ __all__ = [
     "read_dataset",
     "read_nodal_dataset",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "Dataset": "dataset",
-        "Geometry": "geometry",
-        "NodalDataset": "nodal_dataset",
-        "NodalSamples": "nodal_dataset",
-        "Samples": "samples",
-        "SamplesOnDisk": "samples_on_disk",
-        "read_dataset": "joined_dataset",
-        "read_nodal_dataset": "nodal_dataset",
-    },
-)
+__getattr__ = lazy_names(__name__)

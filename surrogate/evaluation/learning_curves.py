@@ -24,8 +24,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.text_table import laid_out
 from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.models.model import Model, TrainedModel
+from surrogate.runs.config_reader import Config, read_config
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import Config, read_config
 from surrogate.training.loop import train
 from surrogate.training.setup import dataset_for
 

@@ -34,14 +34,4 @@ __all__ = [
     "fit_fast_certificate",
     "load",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "NodalFunction": "export",
-        "OutsideTrainingWarning": "training_range",
-        "Surrogate": "surrogate",
-        "farthest": "proposal",
-        "fit_fast_certificate": "calibration",
-        "load": "loading",
-    },
-)
+__getattr__ = lazy_names(__name__)

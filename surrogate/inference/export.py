@@ -25,7 +25,7 @@ from shared_schema.common.atomic_file import complete_or_absent, require_writabl
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
-from surrogate.data.random_loads import random_loads
+from surrogate.data.load_families import random_loads
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.block_solve import BlockSolve

@@ -19,7 +19,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
 from shared_schema.load_cases import LoadCases, write_load_cases
 from shared_schema.manifest import digest_of
-from surrogate.data.random_loads import random_loads
+from surrogate.data.load_families import random_loads
 from surrogate.inference.surrogate import Surrogate
 from surrogate.probabilistic.stochastic_passes import PASSES, require_passes
 
@@ -86,7 +86,7 @@ def propose(
         Number of load cases.
     family : str
         Random loads that they are drawn from: "trained", those of the training; or such as
-        "loads=1-8,reach=2,places=free" (`surrogate.data.random_loads`).
+        "loads=1-8,reach=2,places=free" (`surrogate.data.load_families`).
     among : int, optional
         Number of load cases that are drawn, `count` at least; 20 times as many by default.
     seed : int

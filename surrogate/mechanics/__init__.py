@@ -31,19 +31,4 @@ __all__ = [
     "norms",
     "reactions",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "Compliance": "compliance",
-        "Equilibrium": "out_of_balance",
-        "LinearResponse": "linear_response",
-        "LoadPaths": "load_path",
-        "MeanDilationSolid": "solids.mean_dilation",
-        "NewtonSteps": "out_of_balance",
-        "Solid": "solids.solid",
-        "cell_stresses": "stresses",
-        "follow": "load_path",
-        "norms": "out_of_balance",
-        "reactions": "stresses",
-    },
-)
+__getattr__ = lazy_names(__name__)

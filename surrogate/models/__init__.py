@@ -34,18 +34,4 @@ __all__ = [
     "TrainedModel",
     "UNetModel",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "Gaussian": "model",
-        "KINDS": "kinds",
-        "LinearModel": "linear_model",
-        "Model": "model",
-        "NetworkModel": "network_model",
-        "PODModel": "pod_model",
-        "ReducedModel": "reduced_model",
-        "RunConfig": "kinds",
-        "TrainedModel": "model",
-        "UNetModel": "unet_model",
-    },
-)
+__getattr__ = lazy_names(__name__)

@@ -25,16 +25,4 @@ __all__ = [
     "UNetConfig",
     "parameter_count",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "DenseNetwork": "reduced_network",
-        "FieldNetwork": "field_network",
-        "NodalNetwork": "nodal_network",
-        "ReducedConfig": "reduced_network",
-        "ReducedNetwork": "reduced_network",
-        "UNet": "unet",
-        "UNetConfig": "unet",
-        "parameter_count": "unet",
-    },
-)
+__getattr__ = lazy_names(__name__)

@@ -21,16 +21,4 @@ __all__ = [
     "make_optimisers",
     "set_learning_rate",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "EarlyStopping": "early_stopping",
-        "EarlyStoppingConfig": "early_stopping",
-        "Muon": "muon",
-        "OptimiserConfig": "optimisers",
-        "ScheduleConfig": "schedule",
-        "WeightAverage": "weight_average",
-        "make_optimisers": "optimisers",
-        "set_learning_rate": "optimisers",
-    },
-)
+__getattr__ = lazy_names(__name__)

@@ -14,12 +14,4 @@ __all__ = [
     "dry_run",
     "first_config",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "DryRun": "trial_steps",
-        "FirstConfig": "first_configuration",
-        "dry_run": "trial_steps",
-        "first_config": "first_configuration",
-    },
-)
+__getattr__ = lazy_names(__name__)

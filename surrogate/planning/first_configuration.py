@@ -24,7 +24,7 @@ from surrogate.data.joined_dataset import read_dataset
 from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_memory import training_memory
 from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.runs.run_config import run_config
+from surrogate.runs.config_reader import run_config
 
 Architecture = Literal["unet", "reduced"]
 SHORT = {"deterministic": "det", "maximum_likelihood": "mle", "variational_bayes": "vb"}

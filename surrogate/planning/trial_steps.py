@@ -11,8 +11,8 @@ from surrogate.device import choose_device
 from surrogate.hardware import hardware
 from surrogate.models.model import TrainedModel
 from surrogate.networks.unet import parameter_count
+from surrogate.runs.config_reader import Config, read_config
 from surrogate.runs.recipes import Data
-from surrogate.runs.run_config import Config, read_config
 from surrogate.training.setup import (
     dataset_for,
     least_memory,

@@ -40,22 +40,4 @@ __all__ = [
     "measure_calibration",
     "rank_correlation",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "CalibrationMeasures": "calibration",
-        "Distribution": "distribution",
-        "Ensemble": "ensemble",
-        "INTERVALS": "calibration",
-        "Likelihood": "likelihoods",
-        "MOST_PASSES": "stochastic_passes",
-        "Moments": "moments",
-        "PASSES": "stochastic_passes",
-        "Passes": "stochastic_passes",
-        "Prediction": "likelihoods",
-        "VariationalConvolutions": "flipout",
-        "half_width": "calibration",
-        "measure_calibration": "calibration",
-        "rank_correlation": "calibration",
-    },
-)
+__getattr__ = lazy_names(__name__)

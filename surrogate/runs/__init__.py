@@ -8,9 +8,9 @@ check that nothing has changed. `shelf` finds the trained networks that come wit
 from typing import TYPE_CHECKING
 
 from shared_schema.common.lazy_names import lazy_names
-from surrogate.runs.run_config import read_config, run_config
 
 if TYPE_CHECKING:
+    from surrogate.runs.config_reader import read_config, run_config
     from surrogate.runs.description import DataFingerprint, RunDescription
     from surrogate.runs.folder import RunFolder
     from surrogate.runs.recipes import read_recipe
@@ -28,15 +28,4 @@ __all__ = [
     "run_config",
     "shelved",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "DataFingerprint": "description",
-        "RunDescription": "description",
-        "RunFolder": "folder",
-        "find_run": "shelf",
-        "load_tensors": "tensor_file",
-        "read_recipe": "recipes",
-        "shelved": "shelf",
-    },
-)
+__getattr__ = lazy_names(__name__)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from shared_schema.common.shipped_files import shipped_files
 from shared_schema.common.text_table import laid_out
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.recipes import SHIPPED, named
-from surrogate.runs.run_config import run_config
 
 
 def config_list() -> str:

@@ -83,7 +83,7 @@ class Refinement(Frozen):
     Attributes
     ----------
     family : str
-        Random loads, as `surrogate.data.random_loads` reads them.
+        Random loads, as `surrogate.data.load_families` reads them.
     steps : int
     learning_rate : float
         That of the first step; it falls linearly to zero.

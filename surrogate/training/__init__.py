@@ -22,11 +22,4 @@ __all__ = [
     "refine",
     "train",
 ]
-__getattr__ = lazy_names(
-    __name__,
-    {
-        "Trainer": "trainer",
-        "refine": "refinement",
-        "train": "loop",
-    },
-)
+__getattr__ = lazy_names(__name__)

@@ -26,10 +26,10 @@ from surrogate.models.model import Model, TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import parameter_count
+from surrogate.runs.config_reader import Config, read_config
 from surrogate.runs.description import RunDescription, describe
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.recipes import Data
-from surrogate.runs.run_config import Config, read_config
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.data_parallel import joined
 from surrogate.training.recalibration import recalibrate

@@ -26,7 +26,7 @@ from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.data.random_loads import RandomLoads, random_loads
+from surrogate.data.load_families import RandomLoads, random_loads
 from surrogate.device import choose_device
 from surrogate.hardware import hardware
 from surrogate.inference.loading import load

@@ -30,8 +30,8 @@ import yaml
 from sybil import Document, Example, Region
 from sybil.parsers.markdown.lexers import RawFencedCodeBlockLexer
 
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.recipes import read_recipe
-from surrogate.runs.run_config import run_config
 from tests.end_to_end.commands import DATAGEN, ENVIRONMENT, ROOT, SURROGATE
 
 INFO = re.compile(r"(?P<info>[^\n]*)\n")

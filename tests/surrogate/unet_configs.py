@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.run_config import read_config, run_config
+from surrogate.runs.config_reader import read_config, run_config
 
 
 def unet_config(**content: Any) -> UNetModel:

@@ -21,9 +21,9 @@ from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.models.model import Model
 from surrogate.networks.unet import parameter_count
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.description import describe
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import run_config
 from surrogate.training.loop import train
 from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
 

@@ -22,8 +22,8 @@ from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import run_config
 from surrogate.runs.tensor_file import load_tensors
 from surrogate.training.loop import train
 

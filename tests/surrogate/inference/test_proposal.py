@@ -9,7 +9,7 @@ import pytest
 
 from shared_schema.load_cases import read_load_cases
 from surrogate.command_line import main
-from surrogate.data.random_loads import random_loads
+from surrogate.data.load_families import random_loads
 from surrogate.inference.loading import load
 from surrogate.inference.proposal import farthest, propose
 

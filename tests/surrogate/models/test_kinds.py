@@ -9,7 +9,7 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.models.kinds import KINDS
 from surrogate.models.unet_model import UNetModel
-from surrogate.runs.run_config import read_config, run_config
+from surrogate.runs.config_reader import read_config, run_config
 from tests.surrogate.recipe_names import NAMES
 from tests.surrogate.unet_configs import shipped_unet
 

@@ -23,7 +23,7 @@ from surrogate.networks.modes import leading_modes
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.optim.optimisers import is_hidden_kernel
 from surrogate.probabilistic.flipout import flipouts
-from surrogate.runs.run_config import read_config, run_config
+from surrogate.runs.config_reader import read_config, run_config
 from surrogate.series.third_order import series_on_grid
 from tests.surrogate.resuming import assert_resumes, trained
 

@@ -20,8 +20,8 @@ from surrogate.one_load import small_body
 from surrogate.one_load.backend import InputsByPyTorch
 from surrogate.one_load.large_body import LargeBody
 from surrogate.one_load.small_body import SmallBody
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.description import describe
-from surrogate.runs.run_config import run_config
 from surrogate.series import series_response
 from tests.surrogate.data.test_embedded_dataset import averaging
 from tests.surrogate.mechanics.bodies import in_equilibrium

@@ -16,8 +16,8 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.samples import Samples
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import run_config
 from surrogate.training.loop import train
 from surrogate.training.trainer import Trainer
 from tests.surrogate.resuming import assert_resumes, trained, untimed

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.weight_average import WeightAverage
-from surrogate.runs.run_config import run_config
+from surrogate.runs.config_reader import run_config
 from tests.surrogate.resuming import assert_resumes, trained, untimed
 
 MakeConfig = Callable[..., UNetModel]

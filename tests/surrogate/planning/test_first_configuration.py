@@ -19,7 +19,7 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.planning import first_configuration as module
 from surrogate.planning.first_configuration import FirstConfig, first_config
 from surrogate.planning.trial_steps import dry_run
-from surrogate.runs.run_config import read_config
+from surrogate.runs.config_reader import read_config
 
 CPU = torch.device("cpu")
 

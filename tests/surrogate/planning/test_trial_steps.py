@@ -15,7 +15,7 @@ from surrogate.data import Dataset, read_dataset
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.unet import parameter_count
 from surrogate.planning.trial_steps import dry_run
-from surrogate.runs.run_config import run_config
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.split import split_training
 
 CPU = torch.device("cpu")

@@ -11,7 +11,7 @@ from surrogate.inference.loading import load
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.stochastic_passes import Drawable
-from surrogate.runs.run_config import run_config
+from surrogate.runs.config_reader import run_config
 from surrogate.training.loop import train
 
 

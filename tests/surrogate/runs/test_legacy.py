@@ -18,8 +18,8 @@ from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
+from surrogate.runs.config_reader import read_config, run_config
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import read_config, run_config
 from surrogate.runs.tensor_file import TENSOR_DIGEST, load_tensors, tensor_digest
 from surrogate.training.loop import train
 from tests.surrogate.resuming import trained

@@ -9,9 +9,9 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
+from surrogate.runs.config_reader import read_config
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.recipes import SHIPPED, file_of, read_recipe
-from surrogate.runs.run_config import read_config
 from tests.surrogate.recipe_names import NAMES
 
 

@@ -12,7 +12,7 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.data.random_loads import random_loads
+from surrogate.data.load_families import random_loads
 from surrogate.inference.loading import load
 from surrogate.runs.description import Refinement
 from surrogate.runs.folder import RunFolder

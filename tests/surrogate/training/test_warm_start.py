@@ -14,8 +14,8 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data import Dataset, read_dataset
 from surrogate.models.unet_model import UNetModel
+from surrogate.runs.config_reader import run_config
 from surrogate.runs.folder import RunFolder
-from surrogate.runs.run_config import run_config
 from surrogate.training.loop import train
 from tests.surrogate.resuming import untimed
 

@@ -8,7 +8,7 @@ import yaml
 from shared_schema.common.errors import InputError
 from surrogate.models.training_config import DeterministicTraining
 from surrogate.probabilistic.flipout import VariationalConvolutions
-from surrogate.runs.run_config import read_config, run_config
+from surrogate.runs.config_reader import read_config, run_config
 from tests.surrogate.unet_configs import shipped_unet
 
 PLAIN = "name: a\ncase: b\n"
