@@ -189,6 +189,7 @@ def test_table_of_forces(resources: Resources, result_of: Callable[[str], Findin
     assert all(row[-1] is None and row[-2] is not None for row in rows)
 
 
+@pytest.mark.slow
 def test_times_of_all_kinds(result_of: Callable[[str], Findings]) -> None:
     """The made-up solutions take 0.5 s each."""
     rows = result_of("times").tables[0].rows
