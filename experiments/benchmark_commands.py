@@ -71,8 +71,7 @@ def run(options: argparse.Namespace) -> None:
 def find_benchmark(name: str) -> Benchmark:
     """Import a benchmark, in the environment of its program."""
     module = import_module(f"experiments.benchmarks.{name.replace('-', '_')}")
-    benchmark: Benchmark = module.BENCHMARK
-    return benchmark
+    return module.BENCHMARK
 
 
 def run_list(options: argparse.Namespace) -> None:

@@ -136,8 +136,7 @@ def kept(folder: Path, seconds: float) -> Results:
     path = folder.with_suffix(".json")
     if not path.is_file():
         write_text(path, json.dumps({"seconds": seconds}))
-    result: Results = json.loads(path.read_text())
-    return result
+    return json.loads(path.read_text())
 
 
 def worst(surrogate: Surrogate, dataset: Dataset, rows: Rows, count: int) -> Rows:

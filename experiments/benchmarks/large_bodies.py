@@ -86,8 +86,7 @@ def in_own_process(way: Results) -> Results:
         json.dumps(way),
     ]
     words = program if way["ranks"] == 1 else ["mpirun", "-n", str(way["ranks"]), *program]
-    found: Results = json.loads(run_program(words).splitlines()[-1])
-    return found
+    return json.loads(run_program(words).splitlines()[-1])
 
 
 def page(results: Results) -> str:

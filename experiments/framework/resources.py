@@ -238,8 +238,7 @@ class Resources(Setting):
     def _cached(self, key: Hashable, make: Callable[[], Value]) -> Value:
         if key not in self._cache:
             self._cache[key] = make()
-        value: Value = self._cache[key]
-        return value
+        return self._cache[key]
 
 
 def minutes_of(seconds: Sequence[float]) -> float:

@@ -60,8 +60,10 @@ class GraphPrediction:
         if passes is not None:
             model.passes.draw(0, range(passes))
         function = NodalFunction(model.nodal_network, passes).eval()
-        self.sent, self.received = (torch.zeros(shape, pin_memory=on_gpu) for _ in range(2))
-        self.force, self.result = (torch.zeros(shape, device=self.device) for _ in range(2))
+        self.sent = torch.zeros(shape, pin_memory=on_gpu)
+        self.received = torch.zeros(shape, pin_memory=on_gpu)
+        self.force = torch.zeros(shape, device=self.device)
+        self.result = torch.zeros(shape, device=self.device)
 
         @torch.no_grad()
         def work() -> None:

@@ -23,7 +23,8 @@ CASE = "beam2d"
 def one_process(setting: GpuSetting) -> Findings:
     """Train two epochs both ways; return the losses and the time of both."""
     config = changed(adapted(shipped_unet(f"{CASE}-det-fast"), setting), {}, {"epochs": 2})
-    plain, started = (RunFolder(setting.out / "runs" / f"one-process-{n}") for n in (1, 2))
+    plain = RunFolder(setting.out / "runs" / "one-process-1")
+    started = RunFolder(setting.out / "runs" / "one-process-2")
     train(config, setting.dataset(CASE), plain.folder, device=setting.device.type)
     failure = by_torchrun(config, setting, started)
     losses = [[line["train_loss"] for line in run.metric_lines()] for run in (plain, started)]

@@ -74,11 +74,13 @@ def measured_ceilings(setting: GpuSetting) -> Results:
     side = 128 if setting.small else 8192
     rates = {}
     for name, dtype in {"float32": torch.float32, "bfloat16": torch.bfloat16}.items():
-        a, b = (torch.randn(side, side, device=setting.device, dtype=dtype) for _ in range(2))
+        a = torch.randn(side, side, device=setting.device, dtype=dtype)
+        b = torch.randn(side, side, device=setting.device, dtype=dtype)
         rates[name] = 2 * side**3 / median(setting, partial(torch.mm, a, b))
     before = torch.backends.cuda.matmul.allow_tf32
     torch.backends.cuda.matmul.allow_tf32 = True
-    a, b = (torch.randn(side, side, device=setting.device) for _ in range(2))
+    a = torch.randn(side, side, device=setting.device)
+    b = torch.randn(side, side, device=setting.device)
     rates["tensorfloat32"] = 2 * side**3 / median(setting, partial(torch.mm, a, b))
     torch.backends.cuda.matmul.allow_tf32 = before
     return {"bytes_per_second": 2 * source.nbytes / copying, "flop_per_second": rates}

@@ -85,7 +85,9 @@ def certified(surrogate: Surrogate, force: Array, truth: Array, predicted: Array
     certificate = certify(body, force, predicted)
     once = predicted - finite(certificate.error)
     twice = once - finite(certify(body, force, once).error)
-    before, after, last = (sample_errors(u, settled) for u in (predicted, once, twice))
+    before = sample_errors(predicted, settled)
+    after = sample_errors(once, settled)
+    last = sample_errors(twice, settled)
     return Certified(surrogate, force, settled, predicted, certificate, (before, after, last))
 
 

@@ -49,14 +49,12 @@ class PredictedSamples:
     @cached_property
     def moved(self) -> Array:
         """Mean size of the displacement components of every sample in m, (M,)."""
-        result: Array = np.abs(self.reference).mean(axis=(1, 2))
-        return result
+        return np.abs(self.reference).mean(axis=(1, 2))
 
     @cached_property
     def std(self) -> Array:
         """Mean σ of every sample over its free components in m, (M,)."""
-        result: Array = self.predicted.std[:, ~self.geometry.clamped].mean(axis=(1, 2))
-        return result
+        return self.predicted.std[:, ~self.geometry.clamped].mean(axis=(1, 2))
 
     @cached_property
     def covered(self) -> Array:
@@ -64,8 +62,7 @@ class PredictedSamples:
         free = ~self.geometry.clamped
         error = np.abs(self.predicted.mean - self.reference)[:, free]
         inside = error <= half_width(BAND) * self.predicted.std[:, free]
-        result: Array = inside.mean(axis=(1, 2))
-        return result
+        return inside.mean(axis=(1, 2))
 
     @cached_property
     def covered_with_size(self) -> Array:
@@ -77,14 +74,12 @@ class PredictedSamples:
     @property
     def loaded(self) -> Mask:
         """Loaded nodes of every sample, (M, n_nodes)."""
-        result: Mask = np.any(self.force, axis=2)
-        return result
+        return np.any(self.force, axis=2)
 
     @property
     def number(self) -> NDArray[np.int64]:
         """Number of loaded nodes of every sample, (M,)."""
-        result: NDArray[np.int64] = self.loaded.sum(axis=1)
-        return result
+        return self.loaded.sum(axis=1)
 
     def relative(self, where: Mask) -> float:
         """Error over displacement of some samples (M,): the ratio of their means."""
@@ -114,8 +109,7 @@ def distance_from(samples: PredictedSamples, nodes: Mask) -> Array:
     """Distance in m of the load of each single-load sample from the nearest of some nodes, (M,)."""
     x = samples.geometry.coordinates
     to_nodes: Array = np.linalg.norm(x[:, None] - x[nodes], axis=2).min(axis=1)
-    result: Array = to_nodes[samples.loaded.argmax(axis=1)]
-    return result
+    return to_nodes[samples.loaded.argmax(axis=1)]
 
 
 def distance_groups(distance: Array) -> list[tuple[float, Mask]]:

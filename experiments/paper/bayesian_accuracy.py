@@ -62,9 +62,8 @@ def coverage_table(resources: Resources) -> Table:
 
 def larger_error(resources: Resources, case: str) -> Claim:
     """Test whether the Bayesian network has a larger error than the deterministic one."""
-    bayesian, deterministic = (
-        split_errors(resources, f"{case}-{kind}").mean_error for kind in ("vb", "det")
-    )
+    bayesian = split_errors(resources, f"{case}-vb").mean_error
+    deterministic = split_errors(resources, f"{case}-det").mean_error
     papers = [PAPER.networks[case][kind] for kind in ("variational_bayes", "deterministic")]
     return Claim(
         what=f"{BODIES[case]}: variational Bayes has a larger error than the deterministic U-Net.",

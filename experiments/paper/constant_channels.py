@@ -83,7 +83,8 @@ def standard_run(scale: Scale, runs: Mapping[int, str]) -> str | None:
     """
     if BEST not in runs or STANDARD not in scale.runs:
         return None
-    standard, best = (scale.unet_of(run) for run in (STANDARD, runs[BEST]))
+    standard = scale.unet_of(STANDARD)
+    best = scale.unet_of(runs[BEST])
     as_long = standard.training.epochs == best.training.epochs
     return STANDARD if standard.network.multiplier > 1 and as_long else None
 

@@ -54,7 +54,8 @@ def measure(resources: Resources) -> Findings:
     d = ErrorsByLoadDistance(loads)
     vb = ErrorsByLoadDistance(resources.predicted_loads(RUNS[1], LOADS))
     load = describe_vertical_force(loads.samples.force[d.order[0]])
-    second, farthest = (meshes(loads, d.order[number]) for number in (1, -1))
+    second = meshes(loads, d.order[1])
+    farthest = meshes(loads, d.order[-1])
     share_view(second, farthest)
     return Findings(
         tables=[errors_table(d, vb, load)],

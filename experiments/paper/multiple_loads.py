@@ -80,9 +80,14 @@ def find_papers_example(samples: NodalSamples, geometry: Geometry) -> int:
 def error_table(resources: Resources, loads: Extrapolation) -> Table:
     """Table of errors under one load, several loads, and of the superposition of predictions."""
     geometry, samples = loads.surrogate.geometry, loads.samples
-    several, superposed = (
-        measure_errors(samples.force, mean, samples.displacement, geometry.tip)
-        for mean in (loads.predicted.mean, superposition(loads.surrogate, samples.force))
+    several = measure_errors(
+        samples.force, loads.predicted.mean, samples.displacement, geometry.tip
+    )
+    superposed = measure_errors(
+        samples.force,
+        superposition(loads.surrogate, samples.force),
+        samples.displacement,
+        geometry.tip,
     )
     measured = {
         "one": split_errors(resources, RUN),
@@ -94,10 +99,8 @@ def error_table(resources: Resources, loads: Extrapolation) -> Table:
         for name, e in measured.items()
     )
     counts = samples.force.any(axis=2).sum(axis=1)
-    one, more = (
-        max(map(abs, manifest.case["load"]["range"]))
-        for manifest in (resources.dataset_of(RUN).manifest, resources.manifest(LOADS))
-    )
+    one = max(map(abs, resources.dataset_of(RUN).manifest.case["load"]["range"]))
+    more = max(map(abs, resources.manifest(LOADS).case["load"]["range"]))
     return Table(
         caption="Errors of the deterministic U-Net. One: test split, force components within "
         f"±{one:g} N. Several: forces on {counts.min()} to {counts.max()} of the "

@@ -35,7 +35,8 @@ RELIABLE = 0.5  # share of errors inside the 95 % band below which σ is not rel
 
 def measure(resources: Resources) -> Findings:
     """Compare the uncertainties of both kinds of networks with noise and errors, on both bodies."""
-    mle, vb = (predicted_by(resources, kind) for kind in ("mle", "vb"))
+    mle = predicted_by(resources, "mle")
+    vb = predicted_by(resources, "vb")
     noise_free = [predict_sweep(resources, run, SWEEPS[body]) for body, run in NOISE_FREE.items()]
     return Findings(
         tables=[noise_table(mle | vb)],
@@ -147,18 +148,15 @@ def refined(samples: NodalSamples) -> NodalSamples:
     component = samples.force.sum(axis=(1, 2))
     order, steps = np.argsort(component), round(END / STEP)
     forces = np.arange(-steps, steps + 1) * STEP
-    force, displacement = (
-        CubicSpline(component[order], values[order])(forces)
-        for values in (samples.force, samples.displacement)
-    )
+    force = CubicSpline(component[order], samples.force[order])(forces)
+    displacement = CubicSpline(component[order], samples.displacement[order])(forces)
     return NodalSamples(force, displacement)
 
 
 def with_noise(sweep: ForceSweep) -> NDArray[np.bool_]:
     """Mask of the forces with noise in training, without 0 N, (N,)."""
     magnitude = np.abs(sweep.force)
-    result: NDArray[np.bool_] = (magnitude > STEP / 2) & (magnitude < NOISY + STEP / 2)
-    return result
+    return (magnitude > STEP / 2) & (magnitude < NOISY + STEP / 2)
 
 
 def without_noise(sweep: ForceSweep) -> NDArray[np.bool_]:

@@ -94,7 +94,8 @@ def measure_times_by_load(resources: Resources, case: str, solutions: Solutions)
 def measure_pass_times(resources: Resources, run: str) -> PassTimes:
     """Measure both times of a Bayesian network, for the first test sample."""
     force = resources.dataset_of(run).nodal_test.force[0]
-    kept, anew = (network_ms(resources, run, force, resources.device, a) for a in (False, True))
+    kept = network_ms(resources, run, force, resources.device, False)
+    anew = network_ms(resources, run, force, resources.device, True)
     return PassTimes(resources.scale.passes * resources.scale.unet_of(run).ensemble, kept, anew)
 
 

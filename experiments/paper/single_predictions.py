@@ -69,8 +69,7 @@ def nodes_along(geometry: Geometry, along: tuple[float, float]) -> NDArray[np.bo
     """Mask of the nodes between two fractions of the body's length in x, (n_nodes,)."""
     x = geometry.coordinates[:, 0]
     fraction = (x - x.min()) / np.ptp(x)
-    result: NDArray[np.bool_] = (fraction >= along[0] - 1e-9) & (fraction <= along[1] + 1e-9)
-    return result
+    return (fraction >= along[0] - 1e-9) & (fraction <= along[1] + 1e-9)
 
 
 def sample_of(resources: Resources, example: Example) -> tuple[Array, Array, Array]:

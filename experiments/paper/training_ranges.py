@@ -21,9 +21,8 @@ MOST = 0.9  # smallest share of the forces that counts as nearly all
 
 def measure(resources: Resources) -> Findings:
     """Compare the standard deviations of both networks along the sweep."""
-    larger, smaller = (
-        force_sweep(resources.predicted_loads(run, SWEEP)) for run in (LARGER, SMALLER)
-    )
+    larger = force_sweep(resources.predicted_loads(LARGER, SWEEP))
+    smaller = force_sweep(resources.predicted_loads(SMALLER, SWEEP))
     return Findings(
         tables=[ratio_table(larger, smaller)],
         claims=[more_uncertain(larger, smaller)],
@@ -42,7 +41,8 @@ def ratio_table(larger: ForceSweep, smaller: ForceSweep) -> Table:
     """Table of standard deviations at several forces, and their ratio."""
     rows = []
     for force in FORCES:
-        wide, narrow = (s.at(force, s.std) for s in (larger, smaller))
+        wide = larger.at(force, larger.std)
+        narrow = smaller.at(force, smaller.std)
         rows.append((force, MM * wide, MM * narrow, narrow / wide))
     return Table(
         caption="Standard deviation σ of the vertical displacement of the corner, mean of both "

@@ -42,7 +42,8 @@ def measure(resources: Resources) -> Findings:
     """Compare error and uncertainty of three examples."""
     geometry = resources.surrogate(RUN).geometry
     free = ~geometry.clamped
-    beyond, opposite = (at_corner(resources, force) for force in (BEYOND, -BEYOND))
+    beyond = at_corner(resources, BEYOND)
+    opposite = at_corner(resources, -BEYOND)
     shown = {"corner": corner(resources), "multiple": multiple(resources), "beyond": beyond}
     measured = {
         example.what: measure_fields(example.mean[free], example.std[free], example.reference[free])
@@ -150,7 +151,8 @@ class FieldMeasures:
 def measure_fields(mean: Array, std: Array, reference: Array) -> FieldMeasures:
     """Measure fields of free nodes, (n_nodes, d) each in m."""
     error = node_errors(mean, reference)
-    deviation, moved = (np.linalg.norm(values, axis=1) for values in (std, reference))
+    deviation = np.linalg.norm(std, axis=1)
+    moved = np.linalg.norm(reference, axis=1)
     return FieldMeasures(
         error=float(error.mean()),
         std=float(deviation.mean()),

@@ -117,8 +117,7 @@ class FastEstimate:
                 force = force - length * tangent
                 before = work
         x[..., ~(state.sound & np.isfinite(work))] = np.inf
-        error: Array = predicted - held - x.transpose(2, 1, 0)
-        return error
+        return predicted - held - x.transpose(2, 1, 0)
 
     def _gradient(self, u: Values) -> Values:
         """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""
@@ -147,8 +146,7 @@ class FastEstimate:
 
     def _balanced(self, forces: Values) -> Values:
         """Forces at free nodes, zero at clamped ones."""
-        result: Values = forces * self.free.T[:, :, None]
-        return result
+        return forces * self.free.T[:, :, None]
 
     def _response(self, force: Values, rotation: Values) -> Values:
         """P f = R K(0)⁻¹ Rᵀ f: (d, n_nodes, N), (d, d, n_nodes, N) → (d, n_nodes, N)."""
@@ -157,8 +155,7 @@ class FastEstimate:
         response = np.zeros_like(turned)
         response[self._dofs] = self._factor.solve(turned[self._dofs])
         back = response.reshape(nodes, d, n).transpose(1, 0, 2)
-        result: Values = (rotation * back[None]).sum(1)
-        return result
+        return (rotation * back[None]).sum(1)
 
 
 class State:
@@ -187,18 +184,14 @@ class State:
 
     def stress(self) -> Values:
         """P = μ F + (J U' − μ) F⁻ᵀ in Pa."""
-        result: Values = self._mu * self._f + (self._pressure - self._mu) * self._inverse
-        return result
+        return self._mu * self._f + (self._pressure - self._mu) * self._inverse
 
     def stress_change(self, h: Values) -> Values:
         """∂P/∂F : H = μ H + (μ − J U') F⁻ᵀ Hᵀ F⁻ᵀ + (J U' + J² U'') (F⁻ᵀ : H) F⁻ᵀ in Pa."""
         a = self._inverse
         trace = (a * h).sum((0, 1))
         turned = product(product(a, h.swapaxes(0, 1)), a)
-        result: Values = (
-            self._mu * h + (self._mu - self._pressure) * turned + self._second * trace * a
-        )
-        return result
+        return self._mu * h + (self._mu - self._pressure) * turned + self._second * trace * a
 
 
 def product(a: Values, b: Values) -> Values:
@@ -242,8 +235,7 @@ def unimodular(f: Values) -> Values:
     """F / (det F)^(1/d): (d, d, …) → same, NaN where det F is not positive."""
     j = (f[0] * cofactors(f)[0]).sum(0)
     j = np.where(j > 0, j, np.nan)
-    result: Values = f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
-    return result
+    return f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
 
 
 def sums_at_nodes(cells: NDArray[np.int64], nodes: int) -> tuple[csr_array, csr_array]:

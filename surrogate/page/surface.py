@@ -77,8 +77,7 @@ def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Split quadrilaterals into two triangles each: (n, 3 or 4) → (n or 2n, 3)."""
     if faces.shape[1] == 3:
         return faces
-    found: NDArray[np.int64] = faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return found
+    return faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
 def smooth_vertices(

@@ -65,7 +65,7 @@ def test_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", "--format", "json"]) == 0
     assert json.loads(capsys.readouterr().out) == SCHEMA
     assert main(["schema"]) == 0
-    assert "mesh drawn\nin mm may stay so if stresses are in MPa" in capsys.readouterr().out
+    assert "in mm with stresses in Pa describes a body that" in capsys.readouterr().out
     assert "KEY 'solver.tol': no such key, expected one of name, mesh" in refusal(
         ["schema", "solver.tol"], capsys
     )
