@@ -1,4 +1,4 @@
-"""Types of the numbers in a case file, bounded by what can be meant."""
+"""Types of the numbers in a case file, with bounds that any sensible case keeps."""
 
 from __future__ import annotations
 

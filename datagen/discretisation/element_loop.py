@@ -61,7 +61,7 @@ class Elimination:
     volumes : array, (n_cells,)
         In m³.
     before : array
-        State at the last tangent of Newton's method, which the next one is foretold by; equal to
+        State at the last tangent of Newton's method, from which the next one is predicted; equal to
         the state itself where the tangent is to be the derivative of the forces.
     """
 

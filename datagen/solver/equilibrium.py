@@ -233,14 +233,14 @@ class EquilibriumProblem:
         """
         self.load_factor = load_factor
         self._inverted = False
-        self._foretell_from_here()
+        self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         smallest = LINEAR_LOADS * self._round_off.at_rest
         reason, iterations, residual_norm = self.newton.solve(
             self._x,
             is_loaded=self._is_loaded,
             is_linear=not self.supports.has_grip and self.load.norm <= smallest,
-            foretells=self.forms.before is not None,
+            predicts=self.forms.before is not None,
             direct=direct,
         )
         self._take(self._x)
@@ -309,17 +309,17 @@ class EquilibriumProblem:
 
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
-        self._foretell_from_here()
+        self._predict_from_here()
         return self._next_tangent()
 
-    def _foretell_from_here(self) -> None:
-        """Let the next tangent take its pressures from what that at the current state foretells."""
+    def _predict_from_here(self) -> None:
+        """Let the next tangent take its pressures from what that at the current state predicts."""
         if self.forms.before is not None:
             self.forms.before[:] = self.u.x.array
 
     def _next_tangent(self) -> PETSc.Mat:
         self._assembly.assemble_tangent()
-        self._foretell_from_here()
+        self._predict_from_here()
         if self.load.presses:
             self.load.add_tangent(self.matrix, self.load_factor, self.displacement())
         return self.matrix

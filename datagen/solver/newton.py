@@ -26,7 +26,7 @@ from datagen.solver.linear_solver import (
 from datagen.solver.settings import SolverSettings
 
 EXACT = 1e-10  # relative tolerance of Krylov iterations under loads that rounding may hide
-FORETELLING = 1e-4  # of those of nearly incompressible cells
+PREDICTING = 1e-4  # of those of nearly incompressible cells
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Newton:
         return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
 
     def solve(
-        self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, foretells: bool, direct: bool
+        self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, predicts: bool, direct: bool
     ) -> tuple[int, int, float]:
         """Iterate from x, which then holds the last iterate, converged or not.
 
@@ -153,7 +153,7 @@ class Newton:
             Make one iteration at least.
         is_linear : bool
             The load is so small that rounding may hide what a first, inexact step leaves.
-        foretells : bool
+        predicts : bool
             A step predicts pressures; an inexact one would predict wrong ones.
         direct : bool
             Solve the linear systems by LU in any case.
@@ -168,11 +168,11 @@ class Newton:
             self._direct = self._direct or self._make_snes("lu")
             snes = self._direct
         if snes is not self._direct:
-            snes.setUseEW(not is_linear and not foretells)
+            snes.setUseEW(not is_linear and not predicts)
             if is_linear:
                 snes.getKSP().setTolerances(rtol=EXACT)
-            elif foretells:
-                snes.getKSP().setTolerances(rtol=FORETELLING)
+            elif predicts:
+                snes.getKSP().setTolerances(rtol=PREDICTING)
         self._at_least_one = is_loaded
         snes.setForceIteration(is_loaded)
         snes.solve(None, x)

@@ -12,12 +12,12 @@ Both certificates of one prediction are an `ErrorCertificate`: an estimated erro
 the reason why a tolerance is not kept.
 """
 
-from surrogate.certify.certificate import Certificate, certify
+from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.conformal import ConformalCalibration, Intervals
 from surrogate.certify.correction import Correction, correct, iterated
-from surrogate.certify.error_certificate import ErrorCertificate
 from surrogate.certify.fast_certificate import Bounds, FastCertificate
 from surrogate.certify.fast_estimate import FastEstimate
+from surrogate.certify.full_certificate import Certificate, certify
 
 __all__ = [
     "Bounds",

@@ -34,8 +34,8 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.conformal import conformal_quantile
-from surrogate.certify.error_certificate import millimetres
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.runs.tensor_file import load_tensors, serialised
 

@@ -1,9 +1,9 @@
 r"""Estimated errors without a factorisation: two steps of conjugate gradients.
 
-Newton's step :math:`δ = -K(u)^{-1} r` (`surrogate.certify.certificate`) factorises the tangent of
-every prediction. Here the factor of the undeformed body is kept, and its compliance is turned with
-the body: with the rotations R of the nodes, :math:`P = R \, K(0)^{-1} R^T`, conjugate gradients
-minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
+Newton's step :math:`δ = -K(u)^{-1} r` (`surrogate.certify.full_certificate`) factorises the tangent
+of every prediction. Here the factor of the undeformed body is kept, and its compliance is turned
+with the body: with the rotations R of the nodes, :math:`P = R \, K(0)^{-1} R^T`, conjugate
+gradients minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
 
 .. math:: x \in \mathrm{span} \, \{P r, \; P \, K(u) \, P r\}
 

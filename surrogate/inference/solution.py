@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.solution_file import write_solution
+from surrogate.certify.certificate_protocol import ErrorCertificate, millimetres
 from surrogate.certify.correction import Correction
-from surrogate.certify.error_certificate import ErrorCertificate, millimetres
 from surrogate.data.geometry import Geometry
 from surrogate.probabilistic.distribution import Distribution
 

@@ -110,10 +110,10 @@ class Surrogate(TrainedBody):
     def predict(self, forces: ArrayLike | Tensor) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
-        Under a single load, a U-Net or reduced network that is not stochastic predicts in NumPy on
-        a CPU, a load series by code that Numba compiles, in some seconds, at the first prediction
-        after an installation (`surrogate.one_load.backend`). Rounding of single precision is all
-        that differs from `predict_distribution`.
+        Under a single load on a CPU, a U-Net or reduced network that is not stochastic predicts in
+        NumPy (`surrogate.one_load.backend`). Its load series is compiled by Numba, which takes some
+        seconds at the first prediction after an installation. The result differs from that of
+        `predict_distribution`, which `solve` uses, by rounding in single precision.
 
         Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
 
@@ -310,7 +310,7 @@ class Surrogate(TrainedBody):
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        from surrogate.certify.certificate import certify
+        from surrogate.certify.full_certificate import certify
 
         equilibrium = self.balanced()
         nodal = checked_forces(self.geometry, forces)

@@ -91,7 +91,7 @@ def most_weights(device: torch.device) -> int:
 
 
 def require_passes(passes: int, seed: int) -> None:
-    """Raise InputError unless number of passes and seed can be meant."""
+    """Raise InputError unless number of passes and seed are in range."""
     for name, value, least, most in (
         ("passes", passes, 1, MOST_PASSES),
         ("seed", seed, 0, MOST_SEED),

@@ -32,8 +32,8 @@ from experiments.measures.corrections import (
     ZERO,
     newton_starts,
 )
-from surrogate.certify.certificate import certify
 from surrogate.certify.correction import correct
+from surrogate.certify.full_certificate import certify
 from surrogate.inference.loading import load
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL as RUBBER

@@ -82,7 +82,7 @@ def test_captures_the_error_outside() -> None:
 
 
 def test_rows_by_signed_force() -> None:
-    """σ in mm is f² outside, 1 inside; the deterministic network errs by 0.2 m everywhere."""
+    """σ in mm is f² outside, 1 inside; the deterministic error is 0.2 m everywhere."""
     vb = hand_made(
         mean=FORCE - 0.3 * (FORCE == 4),
         moved=2 * np.abs(FORCE),

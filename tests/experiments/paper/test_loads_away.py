@@ -23,7 +23,7 @@ from surrogate.measures.extrapolation import Extrapolation
 def three_nodes() -> Extrapolation:
     """Nodes at y = 1, 0.6 and 0 m, the first loaded in the training; loads on the last first.
 
-    The prediction errs by 1 m and 2 m at the loaded node, by 0.1 m at the next one after it.
+    The prediction has errors of 1 m and 2 m at the loaded node, by 0.1 m at the next one after it.
     """
     nodes = np.array([2, 0, 1])
     force, reference = np.zeros((3, 3, 2)), np.zeros((3, 3, 2))

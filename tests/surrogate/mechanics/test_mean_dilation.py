@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from shared_schema.material import NeoHookean
-from surrogate.certify.certificate import certify
 from surrogate.certify.correction import correct
+from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.hyperelastic import energy_density

@@ -1,5 +1,5 @@
 /**
- * How wrong a prediction is, without the true displacement, as `surrogate/certify/certificate.py`:
+ * How wrong a prediction is, without the true displacement, as `surrogate/certify/full_certificate.py`:
  *
  *   u − u_true ≈ −(δ + δ̄),  δ = −K(u)⁻¹ r(u),  δ̄ = −K(u)⁻¹ r(u + δ)
  *

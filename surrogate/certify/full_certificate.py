@@ -9,9 +9,10 @@ simplified step after it estimate its error to third order:
 (`surrogate.mechanics.out_of_balance`). The estimate is settled if K(u) is positive definite, the
 contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
 estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
-(`surrogate.certify.correction`), by 20 steps at most, until δ itself is that small; for the way may
-lead far round. A prediction whose estimate does not settle is never certified, nor is one with an
-inverted cell, for which there is no estimate.
+(`surrogate.certify.correction`), by 20 steps at most. Then δ itself must be at most a tenth of the
+estimate, not only :math:`\bar δ`, since these steps may have led far from the prediction. A
+prediction whose estimate does not settle is never certified, nor is one with an inverted cell, for
+which there is no estimate.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.correction import searched
-from surrogate.certify.error_certificate import millimetres
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -127,6 +128,7 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
     truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
     for round_number in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
+        # Improved states must be closer: their first step counts as the last part, not the second.
         last = norms(found.steps if round_number else found.simplified)
         error = norms(u[going] - truth[going] - found.steps)
         small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)

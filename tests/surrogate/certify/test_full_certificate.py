@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.certify.certificate import Certificate, certify
 from surrogate.certify.correction import correct
+from surrogate.certify.full_certificate import Certificate, certify
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
