@@ -56,4 +56,4 @@ __all__ = [
     "solve",
     "structure",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -9,4 +9,4 @@ if TYPE_CHECKING:
     from datagen.cases.case import SHIPPED, Case, read_case
 
 __all__ = ["SHIPPED", "Body", "Case", "make_body", "read_case"]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

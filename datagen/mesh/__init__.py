@@ -8,4 +8,4 @@ if TYPE_CHECKING:
     from datagen.mesh.distributed_mesh import distributed
 
 __all__ = ["distributed"]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

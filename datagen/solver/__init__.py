@@ -19,4 +19,4 @@ __all__ = [
     "solve_from",
     "solve_load_case",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -48,4 +48,4 @@ __all__ = [
     "validate",
     "write_text",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 
-def lazy_names(package: str) -> Callable[[str], Any]:
-    """Make the ``__getattr__`` of a package, whose names stand under ``if TYPE_CHECKING``.
+def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Make ``__getattr__`` and ``__dir__`` of a package, from imports under ``if TYPE_CHECKING``.
 
     Type checkers read these imports as they stand; at run time, each is done when its name is first
     asked for (PEP 562).
@@ -42,4 +42,7 @@ def lazy_names(package: str) -> Callable[[str], Any]:
         module, original = places()[name]
         return getattr(import_module(module), original)
 
-    return find
+    def names() -> list[str]:
+        return sorted({*vars(sys.modules[package]), *places()})
+
+    return find, names

@@ -25,4 +25,4 @@ __all__ = [
     "read_dataset",
     "read_nodal_dataset",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -34,4 +34,4 @@ __all__ = [
     "fit_fast_certificate",
     "load",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

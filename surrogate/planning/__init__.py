@@ -14,4 +14,4 @@ __all__ = [
     "dry_run",
     "first_config",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

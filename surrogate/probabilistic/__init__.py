@@ -40,4 +40,4 @@ __all__ = [
     "measure_calibration",
     "rank_correlation",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -22,4 +22,4 @@ __all__ = [
     "refine",
     "train",
 ]
-__getattr__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__)
