@@ -20,7 +20,7 @@ from surrogate.data.body_check import BODY_KEYS, Body, require_same_body
 from surrogate.data.dataset import Dataset
 from surrogate.data.joined_dataset import read_dataset
 from surrogate.device import choose_device
-from surrogate.inference.calibration import fit_fast_certificate, fit_intervals
+from surrogate.inference.calibrated_bounds import fit_fast_certificate, fit_intervals
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.measures.error_metrics import ErrorMeasures, measure, sample_errors

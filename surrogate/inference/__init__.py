@@ -8,7 +8,7 @@
 `batched_prediction`   distributions under any number of loads
 `solution`             what `solve` returns; its figure is `solution_figure`
 `training_range`       warnings about forces unlike those of the training
-`calibration`          intervals and bounds of a run, on its held-out samples
+`calibrated_bounds`    intervals and bounds of a run, on its held-out samples
 `proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.inference.calibration import fit_fast_certificate
+    from surrogate.inference.calibrated_bounds import fit_fast_certificate
     from surrogate.inference.export import NodalFunction
     from surrogate.inference.loading import load
     from surrogate.inference.proposal import farthest

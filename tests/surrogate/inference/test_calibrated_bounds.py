@@ -16,7 +16,7 @@ from surrogate.certify.conformal import Intervals
 from surrogate.command_line import main
 from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.run_evaluation import evaluate
-from surrogate.inference.calibration import fit_intervals
+from surrogate.inference.calibrated_bounds import fit_intervals
 from surrogate.inference.loading import load
 from surrogate.runs.split import split_training
 
