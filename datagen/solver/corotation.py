@@ -27,8 +27,8 @@ from datagen.discretisation.element import ElementKind
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import geometry_nodes
 from datagen.solver.linear_solver import factors, multigrid, set_up_gmres
+from shared_schema.common.bodies import polar_decomposition
 
-POLAR_STEPS = 3  # of Newton's iteration; strains of 30 % are then removed to 1e-7
 MOST_ITERATIONS = 100  # of a trial at rest
 SMALLEST = 1e-3  # determinant of a mean F, below which a point is not turned
 
@@ -104,10 +104,8 @@ def rotations(f: Array) -> Array:
 
     They are the identity where det F is not safely positive.
     """
-    r = np.where((np.linalg.det(f) > SMALLEST)[:, None, None], f, np.eye(f.shape[1]))
-    for _ in range(POLAR_STEPS):
-        r = 0.5 * (r + np.linalg.inv(r).transpose(0, 2, 1))
-    return r
+    safe = np.where((np.linalg.det(f) > SMALLEST)[:, None, None], f, np.eye(f.shape[1]))
+    return polar_decomposition.rotations(safe.transpose(1, 2, 0)).transpose(2, 0, 1)
 
 
 def _converges(matrix: PETSc.Mat, inner: PETSc.PC) -> bool:

@@ -25,17 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
+from shared_schema.common.bodies.polar_decomposition import Values, cofactors, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
-Values = NDArray[np.floating[Any]]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
 AT_ONCE = 2**20  # values of a field at the points that are held at once
 STEPS = 2  # of conjugate gradients
-POLAR_STEPS = {2: 1, 3: 3}  # in the plane one step is exact
 
 
 class FastEstimate:
@@ -200,42 +199,6 @@ def product(a: Values, b: Values) -> Values:
     for k in range(1, len(a)):
         result += a[:, k : k + 1] * b[k]
     return result
-
-
-def cofactors(f: Values) -> Values:
-    """Cofactors ∂J/∂F: (d, d, …) → same."""
-    if len(f) == 2:
-        return np.stack([np.stack([f[1, 1], -f[1, 0]]), np.stack([-f[0, 1], f[0, 0]])])
-    result, following = np.empty_like(f), (1, 2, 0, 1)
-    for a in range(3):
-        b, c = f[following[a]], f[following[a + 1]]
-        for i in range(3):
-            j, k = following[i], following[i + 1]
-            result[a, i] = b[j] * c[k] - b[k] * c[j]
-    return result
-
-
-def rotations(f: Values) -> Values:
-    """Rotations R of the polar decompositions F = R U, nearly: (d, d, …) → same.
-
-    Newton's method for R (Higham 1986), :math:`R ← (R + R^{-T}) / 2`, with the determinant scaled
-    to 1 before each step, and after the last one; three steps in space. Where det F is not positive
-    the rotation is none.
-    """
-    d, r = len(f), f
-    for _ in range(POLAR_STEPS[d]):
-        r = unimodular(r)
-        r = (r + cofactors(r)) / 2
-    r = unimodular(r)
-    identity = np.eye(d, dtype=f.dtype).reshape(d, d, *[1] * (f.ndim - 2))
-    return np.where(np.isfinite(r).all((0, 1)), r, identity)
-
-
-def unimodular(f: Values) -> Values:
-    """F / (det F)^(1/d): (d, d, …) → same, NaN where det F is not positive."""
-    j = (f[0] * cofactors(f)[0]).sum(0)
-    j = np.where(j > 0, j, np.nan)
-    return f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
 
 
 def sums_at_nodes(cells: NDArray[np.int64], nodes: int) -> tuple[csr_array, csr_array]:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.bodies.polar_decomposition import cofactors, rotations
 from shared_schema.material import NeoHookean, Volumetric
 from surrogate.certify import fast_estimate
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_estimate import FastEstimate, State, cofactors, rotations
+from surrogate.certify.fast_estimate import FastEstimate, State
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
