@@ -105,7 +105,8 @@ def rotations(f: Array) -> Array:
     They are the identity where det F is not safely positive.
     """
     safe = np.where((np.linalg.det(f) > SMALLEST)[:, None, None], f, np.eye(f.shape[1]))
-    return polar_decomposition.rotations(safe.transpose(1, 2, 0)).transpose(2, 0, 1)
+    turned = polar_decomposition.rotations(safe.transpose(1, 2, 0))
+    return np.asarray(turned.transpose(2, 0, 1), np.float64)
 
 
 def _converges(matrix: PETSc.Mat, inner: PETSc.PC) -> bool:
