@@ -160,9 +160,3 @@ def _interpolation(
     )
     matrix.eliminate_zeros()
     return matrix
-
-
-def mean_edge(coordinates: NDArray[np.float64], cells: NDArray[np.int64]) -> float:
-    """Mean length in m of one edge of every cell: a size of the cells."""
-    edges = coordinates[cells[:, 1]] - coordinates[cells[:, 0]]
-    return float(np.linalg.norm(edges, axis=1).mean())

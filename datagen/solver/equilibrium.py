@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.discretisation.element import Element, element_kind
-from datagen.discretisation.unknowns import Unknowns, mean_edge
+from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.materials import OwnMaterial
 from datagen.mesh.distributed_mesh import Mesh
@@ -45,8 +45,8 @@ from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.newton import Newton, NewtonResult, reason_name
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Supports
-from datagen.solver.tolerance import RoundOff
 from datagen.solver.weak_form import weak_form
+from shared_schema.common.bodies.force_tolerance import ForceTolerance, RoundOff, mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.material import Material
 
@@ -155,9 +155,8 @@ class EquilibriumProblem:
         self._x = self.residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = self._is_loaded = False
         self._settings, self._grip_norm = settings, 0.0
-        self._round_off = RoundOff(0.0, 0.0)
-        if settings.tolerance is None:
-            self._round_off = RoundOff.of(self.tangent(), size)
+        self._tolerance = ForceTolerance(settings.relative_tolerance, settings.tolerance)
+        self._round_off = round_off(self.tangent(), size)
         self.linear_solver = chosen_solver(
             settings.linear_solver, self.kind, self.dimension, self.size
         )
@@ -204,19 +203,20 @@ class EquilibriumProblem:
         self.load.set(nodes, forces, pressures)
         self._grip_norm = 0.0
         self._is_loaded = self.load.norm > 0.0 or moves
+        if self._settings.tolerance is not None:
+            self.newton.stop_at(self.relative_tolerance(0.0))
 
     def tolerance(self) -> float:
         """Tolerance on ‖R‖ in N under the present load, at the present state (collective)."""
-        if self._settings.tolerance is not None:
-            return self._settings.tolerance
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         return self.relative_tolerance(self._x.norm())
 
     def relative_tolerance(self, displacement_norm: float) -> float:
         """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
         forces = float(np.hypot(self.load.norm, self._grip_norm))
-        relative = self._settings.relative_tolerance * forces
-        return max(relative, self._round_off.floor(displacement_norm))
+        if self._settings.tolerance is not None and (self.supports.has_grip or forces == 0.0):
+            return self._settings.tolerance  # the forces of a grip are not known before
+        return self._tolerance.under(forces, self._round_off, displacement_norm)
 
     def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0 by Newton's method, starting from `u`.
@@ -376,3 +376,11 @@ class EquilibriumProblem:
         else:
             self._next_tangent()
         self.corotation.turn()
+
+
+def round_off(stiffness: PETSc.Mat, cell_size: float) -> RoundOff:
+    """Estimate the rounding errors of residuals by K₀ in N/m and the cells' size (collective)."""
+    diagonal = stiffness.getDiagonal()
+    norm, largest = diagonal.norm(), diagonal.norm(PETSc.NormType.NORM_INFINITY)
+    diagonal.destroy()
+    return RoundOff.of(norm, largest, cell_size)

@@ -62,7 +62,7 @@ def solve_from(
     problem.supports.hold()
     energy, iterations = problem.potential(), 0
     if energy < 0.0:
-        with no_further_than(settings.tolerance, problem):
+        with no_further_than(problem.tolerance() if settings.tolerance else None, problem):
             result = problem.solve(1.0)
         iterations = result.iterations
         if result.converged and problem.potential() <= energy + ROUNDING * abs(energy):

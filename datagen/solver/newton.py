@@ -2,7 +2,8 @@ r"""Newton's method (PETSc SNES) for R(u) = 0.
 
 .. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂R/∂u
 
-The iteration ends when :math:`‖R‖_2` is at most the tolerance (`datagen.solver.tolerance`).
+The iteration ends when :math:`‖R‖_2` is at most the tolerance
+(`shared_schema.common.bodies.force_tolerance`).
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ class Newton:
         corotation: Corotation | None,
     ) -> None:
         self._equations, self._settings, self._corotation = equations, settings, corotation
-        self._at_least_one = False
+        self._at_least_one, self._limit = False, 0.0
         self.is_direct = linear_solver == "lu"
         self.snes = self._make_snes(linear_solver)
         self._direct = self.snes if self.is_direct else None  # else made when first needed
@@ -117,9 +118,6 @@ class Newton:
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
         if settings.tolerance is None:
             snes.setConvergenceTest(self._has_converged)
-        else:
-            stricter = INEXACT_TOLERANCE if linear_solver == "multigrid" else 1.0
-            snes.setTolerances(atol=stricter * settings.tolerance)
         snes.setType("newtonls")
         if linear_solver == "lu":
             set_up_direct(snes, equations.dimension, equations.kind.has_pressure)
@@ -139,6 +137,14 @@ class Newton:
             return int(reasons.ITERATING)
         small = residual <= self._equations.relative_tolerance(displacement)
         return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
+
+    def stop_at(self, tolerance: float) -> None:
+        """Set the absolute tolerance in N, if the settings have one, for the present load."""
+        self._limit = tolerance
+        for snes, is_direct in ((self.snes, self.is_direct), (self._direct, True)):
+            if snes is not None:
+                stricter = 1.0 if is_direct or self._corotation else INEXACT_TOLERANCE
+                snes.setTolerances(atol=stricter * tolerance)
 
     def solve(
         self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, predicts: bool, direct: bool
@@ -165,7 +171,9 @@ class Newton:
         """
         snes = self.snes
         if direct:
-            self._direct = self._direct or self._make_snes("lu")
+            if self._direct is None:
+                self._direct = self._make_snes("lu")
+                self._direct.setTolerances(atol=self._limit)
             snes = self._direct
         if snes is not self._direct:
             snes.setUseEW(not is_linear and not predicts)

@@ -17,10 +17,12 @@ class SolverSettings(Frozen):
     Attributes
     ----------
     tolerance : float, optional
-        Absolute tolerance on the 2-norm of the residual, in N, instead of a relative one.
+        Absolute tolerance on the 2-norm of the residual, in N, instead of a relative one; it counts
+        as 1e-6 of the norm of the external forces at most.
     relative_tolerance : float
         Tolerance on the 2-norm of the residual, as a fraction of that of the external forces. The
-        residual need not fall below what rounding leaves of it (`datagen.solver.tolerance`).
+        residual need not fall below what rounding leaves of it
+        (`shared_schema.common.bodies.force_tolerance`).
     max_iterations : int
         Largest number of Newton iterations in one load step.
     wanted_iterations : int

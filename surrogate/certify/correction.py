@@ -9,6 +9,10 @@ step inverts one, and Π decreases along every δ (`surrogate.mechanics.out_of_b
 start leads to an equilibrium. A good prediction saves iterations. A bad one could cost many,
 or lead to another equilibrium; therefore the start is the state of lowest Π among the prediction,
 the linear response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
+
+The iteration ends by the rule of the finite elements
+(`shared_schema.common.bodies.force_tolerance`). Under a load that is hidden by rounding errors it
+is one step from the undeformed body.
 """
 
 from __future__ import annotations
@@ -18,11 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
-TOLERANCE = 1e-8  # of ‖r‖₂ in N, that of the finite elements
+DEFAULT = ForceTolerance()
 ITERATIONS, HALVINGS = 200, 40
 SUFFICIENT = 1e-4  # c
 
@@ -57,7 +62,10 @@ class Correction:
 
 
 def correct(
-    equilibrium: Equilibrium, forces: Array, predicted: Array, tolerance: float = TOLERANCE
+    equilibrium: Equilibrium,
+    forces: Array,
+    predicted: Array,
+    tolerance: ForceTolerance | float = DEFAULT,
 ) -> Correction:
     """Go on from a prediction to the equilibrium.
 
@@ -66,8 +74,8 @@ def correct(
     equilibrium : Equilibrium
     forces, predicted : array, (n_nodes, d)
         Nodal forces in N, and predicted displacements in m, which may be arbitrarily wrong.
-    tolerance : float
-        Largest ‖r‖₂ of the result in N.
+    tolerance : ForceTolerance or float
+        On ‖r‖₂ of the result, or an absolute one in N; 1e-9 of the load by default.
 
     Raises
     ------
@@ -75,18 +83,29 @@ def correct(
         If 200 iterations do not lead to an equilibrium.
     """
     f = forces[None]
+    if 0 < LOOSEST * np.linalg.norm(f) < equilibrium.round_off.at_rest:  # Π does not feel the load
+        u = equilibrium.linear_response(f)
+        residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
+        return Correction(u[0], "undeformed body", 1, residual)
     start, u = safest_start(equilibrium, f, predicted[None])
     return iterated(equilibrium, f, u, start, tolerance)
 
 
 def iterated(
-    equilibrium: Equilibrium, f: Array, u: Array, start: str, tolerance: float = TOLERANCE
+    equilibrium: Equilibrium,
+    f: Array,
+    u: Array,
+    start: str,
+    tolerance: ForceTolerance | float = DEFAULT,
 ) -> Correction:
     """Iterate from a start without inverted cells, f and u (1, n_nodes, d); WorkError as above."""
-    r = equilibrium.out_of_balance(u, f)
+    if not isinstance(tolerance, ForceTolerance):
+        tolerance = ForceTolerance(absolute=tolerance)
+    r, load = equilibrium.out_of_balance(u, f), float(np.linalg.norm(f * equilibrium.free))
     for iteration in range(ITERATIONS + 1):
         norm = float(np.linalg.norm(r))
-        if norm <= tolerance:
+        limit = tolerance.under(load, equilibrium.round_off, float(np.linalg.norm(u)))
+        if norm <= limit:
             return Correction(u[0], start, iteration, norm)
         advanced = searched(equilibrium, f, u, r, equilibrium.newton_step(u, r))
         if advanced is None:

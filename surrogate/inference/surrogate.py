@@ -11,6 +11,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
 from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.data.geometry import Geometry
@@ -337,7 +338,8 @@ class Surrogate(TrainedBody):
 
         equilibrium = self.balanced()
         nodal = checked_force(self.geometry, forces)
-        return correct(equilibrium, nodal, self._displacement(nodal, predicted))
+        tolerance = ForceTolerance.of_case(self.description.data.case)
+        return correct(equilibrium, nodal, self._displacement(nodal, predicted), tolerance)
 
     def _displacement(self, nodal: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""

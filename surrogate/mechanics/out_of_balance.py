@@ -24,6 +24,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
@@ -93,6 +94,7 @@ class Equilibrium:
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self._size = geometry.coordinates.size
+        self._cell_size = mean_edge(geometry.coordinates, geometry.cells)
         self.layout = BandLayout(*body, geometry.held)
         per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
@@ -162,6 +164,12 @@ class Equilibrium:
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
+
+    @cached_property
+    def round_off(self) -> RoundOff:
+        """Rounding errors of r."""
+        diagonal = self._bands(np.zeros((1, *self.free.shape)))[0, :, 0]
+        return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self._cell_size)
 
     def _factors(self, u: Array) -> list[tuple[BandCholesky, bool]]:
         """Factorise every K(u), or K(u) + τ K(0); say whether it was K(u)."""

@@ -103,3 +103,18 @@ def test_one_tolerance_at_a_time() -> None:
     assert "tolerance" not in SolverSettings().model_dump()
     with pytest.raises(InputError, match="expected one of them"):
         validate(SolverSettings, {"tolerance": 1e-8, "relative_tolerance": 1e-6}, "case")
+
+
+@pytest.mark.parametrize("linear_solver", ["lu", "corotated", "multigrid"])
+def test_an_absolute_tolerance_passes_no_body_that_hardly_moved(
+    linear_solver: LinearSolver,
+) -> None:
+    """0.4 nN on 40 µm, with the 1e-8 N of the shipped cases: it counts as 1e-6 of the load."""
+    force = 0.4e-9
+    modulus = force / (1.25e-3 * 40e-6)
+    expected, _, _ = bent(40e-6, modulus, force)
+    u, report, problem = bent(40e-6, modulus, force, (12, 3), linear_solver, tolerance=1e-8)
+    assert report.solved
+    assert problem.tolerance() == pytest.approx(1e-6 * force)
+    assert u == pytest.approx(expected, abs=1e-6)
+    assert np.abs(expected).max() > 0.2
