@@ -12,6 +12,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from datagen.output.nodal_samples import NodalSamples, Sample
+from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (
     NETWORK,
     REFERENCE,
@@ -20,7 +21,7 @@ from shared_schema.common.drawing.figure_style import (
     save,
     styled,
 )
-from shared_schema.common.drawing.mesh_drawing import Drawing, make_drawing
+from shared_schema.common.drawing.mesh_drawing import make_drawing
 from shared_schema.common.solution_file import require_suffix
 
 SUFFIXES = (".png", ".svg", ".pdf")

@@ -108,7 +108,11 @@ def meshes(loads: Extrapolation, number: int) -> Figure:
     """Draw the deformed meshes of a sample."""
     predicted, samples = loads.predicted.mean[number], loads.samples
     return deformed_meshes(
-        loads.surrogate.geometry, predicted, samples.displacement[number], samples.force[number]
+        loads.surrogate.geometry,
+        predicted,
+        samples.displacement[number],
+        samples.force[number],
+        "U-Net",
     )
 
 

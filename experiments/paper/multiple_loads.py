@@ -57,7 +57,7 @@ def measure(resources: Resources) -> Findings:
         ],
         figures={
             "example": (
-                meshes_and_errors(geometry, predicted[number], reference, force),
+                meshes_and_errors(geometry, predicted[number], reference, force, "U-Net"),
                 f"2D beam under forces of {newtons} N (from the clamped end), its network trained "
                 f"on single ones; tip displacement {moved:.2f} m. Left: meshes. Right: nodal error "
                 "on the predicted mesh.",

@@ -101,12 +101,12 @@ def measure(resources: Resources) -> Findings:
         result.comparisons.append(compare(f"{what}: relative tip error", "%", *percent))
         caption = f"{example.body}, {newtons:.2f} N at ({place}) m, tip displacement {moved:.2f} m"
         result.figures[name] = (
-            meshes_and_errors(geometry, predicted, reference, force),
+            meshes_and_errors(geometry, predicted, reference, force, "U-Net"),
             f"{caption}. Left: meshes. Right: nodal error on the predicted mesh.",
         )
         if geometry.dimension == 3:
             result.figures[f"{name}-close"] = (
-                close_up(geometry, predicted, reference, loaded, CLOSE),
+                close_up(geometry, predicted, reference, loaded, CLOSE, "U-Net"),
                 f"{caption}. Meshes close to the loaded node (dot).",
             )
     head = (

@@ -26,7 +26,7 @@ def run_figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
     run : RunFolder
         Folder whose measures of the epochs are drawn as well.
     """
-    drawn = _error_figures(evaluation)
+    drawn = _error_figures(evaluation, run.description().run.title)
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # a fitted model has no epochs
         drawn["loss"] = loss_curves({run.description().run.objective: lines})
@@ -36,14 +36,14 @@ def run_figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
     return drawn
 
 
-def _error_figures(evaluation: Evaluation) -> dict[str, Figure]:
+def _error_figures(evaluation: Evaluation, title: str) -> dict[str, Figure]:
     geometry, example = evaluation.surrogate.geometry, evaluation.example
     predicted, reference = evaluation.predicted[example], evaluation.reference[example]
     errors = sample_errors(evaluation.predicted, evaluation.reference)
     moved = displacement_at_load(evaluation.force, evaluation.reference)
     force = evaluation.force[example]
     drawn = {
-        "deformed": deformed_meshes(geometry, predicted, reference, force),
+        "deformed": deformed_meshes(geometry, predicted, reference, force, title),
         "error_field": error_field(geometry, predicted, reference),
         "errors": error_over_displacement(moved, errors, evaluation.measures),
     }

@@ -26,8 +26,8 @@ Row = tuple[str, ...]  # name, value here, and the published one beside publishe
 FIGURES = (
     (
         "deformed.png",
-        "A test load at the free end: the deformed mesh that the U-Net predicts (blue) over that "
-        "of the finite elements (red), and the undeformed mesh (grey, dashed).",
+        "A test load at the free end: the predicted deformed mesh (blue) over that of the "
+        "finite elements (red), and the undeformed mesh (grey, dashed).",
     ),
     (
         "error_field.png",

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from shared_schema.common.drawing.drawn_mesh import Mesh
 from shared_schema.common.drawing.figure_style import UNDEFORMED, make_figure, styled
-from shared_schema.common.drawing.mesh_drawing import Mesh, make_drawing
+from shared_schema.common.drawing.mesh_drawing import make_drawing
 
 Array = NDArray[np.float64]
 SIZE = 5.5, 4.0  # inches

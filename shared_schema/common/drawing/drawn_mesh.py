@@ -1,0 +1,52 @@
+"""What a drawing needs of a mesh, and the faces and edges that can be seen of it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.surface_edges import edges_of
+
+Array = NDArray[np.float64]
+
+
+class Mesh(Protocol):
+    """The attributes of a mesh that a drawing needs."""
+
+    @property
+    def coordinates(self) -> Array:
+        """Node positions of the undeformed body, (n_nodes, d) in m."""
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Node numbers of every cell, (n_cells, n_corners), VTK order."""
+
+    @property
+    def cell_type(self) -> str:
+        """Name of the cells in meshio."""
+
+
+def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
+    """Faces that can be seen: the cells of a plane mesh, the boundary faces of one in space.
+
+    Returns
+    -------
+    array of int, (n_faces, n_corners)
+        Node numbers, going round each face.
+    """
+    if mesh.coordinates.shape[1] == 2:
+        return mesh.cells
+    return boundary_facets(mesh.cells, mesh.cell_type)
+
+
+def surface_edges(mesh: Mesh) -> NDArray[np.int64]:
+    """Edges of the surface's faces, each once: (n_edges, 2) node numbers."""
+    return each_once(edges_of(surface_faces(mesh)))
+
+
+def each_once(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges, lower node number first, each once: (n_edges, 2)."""
+    return np.unique(np.sort(edges, axis=1), axis=0)
