@@ -88,7 +88,7 @@ class SpaceDrawing(Drawing):
         hidden = self._hidden(x, _between(lifted, (ends[1:] + ends[:-1]) / 2))
         paper = self._seen(x)[edges]
         whole = list(paper[~hidden.any(axis=1)])
-        edge, part = np.nonzero(~hidden & hidden.any(axis=1)[:, None])
+        edge, part = np.nonzero(~hidden & hidden.any(axis=1, keepdims=True))
         points = _between(paper, ends)
         return whole + list(np.stack((points[edge, part], points[edge, part + 1]), axis=1))
 
