@@ -60,7 +60,7 @@ REFERENCE_CURVE = KINDS["forces"]._replace(label="right coverage")
 
 def calibration(samples: PredictedSamples) -> CalibrationMeasures:
     """Measure the calibration over the free components."""
-    predicted, free = samples.predicted, ~samples.geometry.clamped
+    predicted, free = samples.predicted, samples.geometry.free
     return measure_calibration(predicted.mean, predicted.std, samples.reference, free)
 
 

@@ -21,7 +21,7 @@ from shared_schema import NeoHookean
 from shared_schema.common import WorkError
 from surrogate import Surrogate
 from surrogate.certify import Certificate, certify, correct
-from surrogate.data import RandomLoads
+from surrogate.data import RandomLoads, at_free
 from surrogate.mechanics import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -86,8 +86,8 @@ def judge(
             norms(u)
         )
     if surrogate.is_probabilistic:
-        free = ~surrogate.geometry.clamped
-        scores["predicted σ"] = predicted.std[:, free].mean(axis=(1, 2))
+        std = at_free(predicted.std, surrogate.geometry.free)
+        scores["predicted σ"] = std.mean(axis=(1, 2))
         scores["predicted σ over displacement"] = norms(predicted.std) / norms(u)
     capped = {
         name: np.minimum(np.nan_to_num(score, nan=HIGHEST), HIGHEST)
@@ -125,10 +125,10 @@ def unusual_loads(surrogate: Surrogate, force: Array, seed: int = 0) -> dict[str
     never = np.setdiff1d(free, trained)
     kinds = {}
     if len(never) >= most:
-        kinds[PLACE] = _drawn(never, most, limit, force, random)
+        kinds[PLACE] = _drawn(never, most, limit, geometry.free, len(force), random)
     places = trained if len(trained) >= MORE * most else free
     if len(places) >= MORE * most:
-        kinds[SEVERAL] = _drawn(places, MORE * most, limit, force, random)
+        kinds[SEVERAL] = _drawn(places, MORE * most, limit, geometry.free, len(force), random)
     at_limit = force / (np.abs(force) / limit).max(axis=(1, 2), keepdims=True)
     return kinds | {TWICE: 2 * at_limit, FOUR_TIMES: 4 * at_limit}
 
@@ -137,11 +137,11 @@ def _drawn(
     nodes: NDArray[np.int64],
     count: int,
     limit: Array,
-    like: Array,
+    free: NDArray[np.bool_],
+    loads: int,
     random: np.random.Generator,
 ) -> Array:
-    family = RandomLoads(nodes, count, count, limit, like.shape[1])
-    return family.draw(len(like), random)
+    return RandomLoads(nodes, count, count, limit, len(free), free).draw(loads, random)
 
 
 def alarms(inside: Judged, unusual: dict[str, Judged]) -> dict[str, dict[str, float]]:

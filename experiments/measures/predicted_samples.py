@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from experiments.framework.resources import Resources
 from surrogate.certify import FastCertificate
-from surrogate.data import Geometry
+from surrogate.data import Geometry, at_free
 from surrogate.measures import BAND, sample_errors
 from surrogate.probabilistic import Distribution, half_width
 
@@ -54,14 +54,14 @@ class PredictedSamples:
     @cached_property
     def std(self) -> Array:
         """Mean σ of every sample over its free components in m, (M,)."""
-        return self.predicted.std[:, ~self.geometry.clamped].mean(axis=(1, 2))
+        return np.asarray(at_free(self.predicted.std, self.geometry.free).mean(axis=(1, 2)))
 
     @cached_property
     def covered(self) -> Array:
         """Share of the free components of every sample inside the 95 % band, (M,)."""
-        free = ~self.geometry.clamped
-        error = np.abs(self.predicted.mean - self.reference)[:, free]
-        inside = error <= half_width(BAND) * self.predicted.std[:, free]
+        free = self.geometry.free
+        error = at_free(np.abs(self.predicted.mean - self.reference), free)
+        inside = error <= half_width(BAND) * at_free(self.predicted.std, free)
         return inside.mean(axis=(1, 2))
 
     @cached_property

@@ -40,7 +40,7 @@ def measure(resources: Resources) -> Findings:
 def calibration(resources: Resources, run: str) -> CalibrationMeasures:
     """Measure the calibration of a run on its test split."""
     dataset, predicted = resources.dataset_of(run), resources.predicted_test(run)
-    free = ~dataset.geometry.clamped
+    free = dataset.geometry.free
     return measure_calibration(predicted.mean, predicted.std, dataset.nodal_test.displacement, free)
 
 

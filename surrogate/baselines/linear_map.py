@@ -66,8 +66,12 @@ class LinearMap(nn.Module):
         return on_grid(displacement, self.points, force)
 
 
-def compliance_of(stiffness: Stiffness, nodes: NDArray[np.int64], count: int) -> Tensor:
+def compliance_of(
+    stiffness: Stiffness, nodes: NDArray[np.int64], free: NDArray[np.bool_]
+) -> Tensor:
     """Return K⁻¹ in m/N of the degrees of freedom of some nodes, by component, then by node.
+
+    It is zero at components that are held.
 
     Parameters
     ----------
@@ -75,10 +79,15 @@ def compliance_of(stiffness: Stiffness, nodes: NDArray[np.int64], count: int) ->
         Stiffness of the whole body without supports.
     nodes : array of int, (n_free,)
         Nodes that can move, in the order of the result; all others are held.
-    count : int
-        Number of nodes of the body.
+    free : array of bool, (n_nodes, d)
+        Components of all nodes of the body that are not held.
     """
-    d = (len(stiffness.indptr) - 1) // count
+    d = free.shape[1]
     dofs = (nodes * d + np.arange(d)[:, None]).ravel()
+    moving = torch.from_numpy(np.flatnonzero(free.ravel()[dofs]))
+    dofs = dofs[moving]
     k = csr_array((stiffness.data, stiffness.indices, stiffness.indptr))[dofs][:, dofs]
-    return torch.cholesky_inverse(torch.linalg.cholesky(torch.from_numpy(k.toarray())))
+    inverse = torch.cholesky_inverse(torch.linalg.cholesky(torch.from_numpy(k.toarray())))
+    whole = inverse.new_zeros(2 * (nodes.size * d,))
+    whole[moving[:, None], moving] = inverse
+    return whole

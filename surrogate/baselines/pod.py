@@ -185,7 +185,7 @@ class GaussianProcessConfig(PODConfig):
     def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
         """Return the negative log-likelihood per datum in nats."""
         unit = network.displacement_rms
-        return negative_log_likelihood(prediction, reference, network.free_points, unit)
+        return negative_log_likelihood(prediction, reference, network.free_components, unit)
 
     @property
     def summary(self) -> str:

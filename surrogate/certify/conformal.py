@@ -39,6 +39,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.errors import InputError, first_line
+from surrogate.data.free_components import at_free, by_component
 from surrogate.probabilistic.calibration import require_positive
 from surrogate.runs.tensor_file import load_tensors, serialised
 
@@ -83,7 +84,7 @@ class ConformalCalibration:
         Nominal coverage 1 − α.
     kind : {"marginal", "simultaneous"}
     factor : array, (n_nodes, d)
-        Factor q of every component; 0 where clamped; in m if fitted with σ = 1.
+        Factor q of every component; 0 where held; in m if fitted with σ = 1.
     """
 
     level: float
@@ -111,20 +112,21 @@ class ConformalCalibration:
             μ and u in m.
         std : array, (n, n_nodes, d), or 1.0
             σ in m; 1.0 for a deterministic surrogate, whose scores are absolute errors in m.
-        free : array of bool, (n_nodes,)
-            Nodes that are not clamped.
+        free : array of bool, (n_nodes, d) or (n_nodes,)
+            Components that are not held, or nodes that are not clamped.
 
         Raises
         ------
         ValueError
             If there are too few samples for the level, or σ is not positive and finite at a free
-            node.
+            component.
         """
         sigma = np.broadcast_to(np.asarray(std, dtype=np.float64), mean.shape)
         require_positive(sigma, free)
+        free = by_component(free, mean.shape[-1])
         scores = np.abs(reference - mean)[:, free] / sigma[:, free]
         if kind == "simultaneous":
-            scores = scores.max(axis=(1, 2), keepdims=True)
+            scores = scores.max(axis=1, keepdims=True)
         factor = np.zeros(mean.shape[1:])
         factor[free] = conformal_quantile(scores, level)
         return cls(level, kind, factor)
@@ -168,8 +170,8 @@ class Intervals:
             Predicted and true displacements in m.
         std : array, (M, n_nodes, d), or 1.0
             As in `ConformalCalibration.fit`.
-        free : array of bool, (n_nodes,)
-            Nodes that are not clamped.
+        free : array of bool, (n_nodes, d) or (n_nodes,)
+            Components that are not held, or nodes that are not clamped.
 
         Returns
         -------
@@ -180,11 +182,11 @@ class Intervals:
         content: dict[str, Any] = {"level": self.level, "samples": self.samples}
         for kind in KINDS:
             lower, upper = self.bounds(kind, mean, std)
-            inside = ((lower <= reference) & (reference <= upper))[:, free]
+            inside = at_free((lower <= reference) & (reference <= upper), free)
             covered = inside if kind == "marginal" else inside.all(axis=(1, 2))
             content[kind] = {
                 "coverage": float(covered.mean()),
-                "width": float((upper - lower)[:, free].mean()),
+                "width": float(at_free(upper - lower, free).mean()),
             }
         return content
 

@@ -6,6 +6,7 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
+    from surrogate.data.free_components import at_free
     from surrogate.data.geometry import Geometry
     from surrogate.data.joined_dataset import read_dataset
     from surrogate.data.load_families import RandomLoads, random_loads
@@ -21,6 +22,7 @@ __all__ = [
     "RandomLoads",
     "Samples",
     "SamplesOnDisk",
+    "at_free",
     "random_loads",
     "read_dataset",
     "read_nodal_dataset",

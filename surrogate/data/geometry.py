@@ -126,6 +126,11 @@ class Geometry:
         return np.repeat(self.clamped[:, None], self.dimension, axis=1)
 
     @property
+    def free(self) -> NDArray[np.bool_]:
+        """Components of displacement that are not held, (n_nodes, d)."""
+        return ~self.held
+
+    @property
     def loaded_body(self) -> LoadedBody:
         """The body as loads of a command refer to it."""
         mesh = self.coordinates, self.cells, self.cell_type
@@ -133,10 +138,8 @@ class Geometry:
 
     @property
     def movable(self) -> NDArray[np.bool_]:
-        """Components at grid points that are not held: (nx, ny[, nz]), or (d, nx, ny[, nz])."""
-        if self.single is None:
-            return self.free_mask
-        return np.stack([self.grid.moved_by(~held) for held in self.single.T])
+        """Components at grid points that are not held, (d, nx, ny[, nz])."""
+        return np.stack([self.grid.moved_by(free) for free in self.free.T])
 
     @property
     def free_mask(self) -> NDArray[np.bool_]:

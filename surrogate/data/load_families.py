@@ -38,6 +38,8 @@ class RandomLoads:
         Largest force components in N; components are drawn evenly between minus and plus this.
     body_nodes : int
         Number of all nodes of the body.
+    free : array of bool, (n_nodes, d), optional
+        Components that are not held: no force acts on others.
     """
 
     nodes: NDArray[np.int64]
@@ -45,6 +47,7 @@ class RandomLoads:
     most: int
     limit: Array
     body_nodes: int
+    free: NDArray[np.bool_] | None = None
 
     def draw(self, count: int, random: np.random.Generator) -> Array:
         """Draw nodal forces in N, (count, n_nodes, d)."""
@@ -53,7 +56,7 @@ class RandomLoads:
             number = int(random.integers(self.fewest, self.most + 1))
             chosen = random.choice(self.nodes, number, replace=False)
             force[chosen] = random.uniform(-self.limit, self.limit, (number, len(self.limit)))
-        return forces
+        return forces if self.free is None else forces * self.free
 
 
 def random_loads(
@@ -96,7 +99,8 @@ def random_loads(
     if not 1 <= fewest <= most <= len(nodes):
         expected = f"1 at least and {len(nodes)} at most, the number of nodes that may be loaded"
         raise _wrong(family, "loads", f"{fewest}-{most}", expected)
-    return RandomLoads(nodes, fewest, most, reach * np.array(limit), len(geometry.coordinates))
+    largest, count = reach * np.array(limit), len(geometry.coordinates)
+    return RandomLoads(nodes, fewest, most, largest, count, geometry.free)
 
 
 def _keys(family: str) -> list[tuple[str, str]]:

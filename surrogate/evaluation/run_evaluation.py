@@ -232,7 +232,7 @@ def evaluate(
     data = dataset if isinstance(dataset, Dataset) else read_dataset(dataset, on_disk=True)
     require_tested(folder, surrogate, data)
     force, reference = data.nodal_test.force, data.nodal_test.displacement
-    tip, free = surrogate.geometry.tip, ~surrogate.geometry.clamped
+    tip, free = surrogate.geometry.tip, surrogate.geometry.free
     intervals, fast, others, calibration = None, None, None, None
     if conformal is not None:
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)

@@ -71,7 +71,7 @@ def fit_intervals(
         )
     samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
     mean, std = samples.predicted.mean, surrogate.score_scale(samples.predicted)
-    free = ~surrogate.geometry.clamped
+    free = surrogate.geometry.free
     try:
         calibrations = {
             kind: ConformalCalibration.fit(level, kind, mean, std, samples.truth, free)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data.body_check import Body, require_same_body
+from surrogate.data.free_components import at_free
 from surrogate.data.nodal_dataset import NodalSamples, read_nodal_dataset
 from surrogate.inference.surrogate import Surrogate
 from surrogate.measures.error_metrics import sample_errors
@@ -50,9 +51,9 @@ class Extrapolation:
     @cached_property
     def inside(self) -> Array:
         """Share of the free components of each sample with the error inside the 95 % band, (M,)."""
-        free = ~self.surrogate.geometry.clamped
-        error = np.abs(self.predicted.mean - self.samples.displacement)[:, free]
-        band = half_width(BAND) * self.predicted.std[:, free]
+        free = self.surrogate.geometry.free
+        error = at_free(np.abs(self.predicted.mean - self.samples.displacement), free)
+        band = half_width(BAND) * at_free(self.predicted.std, free)
         return (error <= band).mean(axis=(1, 2))
 
     @cached_property
@@ -63,14 +64,15 @@ class Extrapolation:
 
     def plain(self) -> dict[str, Any]:
         """Measures of every sample as plain data; errors and standard deviations in m."""
-        free = ~self.surrogate.geometry.clamped
+        free = self.surrogate.geometry.free
         columns = {
             "reach": self.reach,
             "mean_error": sample_errors(self.predicted.mean, self.samples.displacement),
         }
         if self.surrogate.is_probabilistic:
-            columns["mean_std"] = self.predicted.std[:, free].mean(axis=(1, 2))
-            columns["mean_std_epistemic"] = self.predicted.std_epistemic[:, free].mean(axis=(1, 2))
+            columns["mean_std"] = at_free(self.predicted.std, free).mean(axis=(1, 2))
+            epistemic = at_free(self.predicted.std_epistemic, free)
+            columns["mean_std_epistemic"] = epistemic.mean(axis=(1, 2))
             columns["inside_95"] = self.inside
         return {"case": self.case} | {name: values.tolist() for name, values in columns.items()}
 

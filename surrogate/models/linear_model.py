@@ -60,7 +60,7 @@ class LinearModel(TrainedModel):
         assert dataset.stiffness is not None
         grid = geometry.grid
         nodes = grid.node_at[grid.moved_by(~geometry.clamped)]
-        compliance = compliance_of(dataset.stiffness, nodes, grid.nodes)
+        compliance = compliance_of(dataset.stiffness, nodes, geometry.free)
         layer.start_at(compliance, network.force_scale, network.displacement_scale)
 
     @property

@@ -158,8 +158,7 @@ class Model(Frozen, ABC):
 
     def require_modes(self, dataset: Dataset, train: Sized, modes: Mapping[str, int]) -> None:
         """Raise InputError if a key asks for more modes than samples or free components."""
-        geometry = dataset.geometry
-        most = min(len(train), geometry.dimension * int(geometry.free_mask.sum()))
+        most = min(len(train), int(dataset.geometry.movable.sum()))
         for key, count in modes.items():
             if count > most:
                 raise InputError(

@@ -199,5 +199,5 @@ class LikelihoodTraining(RecalibratedTraining):
         """Return the negative log-likelihood in nats, with displacements in units of their RMS."""
         unit = network.displacement_rms
         return negative_log_likelihood(
-            prediction, reference, network.free_points, unit, self.beta, self.errors
+            prediction, reference, network.free_components, unit, self.beta, self.errors
         )

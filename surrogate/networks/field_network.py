@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
+from surrogate.data.free_components import at_components
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
@@ -65,10 +66,10 @@ class FieldNetwork(nn.Module):
         Factor on the network's output, in m: `displacement_rms`, unless `scale_output` is called.
     free : Tensor, (nx, ny[, nz])
         1 at grid points that are nodes and not clamped, else 0.
-    movable : Tensor, (nx, ny[, nz]) or (d, nx, ny[, nz])
-        The same; component by component, if some nodes are held in single ones.
-    free_points : Tensor of int, (n_free,)
-        Numbers of these points in the flattened grid.
+    movable : Tensor, (d, nx, ny[, nz])
+        1 at components that are not held, else 0.
+    free_components : Tensor of int, (n_free,)
+        Numbers of the components that are not held in a flattened field, (d · nx · ny[ · nz],).
     aleatoric_factor, epistemic_factor : Tensor, ()
         Factors a and b on the standard deviations at the nodes
         (`surrogate.training.recalibration`).
@@ -81,7 +82,7 @@ class FieldNetwork(nn.Module):
     displacement_scale: Tensor
     free: Tensor
     movable: Tensor
-    free_points: Tensor
+    free_components: Tensor
     aleatoric_factor: Tensor
     epistemic_factor: Tensor
 
@@ -110,7 +111,9 @@ class FieldNetwork(nn.Module):
         self.register_buffer("free", free)
         movable = torch.from_numpy(geometry.movable).float()
         self.register_buffer("movable", movable, persistent=False)
-        self.register_buffer("free_points", free.flatten().nonzero().squeeze(1), persistent=False)
+        self.register_buffer(
+            "free_components", movable.flatten().nonzero().squeeze(1), persistent=False
+        )
         self.register_buffer("aleatoric_factor", torch.ones(()))
         self.register_buffer("epistemic_factor", torch.ones(()))
         self.count_factor = LoadCountFactor()
@@ -136,7 +139,7 @@ class FieldNetwork(nn.Module):
         if self.last_gradient is not None:
             sizes = sizes / (self.amplitude(prepared.force) + TINY)
         if not by_node:
-            sizes = sizes.flatten(2).index_select(2, self.free_points).flatten()[:, None, None]
+            sizes = at_components(sizes, self.free_components).flatten()[:, None, None]
         if self.last_gradient is None:
             typical = sizes.square().mean(dim=0).sqrt()
         else:

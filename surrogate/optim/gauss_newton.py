@@ -25,6 +25,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from surrogate.data.free_components import at_components
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.probabilistic.flipout import random_signs
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
@@ -96,9 +97,8 @@ class GaussNewtonStd:
             return torch.zeros_like(self.information)
         prediction = self.network.learned(inputs)
         assert prediction.std is not None
-        free = self.network.free_points
-        mean = prediction.mean.flatten(2).index_select(2, free)
-        std = prediction.std.flatten(2).index_select(2, free)
+        free = self.network.free_components
+        mean, std = at_components(prediction.mean, free), at_components(prediction.std, free)
         signs, other = random_signs(mean, mean.shape), random_signs(mean, mean.shape)
         of_mean, of_std = INFORMATION[self.errors]
         values = math.sqrt(of_mean) * signs * mean + math.sqrt(of_std) * other * std

@@ -180,8 +180,7 @@ class FirstConfig:
         return in_plane and self.has_mechanics and isinstance(self.dataset.material, NeoHookean)
 
     def _reduced(self) -> Iterator[Line]:
-        geometry = self.dataset.geometry
-        free = geometry.dimension * int(geometry.free_mask.sum())
+        free = int(self.dataset.geometry.movable.sum())
         most = max(1, min(free, self.samples - 2 * ceil(self.fraction * self.samples)))
         yield Line(1, "input_modes", str(min(INPUT_MODES, most)), "modes of the linear response")
         yield Line(1, "output_modes", str(min(OUTPUT_MODES, most)), "modes of its correction")

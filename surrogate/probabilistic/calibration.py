@@ -2,7 +2,7 @@ r"""Measures of predicted uncertainty against the errors of the predictions.
 
 Every component is predicted as a Gaussian with mean μ and standard deviation σ in m; u is the
 reference, :math:`z = (u - μ) / σ`, φ and Φ are the standard normal's density and
-distribution function. Clamped nodes are known (σ = 0, no error) and are left out everywhere.
+distribution function. Held components are known (σ = 0, no error) and are left out everywhere.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
+
+from surrogate.data.free_components import at_free, by_component
 
 Array = NDArray[np.float64]
 
@@ -151,8 +153,8 @@ def rank_correlation(x: Array, y: Array) -> Array:
 
 
 def require_positive(std: Array, free: NDArray[np.bool_]) -> None:
-    """Raise ValueError unless σ, (M, n_nodes, d), is positive and finite where free, (n_nodes,)."""
-    wrong = ~(np.isfinite(std) & (std > 0)) & free[:, None]
+    """Raise ValueError unless σ, (M, n_nodes, d), is positive and finite where it is free."""
+    wrong = ~(np.isfinite(std) & (std > 0)) & by_component(free, std.shape[-1])
     if np.any(wrong):
         first = tuple(int(index) for index in np.argwhere(wrong)[0])
         raise ValueError(
@@ -169,16 +171,16 @@ def measure_calibration(
     ----------
     mean, std, reference : array, (M, n_nodes, d)
         μ, σ and u in m.
-    free : array of bool, (n_nodes,)
-        Nodes that are not clamped.
+    free : array of bool, (n_nodes, d) or (n_nodes,)
+        Components that are not held, or nodes that are not clamped.
 
     Raises
     ------
     ValueError
-        If σ is not positive and finite at a free node.
+        If σ is not positive and finite at a free component.
     """
     require_positive(std, free)
-    error, sigma = (reference - mean)[:, free], std[:, free]
+    error, sigma = at_free(reference - mean, free), at_free(std, free)
     magnitude = np.abs(error)
     levels, observed = calibration_curve(error, sigma)
     mean_std = float(sigma.mean())
@@ -190,7 +192,10 @@ def measure_calibration(
         )
         for level in INTERVALS
     )
-    by_node = rank_correlation(np.linalg.norm(sigma, axis=2), np.linalg.norm(error, axis=2))
+    nodes, kept = free.any(axis=1) if free.ndim == 2 else free, by_component(free, std.shape[-1])
+    by_node = rank_correlation(
+        *(np.linalg.norm((kept * field)[:, nodes], axis=2) for field in (std, reference - mean))
+    )
     by_sample = rank_correlation(sigma.mean(axis=(1, 2)), magnitude.mean(axis=(1, 2)))
     return CalibrationMeasures(
         samples=len(error),

@@ -24,6 +24,8 @@ from typing import Literal, NamedTuple
 
 from torch import Tensor
 
+from surrogate.data.free_components import at_components
+
 Likelihood = Literal["deterministic", "maximum_likelihood", "variational_bayes"]
 Loss = Literal["mse", "mae"]
 Errors = Literal["gaussian", "laplace"]
@@ -86,7 +88,7 @@ def negative_log_likelihood(
     reference : Tensor, (N, d, nx, ny[, nz])
         Displacement u in m.
     free : Tensor of int, (n_free,)
-        Numbers of the free grid points in the flattened grid.
+        Numbers of the components that are not held in a flattened field, (d · nx · ny[ · nz],).
     unit : Tensor, ()
         Unit of displacements in m.
     beta : float
@@ -96,9 +98,9 @@ def negative_log_likelihood(
         Distribution of u − μ.
     """
     assert prediction.std is not None
-    mean = prediction.mean.flatten(2).index_select(2, free) / unit
-    std = prediction.std.flatten(2).index_select(2, free) / unit
-    u = reference.flatten(2).index_select(2, free) / unit
+    mean = at_components(prediction.mean, free) / unit
+    std = at_components(prediction.std, free) / unit
+    u = at_components(reference, free) / unit
     z = (u - mean) / std
     if errors == "gaussian":
         nll = std.log() + 0.5 * z.square() + 0.5 * math.log(2 * math.pi)

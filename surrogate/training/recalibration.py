@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from surrogate.data.free_components import at_free
 from surrogate.data.samples import Samples
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.load_count_factor import KNOTS
@@ -50,13 +51,14 @@ def fit_factors(
         Predictions of n samples, (n, n_nodes, d).
     reference : array, (n, n_nodes, d)
         u in m.
-    free : array of bool, (n_nodes,)
-        Nodes that are not clamped.
+    free : array of bool, (n_nodes, d) or (n_nodes,)
+        Components that are not held, or nodes that are not clamped.
     level : float, optional
         Level p whose intervals are to hold the share p.
     """
-    error = (reference - predicted.mean)[:, free]
-    aleatoric, epistemic = predicted.std_aleatoric[:, free], predicted.std_epistemic[:, free]
+    error = at_free(reference - predicted.mean, free)
+    aleatoric = at_free(predicted.std_aleatoric, free)
+    epistemic = at_free(predicted.std_epistemic, free)
     has_epistemic = bool(epistemic.any())
 
     def loss(logarithms: Array) -> float:
@@ -148,11 +150,11 @@ def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = N
     force = geometry.grid.to_nodes(held_out.force.double().cpu().numpy())
     reference = geometry.grid.to_nodes(held_out.displacement.double().cpu().numpy())
     predicted = surrogate.predict_distribution(force, PASSES)
-    free = ~geometry.clamped
+    free = geometry.free
     a, b = fit_factors(predicted, reference, free, level)
     network.aleatoric_factor.fill_(a)
     network.epistemic_factor.fill_(b)
     std = np.hypot(a * predicted.std_aleatoric, b * predicted.std_epistemic)
-    z = (reference - predicted.mean)[:, free] / std[:, free]
+    z = at_free(reference - predicted.mean, free) / at_free(std, free)
     counts = np.count_nonzero(force.any(axis=2), axis=1)
     network.count_factor.set(*fit_count_factors(z, counts, level))

@@ -71,7 +71,7 @@ class Trainer:
         self.steps = self.steps_per_epoch * training.epochs
         posterior, self.elbo, self.posterior_std = self.config.posterior, None, None
         if posterior is not None:
-            components = self.network.free_points.numel() * len(self.network.displacement_scale)
+            components = self.network.free_components.numel()
             data = len(self.train) * components * self.network.members
             self.elbo = EvidenceLowerBound(self.network, posterior, data, self.device)
             if posterior.posterior_std == "gauss_newton":

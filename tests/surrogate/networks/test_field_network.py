@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -127,10 +128,17 @@ def test_deterministic_network_has_no_spread() -> None:
     assert FieldNetwork(Constant(), L_SHAPE, INFO)(torch.zeros(1, 2, 3, 3)).std is None
 
 
-def test_free_points_by_hand() -> None:
-    """Nodes 3 to 7 are free, at grid points of the same numbers; point 8 is no node."""
+def test_free_components_by_hand() -> None:
+    """Nodes 3 to 7 are free, at grid points of the same numbers; point 8 is no node.
+
+    The second component has the numbers from 9 on. With node 5 held across, 14 is not free.
+    """
     network = FieldNetwork(Constant(), L_SHAPE, INFO)
-    assert network.free_points.tolist() == [3, 4, 5, 6, 7]
+    assert network.free_components.tolist() == [3, 4, 5, 6, 7, 12, 13, 14, 15, 16]
+    single = L_SHAPE.held.copy()
+    single[5, 1] = True
+    network = FieldNetwork(Constant(), replace(L_SHAPE, single=single), INFO)
+    assert network.free_components.tolist() == [3, 4, 5, 6, 7, 12, 13, 15, 16]
 
 
 def test_scales_are_saved_with_the_weights() -> None:

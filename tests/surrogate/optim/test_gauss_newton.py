@@ -57,8 +57,8 @@ def fisher_information(
     total = torch.zeros_like(layer.kernel.mean)
     for field, factor in zip((prediction.mean, prediction.std), factors, strict=True):
         for value, std in zip(
-            field.flatten(2)[:, :, network.free_points].flatten(),
-            prediction.std.flatten(2)[:, :, network.free_points].flatten(),
+            field.flatten(1)[:, network.free_components].flatten(),
+            prediction.std.flatten(1)[:, network.free_components].flatten(),
             strict=True,
         ):
             (g,) = torch.autograd.grad(value / std.detach(), layer.kernel.mean, retain_graph=True)

@@ -50,7 +50,7 @@ def test_by_hand(loss: Loss, expected: float) -> None:
 
 
 GRIDS: dict[int, tuple[int, ...]] = {2: (4, 3), 3: (3, 2, 2)}
-FREE = torch.tensor([1, 4, 5, 10])  # of 12 grid points
+POINTS = torch.tensor([1, 4, 5, 10])  # of 12 grid points
 
 
 def fields(dimension: int) -> tuple[Prediction, Tensor]:
@@ -61,13 +61,19 @@ def fields(dimension: int) -> tuple[Prediction, Tensor]:
         torch.randn(shape, generator=generator, dtype=torch.float64) for _ in range(3)
     )
     std = torch.zeros_like(mean)
-    std.flatten(2)[..., FREE] = (0.5 * spread).exp().flatten(2)[..., FREE]
+    free = free_components(dimension)
+    std.flatten(1)[:, free] = (0.5 * spread).exp().flatten(1)[:, free]
     mean.flatten(2)[..., 0] = torch.nan
     return Prediction(mean, std), reference
 
 
+def free_components(dimension: int) -> Tensor:
+    """Those of the points, but for the last component of the last one."""
+    return torch.cat([POINTS + 12 * component for component in range(dimension)])[:-1]
+
+
 def at_free(field: Tensor) -> Tensor:
-    return field.flatten(2)[..., FREE]
+    return field.flatten(1)[:, free_components(field.shape[1])]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -78,12 +84,13 @@ def test_likelihood_against_torch(dimension: int, unit: float, errors: Errors) -
     prediction, reference = fields(dimension)
     assert prediction.std is not None
     mean, std = at_free(prediction.mean), at_free(prediction.std)
+    free = free_components(dimension)
     of_errors: Any = Normal(mean, std) if errors == "gaussian" else Laplace(mean, std / 2**0.5)
     expected = -of_errors.log_prob(at_free(reference)).mean() - math.log(unit)
     scale = torch.tensor(unit, dtype=torch.float64)
-    found = negative_log_likelihood(prediction, reference, FREE, scale, errors=errors)
+    found = negative_log_likelihood(prediction, reference, free, scale, errors=errors)
     torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
-    unweighted = negative_log_likelihood(prediction, reference, FREE, scale, 0.0, errors)
+    unweighted = negative_log_likelihood(prediction, reference, free, scale, 0.0, errors)
     assert torch.equal(unweighted, found)
 
 
