@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import CELL_TYPES
+from shared_schema.common.bodies.conformity import conformity_problem
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.content_problems import content_problems
@@ -66,6 +67,8 @@ def check_dataset(dataset: Path | str) -> list[str]:
         found = array_problems(manifest.kind, arrays, lengths)
         if not found:
             found = content_problems(manifest, arrays)
+        if not found and not mesh:
+            found = _mesh_problems(arrays, str(attributes["cell_type"]))
         if not found:
             for name in (name for name in arrays if name.startswith(("mesh/", "grid/"))):
                 if not np.array_equal(mesh.setdefault(name, arrays[name]), arrays[name]):
@@ -86,6 +89,14 @@ def check_dataset(dataset: Path | str) -> list[str]:
             f"{STIFFNESS_FILE}: {text}" for text in _stiffness_problems(folder, manifest, dofs)
         ]
     return problems
+
+
+def _mesh_problems(arrays: Arrays, cell_type: str) -> list[str]:
+    """List what is wrong with the cells; their type is checked with the other attributes."""
+    if cell_type not in CELL_TYPES:
+        return []
+    problem = conformity_problem(arrays["mesh/coordinates"], arrays["mesh/cells"], cell_type)
+    return [] if problem is None else [f"dataset 'mesh/cells': {problem}"]
 
 
 def _number_problems(manifest: Manifest, numbers: NDArray[np.int64] | None) -> list[str]:

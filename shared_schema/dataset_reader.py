@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
+from shared_schema.common.bodies.conformity import conformity_problem
+from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays, Kind
 from shared_schema.manifest import Manifest, ShardEntry, read_manifest
 from shared_schema.shard import read_arrays, read_attributes, read_shard
@@ -95,12 +97,24 @@ class DatasetReader:
 
     @cached_property
     def body(self) -> Arrays:
-        """The arrays that every shard repeats: those below ``mesh/`` and ``grid/``."""
-        return {
+        """The arrays that every shard repeats: those below ``mesh/`` and ``grid/``.
+
+        Raises
+        ------
+        InputError
+            If the cells have a `conformity_problem`.
+        """
+        entry = self.manifest.shards[0]
+        arrays = {
             name: values
-            for name, values in self.shard(self.manifest.shards[0]).items()
+            for name, values in self.shard(entry).items()
             if name.startswith(("mesh/", "grid/"))
         }
+        mesh = arrays["mesh/coordinates"], arrays["mesh/cells"]
+        problem = conformity_problem(*mesh, self.cell_type)
+        if problem is not None:
+            raise InputError(f"{self.folder / entry.file}: dataset 'mesh/cells': {problem}")
+        return arrays
 
     def joined(self, names: Collection[str]) -> Arrays:
         """Read arrays of all shards, samples in ascending order of their number.

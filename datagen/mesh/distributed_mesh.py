@@ -15,6 +15,8 @@ from datagen.dolfinx_versions import create_mesh
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import on_rank_zero
+from shared_schema.common.bodies.conformity import conformity_problem
+from shared_schema.common.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,16 @@ def make_mesh(geometry: Geometry, comm: MPI.Comm) -> Mesh:
 
 
 def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
-    """Distribute a mesh over the ranks of `comm`, all of which hold its arrays (collective)."""
+    """Distribute a mesh over the ranks of `comm`, all of which hold its arrays (collective).
+
+    Raises
+    ------
+    InputError
+        On every rank, if the cells have a `conformity_problem`: dolfinx would damage its memory.
+    """
+    problem = conformity_problem(raw.coordinates, raw.cells, raw.cell_type)
+    if problem is not None:
+        raise InputError(f"mesh: {problem}")
     cell = UFL_NAMES[raw.cell_type]
     to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes

@@ -18,6 +18,7 @@ from pydantic import Field, PrivateAttr
 
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
 from datagen.mesh.gmsh_script import require_harmless
+from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import Frozen
@@ -84,7 +85,8 @@ class MeshFile(Frozen):
         Raises
         ------
         InputError
-            If meshing or reading fails, or the mesh is unfit (see `datagen.mesh.raw_mesh`).
+            If meshing or reading fails, or the mesh is unfit (see `datagen.mesh.raw_mesh`, and
+            `overlap_problem`).
         """
         path = self._folder / self.path
         with TemporaryDirectory() as folder:
@@ -113,6 +115,9 @@ def main(path: Path, result: Path) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
         mesh = _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
+        problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
+        if problem is not None:
+            raise ValueError(problem)
         write_raw_mesh(result, mesh)
     except (Exception, SystemExit) as error:  # gmsh and meshio raise many types
         print(first_line(error))
@@ -137,7 +142,10 @@ def _by_meshio(path: Path) -> RawMesh:
     """Read a file by meshio; its point and cell sets become groups of nodes."""
     import meshio
 
-    mesh = meshio.read(path)
+    try:
+        mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"meshio finds no mesh with cells in it ({first_line(error)})") from None
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
     groups: dict[str, Any] = {name: np.asarray(m) for name, m in mesh.point_sets.items()}
     for name, members in mesh.cell_sets.items():

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
+from shared_schema.common.bodies.conformity import cell_names, conformity_problem, node_problem
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there
@@ -90,8 +91,9 @@ def raw_mesh(
     Raises
     ------
     ValueError
-        If the cells are not of one linear type, a cell is flat or turned over at a corner, a
-        coordinate is not finite, or a mesh of surface cells leaves the plane z = 0.
+        If the cells are not of one linear type, a cell is flat or turned over at a corner or has a
+        `conformity_problem`, a coordinate is not finite, or a mesh of surface cells leaves the
+        plane z = 0.
     """
     solid = [(name, cells) for name, cells in blocks if len(cells) and not _is_lower(name)]
     in_space = [(name, cells) for name, cells in solid if DIMENSION.get(name, 3) == 3]
@@ -103,6 +105,8 @@ def raw_mesh(
     name, dimension = names[0], DIMENSION[names[0]]
     cells = np.concatenate([cells for _, cells in kept]).astype(np.int64)
     used = np.unique(cells)
+    if used[0] < 0 or used[-1] >= len(points):
+        raise ValueError(str(node_problem(cells, len(points))))
     coordinates = np.asarray(points[used], dtype=np.float64)
     if not np.isfinite(coordinates).all():
         raise ValueError("a coordinate is a NaN or an infinity")
@@ -118,6 +122,9 @@ def raw_mesh(
     positions = np.ascontiguousarray(coordinates[:, :dimension])
     mesh = RawMesh(positions, number[cells], name, numbered, of_cells)
     _require_regular(mesh)
+    problem = conformity_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
+    if problem is not None:
+        raise ValueError(problem)
     return mesh
 
 
@@ -162,4 +169,4 @@ def _require_regular(mesh: RawMesh) -> None:
     wrong = np.flatnonzero(~((scaled > SMALLEST).all(axis=1) | (scaled < -SMALLEST).all(axis=1)))
     if wrong.size:
         at = ",".join(f"{x:g}" for x in corners[wrong[0]].mean(axis=0))
-        raise ValueError(f"{wrong.size} cells are flat or turned over, the first at {at}")
+        raise ValueError(f"{cell_names(wrong)}: flat or turned over at a corner, the first at {at}")

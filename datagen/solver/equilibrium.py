@@ -36,6 +36,7 @@ from datagen.discretisation.element import Element, element_kind
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.materials import OwnMaterial
+from datagen.materials.elasticity_at_rest import require_elastic
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import DistributedAssembly, SerialAssembly
@@ -78,7 +79,8 @@ class EquilibriumProblem:
     Raises
     ------
     InputError
-        If the energy of a user's own material is none, or the undeformed body is under stress.
+        If the energy of a user's own material is none, has no positive stiffness at rest or changes
+        by a rotation (`require_elastic`), or the undeformed body is under stress.
 
     Attributes
     ----------
@@ -129,6 +131,10 @@ class EquilibriumProblem:
     ) -> None:
         self.mesh, self.comm = mesh, mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
+        materials = (material,) if isinstance(material, Material) else material
+        own = [each for each in materials if isinstance(each, OwnMaterial)]
+        for each in own:
+            require_elastic(each, self.dimension)
         self.kind = element_kind(element, mesh.cell_type)
         self.unknowns = Unknowns(mesh, self.kind)
         self.numbering, self.u = self.unknowns.numbering, self.unknowns.state
@@ -165,8 +171,7 @@ class EquilibriumProblem:
             at_rest = self.tangent().copy()
             self.corotation = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
         self.newton = Newton(self, settings, self.linear_solver, self.corotation)
-        materials = (material,) if isinstance(material, Material) else material
-        if any(isinstance(each, OwnMaterial) for each in materials):
+        if own:
             self._require_no_stress_at_rest()
 
     @property

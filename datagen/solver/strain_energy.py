@@ -23,8 +23,8 @@ import ufl
 from petsc4py import PETSc
 
 from datagen.materials import OwnMaterial
-from datagen.own_class import described, source_of
-from shared_schema.common.errors import InputError
+from datagen.materials.elasticity_at_rest import stiffness_at_rest
+from datagen.materials.own_energy import own_energy
 from shared_schema.material import (
     VOLUMETRIC_TERMS,
     Material,
@@ -94,7 +94,7 @@ def energy_density(
     d, j = f.ufl_shape[0], ufl.det(f)
     squared = 1.0 if dilation is None else (dilation / j) ** (2 / d)
     if isinstance(material, OwnMaterial):
-        return _own_energy(completed(f if dilation is None else squared**0.5 * f), material)
+        return own_energy(completed(f if dilation is None else squared**0.5 * f), material)
     assert isinstance(material, ShippedMaterial)
     if isinstance(material, NeoHookean) and dilation is None:
         lam = _constant(material.lame_lambda, domain)
@@ -110,46 +110,12 @@ def energy_density(
 
 
 def longitudinal_modulus(material: Material) -> float:
-    """λ + 2μ = ∂²W/∂F₁₁² at rest in Pa; of a user's own material by differences.
-
-    Raises
-    ------
-    InputError
-        If the energy of a user's own material has no such modulus.
-    """
+    """λ + 2μ = ∂²W/∂F₁₁² at rest in Pa."""
     if isinstance(material, ShippedMaterial):
         return material.lame_lambda + 2 * material.lame_mu
     assert isinstance(material, OwnMaterial)
-    own = material
-
-    def energy(stretch: float) -> float:
-        f = ufl.as_tensor([[stretch, 0, 0], [0, 1, 0], [0, 0, 1]])
-        return float(_own_energy(f, own)(()))
-
-    step = 1e-3
-    modulus = (energy(1 + step) - 2 * energy(1.0) + energy(1 - step)) / step**2
-    if not 0 < modulus < float("inf"):
-        raise InputError(
-            f"model '{material.model}': the energy has a modulus of {modulus:g} Pa in the "
-            "undeformed body, expected a positive one"
-        )
-    return modulus
+    return float(stiffness_at_rest(material, 3)[0, 0])
 
 
 def _constant(value: float, domain: Any) -> Expression:
     return dolfinx.fem.Constant(domain, PETSc.ScalarType(value))
-
-
-def _own_energy(f: Expression, material: OwnMaterial) -> Expression:
-    try:
-        energy = ufl.as_ufl(material.energy(f))
-    except MemoryError:
-        raise
-    except (Exception, SystemExit) as error:
-        said = described(error, source_of(material))
-        raise InputError(f"model '{material.model}': energy: {said}") from None
-    if energy.ufl_shape != () or energy.ufl_free_indices != ():
-        raise InputError(
-            f"model '{material.model}': energy has shape {energy.ufl_shape}, expected a scalar"
-        )
-    return energy

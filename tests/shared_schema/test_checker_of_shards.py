@@ -177,6 +177,9 @@ NODAL_DAMAGE: list[Any] = [
     pytest.param(put("mesh/cells", (0, 0), 8), ("mesh/cells", "0 … 7"), id="cell-of-node-8"),
     pytest.param(put("mesh/cells", (0, 0), -1), ("mesh/cells", "0 … 7"), id="cell-of-node-minus-1"),
     pytest.param(
+        put("mesh/cells", 1, [0, 3, 4, 1]), ("mesh/cells", "cells 0, 1: the same"), id="cell-twice"
+    ),
+    pytest.param(
         put("samples/loaded_nodes", (1, 0), 8), ("samples/loaded_nodes",), id="load-at-node-8"
     ),
     pytest.param(

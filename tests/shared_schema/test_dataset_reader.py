@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from shared_schema.layout import Arrays
 from shared_schema.manifest import ShardEntry, read_manifest, write_manifest
 from shared_schema.shard import read_shard, write_shard
 from tests.shared_schema.conftest import make_nodal
-from tests.shared_schema.damage import SHARD
+from tests.shared_schema.damage import SHARD, damage
 
 
 def test_shards_in_turn(nodal: Path) -> None:
@@ -106,3 +107,14 @@ def test_damage_is_refused(nodal: Path, damage: Callable[[Path], None]) -> None:
 def test_another_kind_is_refused(nodal: Path) -> None:
     with pytest.raises(InputError, match="a nodal dataset, expected a structured one"):
         DatasetReader(nodal, "structured")
+
+
+def test_a_mesh_with_a_repeated_cell_is_refused(nodal: Path) -> None:
+    """Both programs take the mesh of a dataset from here, before dolfinx or PyTorch get it."""
+
+    def repeat(file: h5py.File) -> None:
+        file["mesh/cells"][1] = file["mesh/cells"][0]
+
+    damage(nodal, repeat)
+    with pytest.raises(InputError, match=r"00000\.h5: dataset 'mesh/cells': cells 0, 1: the same"):
+        _ = DatasetReader(nodal).body

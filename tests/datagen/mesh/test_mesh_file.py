@@ -17,12 +17,14 @@ from mpi4py import MPI
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.farm.farm import run
+from datagen.mesh import distributed
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.common.bodies.cells import NEIGHBOURS
 from shared_schema.common.errors import InputError
 from tests.datagen.farm_runs import assert_near, execute
+from tests.datagen.refusal import refusal
 
 SQUARE = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 2, 1};
 Physical Curve("left") = {4}; Physical Curve("right") = {2}; Physical Curve(7) = {1, 2};
@@ -217,6 +219,73 @@ def test_nodes_without_cells_are_left_out() -> None:
 def test_unfit_meshes_are_named(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         raw_mesh(*unit_square(**change))
+
+
+def written(folder: Path, points: Any, cells: Any, cell_type: str = "triangle") -> Path:
+    """Mesh file, and a case of it that holds the side x = 0."""
+    space = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 3 - len(points[0]))))
+    meshio.Mesh(space, [(cell_type, np.asarray(cells))]).write(folder / "own.vtu")
+    place = {"mesh": {"kind": "file", "path": "own.vtu"}, "supports": [{"x": 0}]}
+    load = {"family": "random_node", "region": {"x": "> 0"}, "range": [-1, 1]}
+    path = folder / "own.yaml"
+    path.write_text(yaml.safe_dump(CASE | place | {"load": load}))
+    return path
+
+
+PLATE = [[0.0, 0], [1, 0], [1, 1], [0, 1]]
+HALVES = [[0, 1, 2], [0, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "said"),
+    [
+        (PLATE, [*HALVES, [2, 0, 1]], "cells 0, 2: the same nodes, expected each cell once"),
+        ([*PLATE, [1, -1]], [*HALVES, [0, 2, 4]], "cells 0, 1, 2: more than two share a facet"),
+        ([*PLATE[:3], [0.9, 0.5]], HALVES, "cell 1: turned over, on the same side of a facet"),
+        (
+            [*PLATE, [0, 0.3], [0.3, 0.45], [0, 0.6]],
+            [*HALVES, [4, 5, 6]],
+            "cells 1, 2: they overlap (cell 1 at 0.333333,0.666667 lies over cell 2)",
+        ),
+        (PLATE, [[0, 1, 2], [0, 2, 7]], "cell 1: a node outside 0 … 3"),
+        ([[0.0, 0]], np.zeros((0, 3), dtype=int), "meshio finds no mesh with cells"),
+    ],
+)
+def test_cells_that_are_no_body(
+    points: Any, cells: Any, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """dolfinx damages its memory over the first two; the half-turned third was solved."""
+    path, out = written(tmp_path, points, cells), str(tmp_path / "out.npz")
+    found = refusal(["solve", str(path), "--load", "1,0:0,-1", "--out", out], capsys)
+    assert f"key 'mesh.path' = 'own.vtu': {said}" in found
+
+
+def test_a_mesh_that_is_turned_as_a_whole(tmp_path: Path) -> None:
+    """Clockwise triangles are the same body: energy and forces as of the other numbering."""
+    energies = []
+    for cells in (HALVES, [cell[::-1] for cell in HALVES], [HALVES[0], HALVES[1][::-1]]):
+        body = body_of(read_case(str(written(tmp_path, PLATE, cells))))
+        body.problem.set_load(np.array([0]), np.zeros((1, 2)))
+        body.problem.set_displacement(body.mesh.coordinates * [0.2, 0.1])
+        energies.append(body.problem.energy())
+    assert energies == pytest.approx([energies[0]] * 3)
+    assert energies[0] > 1
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_two_ranks_refuse_a_repeated_cell(tmp_path: Path) -> None:
+    path = written(tmp_path, PLATE, [*HALVES, HALVES[0]])
+    result = execute(2, path, tmp_path / "out", "--ranks-per-solve", "2")
+    assert result.returncode == 2
+    assert "cells 0, 2: the same nodes, expected each cell once" in result.stderr
+
+
+def test_arrays_that_dolfinx_would_not_survive() -> None:
+    """Whatever the way by which a mesh comes, it is looked at before dolfinx is."""
+    raw = RawMesh(np.array(PLATE), np.array([*HALVES, HALVES[0]]), "triangle")
+    with pytest.raises(InputError, match="mesh: cells 0, 2: the same nodes"):
+        distributed(raw, MPI.COMM_SELF)
 
 
 def test_neighbours_of_corners_are_right_handed() -> None:
