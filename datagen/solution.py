@@ -19,6 +19,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.stability import with_stability
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
@@ -211,7 +212,12 @@ def _solved(
     else:
         report, used = solve_from(_start(start, mesh), problem, *load, case.solver)
         origin = "start" if used else "rest"
+    report = with_stability(problem, report, case.solver)
     seconds = time.perf_counter() - began
+    if not report.solved and report.load_factor == 1.0:
+        raise WorkError(
+            f"{report.explanation} (key 'solver.stability' = '{case.solver.stability}')"
+        )
     if not report.solved:
         raise WorkError(
             f"no equilibrium found beyond {report.load_factor:.1%} of the load "

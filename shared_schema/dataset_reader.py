@@ -56,6 +56,16 @@ class Selection:
         return Selection(self.group, self.shard[index], self.row[index])
 
 
+def unstable_samples(numbers: Numbers) -> str:
+    """Say how many samples are unstable, and their numbers, the first ten of them."""
+    if not len(numbers):
+        return "no unstable samples"
+    some = ", ".join(str(number) for number in numbers[:10]) + (", …" if len(numbers) > 10 else "")
+    if len(numbers) == 1:
+        return f"1 unstable sample, number {some}"
+    return f"{len(numbers)} unstable samples, numbers {some}"
+
+
 class DatasetReader:
     """A dataset whose files all have the checksums of its manifest.
 
@@ -141,6 +151,17 @@ class DatasetReader:
         """Read one array of every shard; values are not checked."""
         paths = [self.folder / entry.file for entry in self.manifest.shards]
         return [read_arrays(path, self.manifest.kind, (name,))[name] for path in paths]
+
+    def unstable(self) -> Numbers | None:
+        """Numbers of the unstable samples, ascending; None if no shard says which are stable."""
+        numbers, known = [], False
+        for entry in self.manifest.shards:
+            names = ("samples/number", "samples/stable")
+            arrays = read_arrays(self.folder / entry.file, self.manifest.kind, names)
+            if "samples/stable" in arrays:
+                known = True
+                numbers.append(arrays["samples/number"][~arrays["samples/stable"]])
+        return np.sort(np.concatenate(numbers)) if known else None
 
     def gathered(self, names: Collection[str], *selections: Selection) -> list[Arrays]:
         """Read arrays of some samples; only one shard is in memory besides the result.

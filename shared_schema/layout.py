@@ -104,6 +104,15 @@ MESH = (
     ),
 )
 
+STABLE = ArrayLayout(
+    "samples/stable",
+    "bool",
+    ("sample",),
+    "1",
+    "the equilibrium is stable: its tangent is positive definite",
+    optional=True,
+)
+
 NODAL = (
     *MESH,
     ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
@@ -154,6 +163,7 @@ NODAL = (
         "pressure on each surface; `force` includes its forces on the undeformed body",
         optional=True,
     ),
+    STABLE,
     ArrayLayout("failed/number", "int64", ("failed",), "1", "sample number of unsolved load cases"),
     ArrayLayout(
         "failed/loaded_nodes", "int64", ("failed", "load"), "1", "loaded nodes, padded with -1"
@@ -205,6 +215,7 @@ STRUCTURED = (
         "nodal force, channels first, 0 where the grid has no node",
         "nodal displacement, channels first, 0 where the grid has no node",
     ),
+    STABLE,
 )
 
 EMBEDDED = (
@@ -254,6 +265,7 @@ EMBEDDED = (
         "m",
         "displacement of every node in equilibrium",
     ),
+    STABLE,
 )
 
 STIFFNESS = (

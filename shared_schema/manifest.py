@@ -55,11 +55,18 @@ class SolverRecord(Frozen):
         Number of unknowns of a load case.
     memory : int
         Largest resident memory of a rank in bytes.
+    stability : str or None
+        What became of unstable equilibria: "follow", "fail" or "allow"; absent from the file if
+        stability was not looked at.
+    imperfection : int or None
+        Seed of the disturbance that decided in which direction unstable equilibria were left.
     """
 
     linear_solver: str
     unknowns: int = Field(gt=0)
     memory: int = Field(gt=0)
+    stability: str | None = Field(None, exclude_if=absent)
+    imperfection: int | None = Field(None, exclude_if=absent)
 
 
 class ComponentStatistics(Frozen):

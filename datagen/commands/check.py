@@ -25,6 +25,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print every violation, or that there is none."""
     from datagen import check
+    from shared_schema.dataset_reader import DatasetReader, unstable_samples
     from shared_schema.unfinished import find_unfinished, growing
 
     problems = check(options.dataset)
@@ -35,4 +36,7 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(f"{options.dataset}: {len(problems)} violations of the schema")
     growth = find_unfinished(options.dataset)
     rest = "" if growth is None else f"; {growing(growth)}"
+    unstable = DatasetReader(options.dataset).unstable()
+    if unstable is not None and len(unstable):
+        rest = f"; {unstable_samples(unstable)}{rest}"
     print(f"{options.dataset}: intact{rest}")

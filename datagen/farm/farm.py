@@ -292,9 +292,14 @@ def _body(case: Case, group: RankGroup) -> Body:
 
 def _solver_record(body: Body, comm: MPI.Comm) -> SolverRecord:
     """How the samples were solved (collective)."""
-    problem = body.problem
-    memory = comm.allreduce(largest_resident(), op=MPI.MAX)
-    return SolverRecord(linear_solver=problem.linear_solver, unknowns=problem.size, memory=memory)
+    problem, settings = body.problem, body.case.solver
+    return SolverRecord(
+        linear_solver=problem.linear_solver,
+        unknowns=problem.size,
+        memory=comm.allreduce(largest_resident(), op=MPI.MAX),
+        stability=settings.stability,
+        imperfection=settings.imperfection,
+    )
 
 
 def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manifest:

@@ -15,6 +15,7 @@ from datagen.cases.case import Case
 from datagen.loads import Load
 from datagen.ranks import on_rank_zero
 from datagen.solver.load_stepping import solve_load_case
+from datagen.stability import with_stability
 from shared_schema.layout import NO_NODE, Arrays
 
 Forces = tuple[NDArray[np.int64], NDArray[np.float64]]  # loaded nodes, and forces in N
@@ -31,6 +32,7 @@ class Solved:
     displacement: NDArray[np.float64]
     counts: tuple[int, ...]
     residual_norm: float
+    stable: bool
     wall_time: float
 
 
@@ -100,14 +102,14 @@ class ShardJob:
         report = solve_load_case(
             problem, load.nodes, load.forces, case.solver, load.pressures, load.displacement
         )
+        report = with_stability(problem, report, case.solver)
         elapsed = time.perf_counter() - began
         reactions = None if load.is_dead else problem.reactions()
         if report.solved:
             counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
             displacement = problem.displacement()
-            self.solved.append(
-                Solved(number, load, reactions, displacement, counts, report.residual_norm, elapsed)
-            )
+            found = counts, report.residual_norm, report.stable, elapsed
+            self.solved.append(Solved(number, load, reactions, displacement, *found))
         else:
             self.failed.append(
                 Failed(number, load, reactions, report.load_factor, report.explanation)
@@ -131,6 +133,7 @@ class ShardJob:
             "samples/displacement": displacement.reshape(-1, len(body.clamped), dimension),
             **{f"samples/{name}": counts[:, i] for i, name in enumerate(COUNTS)},
             "samples/residual_norm": np.array([s.residual_norm for s in solved], dtype=np.float64),
+            "samples/stable": np.array([s.stable for s in solved], dtype=bool),
             "samples/wall_time": np.array([s.wall_time for s in solved], dtype=np.float64),
             "failed/number": np.array([f.number for f in failed], dtype=np.int64),
             "failed/loaded_nodes": failed_nodes,
@@ -162,8 +165,12 @@ class ShardJob:
 
 
 def merged(parts: Sequence[Arrays]) -> Arrays:
-    """Merge the arrays of several parts of a shard, load cases in the order of their numbers."""
-    arrays = dict(parts[0])
+    """Merge the arrays of several parts of a shard, load cases in the order of their numbers.
+
+    What a part does not hold, made by an earlier version, is known of none.
+    """
+    names = set.intersection(*(set(part) for part in parts))
+    arrays = {name: values for name, values in parts[0].items() if name in names}
     for group in ("samples", "failed"):
         order = np.argsort(np.concatenate([part[f"{group}/number"] for part in parts]))
         for name in (name for name in arrays if name.startswith(f"{group}/")):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.common.memory import megabytes
-from shared_schema.dataset_reader import DatasetReader
+from shared_schema.dataset_reader import DatasetReader, unstable_samples
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 from shared_schema.unfinished import find_unfinished, growing
@@ -40,6 +40,9 @@ def info(dataset: Path | str) -> dict[str, str]:
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
     rows += _solver(reader.manifest)
+    unstable = reader.unstable()
+    if unstable is not None:
+        rows.append(("stability", unstable_samples(unstable)))
     rows += _nodal(reader) if reader.manifest.kind == "nodal" else _structured(reader.manifest)
     growth = find_unfinished(folder)
     if growth is not None:

@@ -143,12 +143,19 @@ def _write_arrays(reader: DatasetReader, folder: Path) -> None:
         for name in ("force", "displacement")
     }
     numbers = np.empty(manifest.samples, dtype=np.int64)
+    stable = np.ones(manifest.samples, dtype=bool)
+    is_known = True
     for shard, (_, arrays) in enumerate(reader):
         place = order.places(shard)
         row = order.row[place]
         fields["force"][place] = nodal_forces_of(arrays)[row]
         fields["displacement"][place] = arrays["samples/displacement"][row]
         numbers[place] = arrays["samples/number"][row]
+        is_known = is_known and "samples/stable" in arrays
+        if is_known:
+            stable[place] = arrays["samples/stable"][row]
+    if is_known:
+        np.save(folder / "stable.npy", stable)
     np.save(folder / "number.npy", numbers)
     for values in fields.values():
         values.flush()

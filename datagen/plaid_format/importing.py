@@ -157,6 +157,8 @@ def _write(
         for shard, start in enumerate(range(0, len(order), size)):
             rows = order[start : start + size]
             part = {**mesh, **_samples(force[rows], displacement[rows], start, width)}
+            if "stable" in arrays:
+                part["samples/stable"] = np.array(arrays["stable"])[rows]
             path = out / f"shard-{shard:05d}.h5"
             checksum = write_shard(path, "nodal", part, digest, cell_type)
             entries.append(ShardEntry(file=path.name, samples=len(rows), failed=0, sha256=checksum))

@@ -25,7 +25,7 @@ from plaid.storage import init_from_disk
 UNFIT = 3
 PLANE = ("TRI_", "QUAD_")
 TAGS = ("clamped", "loadable")
-NUMBER = "sample_number"
+NUMBER, STABLE = "sample_number", "stable"
 
 
 class UnfitError(Exception):
@@ -58,7 +58,7 @@ def read(source: Path, folder: Path, names: dict[str, list[str]]) -> None:
     rows = [(split, row) for split in splits for row in range(len(datasets[split]))]
     first: Sample | None = None
     fields: dict[str, Any] = {}
-    numbers = []
+    numbers, stable = [], []
     for place, (split, row) in enumerate(rows):
         sample = converters[split].to_plaid(datasets[split], row)
         mesh = mesh_of(sample)
@@ -87,10 +87,14 @@ def read(source: Path, folder: Path, names: dict[str, list[str]]) -> None:
                 fields[field][place, :, axis] = values
         number = sample.get_global(NUMBER) if NUMBER in sample.get_global_names() else place
         numbers.append(int(np.ravel(number)[0]))
+        if STABLE in sample.get_global_names():
+            stable.append(bool(np.ravel(sample.get_global(STABLE))[0]))
     assert first is not None
     np.save(folder / "coordinates.npy", nodes.astype(np.float64))
     np.save(folder / "cells.npy", cells.astype(np.int64))
     np.save(folder / "number.npy", numbers)
+    if len(stable) == len(rows):
+        np.save(folder / "stable.npy", stable)
     for tag, tagged in first.get_nodal_tags().items():
         if tag in TAGS:
             np.save(folder / f"{tag}.npy", tagged.astype(np.int64))

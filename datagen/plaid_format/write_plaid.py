@@ -7,6 +7,7 @@ It runs in an environment with pyplaid, and imports nothing of this project::
 FOLDER has ``about.json`` and the arrays as ``.npy`` files (see `datagen.plaid_format.exporting`).
 Every sample is a CGNS tree with one base and one zone: coordinates, elements, the nodal tags
 ``clamped`` and ``loadable``, and the fields ``force_x``, … and ``displacement_x``, … at the nodes.
+Globals are ``sample_number``, and ``stable`` (1 or 0) where it is known.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ class Maker:
         self.base = f"Base_{len(self.axes)}_{len(self.axes)}"
         names = ("coordinates", "cells", "clamped", "loadable", "number", *FIELDS)
         self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in names}
+        stable = folder / "stable.npy"
+        self.stable = np.load(stable) if stable.exists() else None
 
     def __call__(self, row: int) -> Sample:
         """Make the sample of a row."""
@@ -67,6 +70,8 @@ class Maker:
             for axis, values in zip(self.axes, arrays[field][row].T, strict=True):
                 sample.add_field(f"{field}_{axis}", np.array(values), **place)
         sample.add_global("sample_number", int(arrays["number"][row]))
+        if self.stable is not None:
+            sample.add_global("stable", int(self.stable[row]))
         return sample
 
     def features(self, field: str) -> list[str]:

@@ -17,6 +17,9 @@ deformation gradients :math:`F` at the centres of the cells around the point, by
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
 import basix
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +87,7 @@ class Corotation:
         f = np.einsum("cai,caj->cij", u, self._slopes) + np.eye(d)
         self._rotations = rotations((self._mean @ f.reshape(-1, d * d)).reshape(-1, d, d))
 
-    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+    def apply(self, pc: PETSc.PC | None, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = P x, called by PETSc."""
         values = x.array_r.copy()
         values[self._dofs] = np.einsum("nji,nj->ni", self._rotations, values[self._dofs])
@@ -92,6 +95,18 @@ class Corotation:
         self._inner.apply(self._turned, y)
         values = y.array_w
         values[self._dofs] = np.einsum("nij,nj->ni", self._rotations, values[self._dofs])
+
+    @contextmanager
+    def symmetric(self) -> Iterator[Callable[[PETSc.Vec, PETSc.Vec], None]]:
+        """Make P symmetric for a while, by cycles of multigrid that go down and up; yield it."""
+        kind = PETSc.PC.MGType
+        if self.uses_multigrid:
+            self._inner.setMGType(kind.MULTIPLICATIVE)
+        try:
+            yield lambda x, y: self.apply(None, x, y)
+        finally:
+            if self.uses_multigrid:
+                self._inner.setMGType(kind.KASKADE)
 
     def destroy(self, pc: PETSc.PC) -> None:
         """Release PETSc's memory; PETSc calls this as it releases the solver."""

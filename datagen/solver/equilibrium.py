@@ -27,6 +27,7 @@ summed, and before the rows of the clamped nodes are replaced.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,37 @@ INVERTED = "inverted element (J <= 0)"
 STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Forces c D (u − u₀), which hold a body back near a state u₀, on the rows of one rank.
+
+    Attributes
+    ----------
+    factor : float
+        c.
+    metric : PETSc.Vec
+        Diagonal of D in N/m, zero where displacements are known and of other unknowns.
+    origin : array
+        u₀ in m, without ghosts.
+    """
+
+    factor: float
+    metric: PETSc.Vec
+    origin: Array
+
+    def add_forces(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Add the forces at a state x to the residual."""
+        b.array_w[:] += self.factor * self.metric.array_r * (x.array_r - self.origin)
+
+    def add_tangent(self, matrix: PETSc.Mat) -> None:
+        """Add c D to the tangent (collective)."""
+        diagonal = self.metric.copy()
+        diagonal.scale(self.factor)
+        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.assemble()
+        diagonal.destroy()
 
 
 class EquilibriumProblem:
@@ -114,6 +146,8 @@ class EquilibriumProblem:
         Preconditioner of the linear solver `corotated`.
     load_factor : float
         Part s of the nodal load that acts.
+    drag : Drag or None
+        Forces that hold the body back, of a state that is not in equilibrium yet.
     meanwhile : callable
         Called on every rank at each step of Newton's method, for work that must not wait long.
     """
@@ -156,6 +190,7 @@ class EquilibriumProblem:
         to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
         self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
         self.load_factor = 0.0
+        self.drag: Drag | None = None
         self.meanwhile: Callable[[], None] = lambda: None
         self.residual = create_vector(self.u.function_space)
         self._x = self.residual.duplicate()  # SNES must not be given the vector of `u` itself
@@ -284,6 +319,11 @@ class EquilibriumProblem:
         """Set the state to a copy made by `state`."""
         self.u.x.array[:] = state
 
+    def move_by(self, change: NDArray[np.float64]) -> None:
+        """Add a change of the unknowns that this rank owns to the state (collective)."""
+        self.u.x.array[: self.unknowns.owned] += change
+        self.u.x.scatter_forward()
+
     def displacement(self) -> NDArray[np.float64]:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
         return self.numbering.gathered(self.comm, self.u.x.array[self.unknowns.dofs])
@@ -307,7 +347,7 @@ class EquilibriumProblem:
 
         +∞ if an element is inverted or the displacement is not finite.
         """
-        if not self._min_j.value() > 0.0:
+        if self.is_inverted:
             return np.inf
         potential = self.energy() - float(self.comm.allreduce(self.load.work()))
         return potential if np.isfinite(potential) else np.inf
@@ -316,6 +356,10 @@ class EquilibriumProblem:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
         self._predict_from_here()
         return self._next_tangent()
+
+    def tangent_of_last_step(self) -> PETSc.Mat | None:
+        """K before the last Newton step, if it is that at the current state as well, else None."""
+        return self.matrix if self.newton.last_tangent_is_of(self._x) else None
 
     def _predict_from_here(self) -> None:
         """Let the next tangent take its pressures from what that at the current state predicts."""
@@ -327,7 +371,14 @@ class EquilibriumProblem:
         self._predict_from_here()
         if self.load.presses:
             self.load.add_tangent(self.matrix, self.load_factor, self.displacement())
+        if self.drag is not None:
+            self.drag.add_tangent(self.matrix)
         return self.matrix
+
+    @property
+    def is_inverted(self) -> bool:
+        """True if an element is inverted in the current state (collective)."""
+        return not self._min_j.value() > 0.0
 
     def _require_no_stress_at_rest(self) -> None:
         """Raise InputError if internal forces act in the undeformed body (collective)."""
@@ -367,6 +418,8 @@ class EquilibriumProblem:
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
         grip = self.supports.replace_rows(self._out_of_balance(b), x, self.load_factor)
+        if self.drag is not None:
+            self.drag.add_forces(b, x)
         if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
 

@@ -46,6 +46,8 @@ class SolveReport:
         Number of Newton iterations over all steps, failed ones included.
     residual_norm : float
         2-norm of the residual of the last Newton solve, in N.
+    stable : bool
+        False if the equilibrium is unstable (`datagen.stability`), which is found out afterwards.
     """
 
     solved: bool
@@ -56,6 +58,7 @@ class SolveReport:
     cutbacks: int
     newton_iterations: int
     residual_norm: float
+    stable: bool = True
 
 
 def solve_load_case(

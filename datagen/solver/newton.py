@@ -8,6 +8,8 @@ The iteration ends when :math:`‖R‖_2` is at most the tolerance
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -28,6 +30,7 @@ from datagen.solver.settings import SolverSettings
 
 EXACT = 1e-10  # relative tolerance of Krylov iterations under loads that rounding may hide
 PREDICTING = 1e-4  # of those of nearly incompressible cells
+LAST_STEP = 1e-3  # of the displacement: largest step after which the tangent before it will do
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ class Newton:
         self.is_direct = linear_solver == "lu"
         self.snes = self._make_snes(linear_solver)
         self._direct = self.snes if self.is_direct else None  # else made when first needed
+        self._used = self.snes
 
     def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
         settings, equations = self._settings, self._equations
@@ -181,10 +185,44 @@ class Newton:
                 snes.getKSP().setTolerances(rtol=EXACT)
             elif predicts:
                 snes.getKSP().setTolerances(rtol=PREDICTING)
-        self._at_least_one = is_loaded
+        self._at_least_one, self._used = is_loaded, snes
         snes.setForceIteration(is_loaded)
         snes.solve(None, x)
         return snes.getConvergedReason(), snes.getIterationNumber(), snes.getFunctionNorm()
+
+    @property
+    def used_lu(self) -> bool:
+        """True if the last solve solved its linear systems by LU."""
+        return self._used is self._direct
+
+    def last_tangent_is_of(self, x: PETSc.Vec) -> bool:
+        """True if the last step to x was so small that the tangent before it is that at x."""
+        if self._used.getIterationNumber() == 0:
+            return False
+        return bool(self._used.getSolutionUpdate().norm() <= LAST_STEP * x.norm())
+
+    def pivots(self) -> NDArray[np.float64] | None:
+        """Pivots of the last tangent, if it was factorised without an exchange of rows.
+
+        PETSc's own LU has no such exchange. Of a symmetric matrix, as many pivots are negative as
+        eigenvalues are (Sylvester's law of inertia).
+        """
+        pc = self._used.getKSP().getPC()
+        if not self.used_lu or pc.getFactorSolverType() != "petsc":
+            return None
+        diagonal = pc.getFactorMatrix().getDiagonal()
+        values: NDArray[np.float64] = diagonal.array_r.copy()
+        diagonal.destroy()
+        return values
+
+    @contextmanager
+    def symmetric_preconditioner(self) -> Iterator[Callable[[PETSc.Vec, PETSc.Vec], None]]:
+        """Preconditioner of the Krylov iterations as (x, y) ↦ y = P x, with a symmetric P."""
+        if self._corotation is None:
+            yield self.snes.getKSP().getPC().apply
+            return
+        with self._corotation.symmetric() as apply:
+            yield apply
 
     def close(self) -> None:
         """Release PETSc's memory."""

@@ -6,9 +6,11 @@ from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from datagen.quantities import Seed
 from shared_schema.common.configuration import Frozen
 
 LinearSolver = Literal["auto", "lu", "multigrid", "corotated"]
+Stability = Literal["follow", "fail", "allow"]
 
 
 class SolverSettings(Frozen):
@@ -35,6 +37,12 @@ class SolverSettings(Frozen):
         its elements.
     smallest_step : float
         Size of a load step, as a fraction of the load, below which the load case counts as failed.
+    stability : {"follow", "fail", "allow"}
+        What becomes of an unstable equilibrium: it is left for a stable one, the load case counts
+        as failed, or it is recorded as it is.
+    imperfection : int
+        Seed of the small disturbance of the body that decides in which direction an unstable
+        equilibrium is left; the same for all load cases.
     """
 
     tolerance: float | None = Field(None, ge=1e-300, le=1e12)
@@ -44,6 +52,8 @@ class SolverSettings(Frozen):
     first_step: float = Field(1.0, ge=1e-9, le=1)
     linear_solver: LinearSolver = "auto"
     smallest_step: float = Field(1e-3, ge=1e-9, le=1)
+    stability: Stability = Field("follow", exclude_if=lambda wanted: wanted == "follow")
+    imperfection: Seed = Field(0, exclude_if=lambda seed: seed == 0)
 
     @model_validator(mode="after")
     def _has_one_tolerance(self) -> SolverSettings:

@@ -34,6 +34,8 @@ class Supports:
         Components without an equation, and those of them that are moved.
     held_dofs, moved_dofs : array of int
         Entries of the state, ghosts included.
+    owned_moved, owned_fixed : array of int
+        Those of moved, and of all without an equation, that this rank owns.
     has_grip : bool
         True if a component is moved.
     """
@@ -49,8 +51,9 @@ class Supports:
         self.moved_dofs = unknowns.point_dofs[self._moved_points].astype(np.intp)
         self._owns_moved = self.moved_dofs < unknowns.owned
         self._held = self.held_dofs[self.held_dofs < unknowns.owned]
-        self._moved = self.moved_dofs[self._owns_moved]
-        self._prescribed = np.zeros(len(self._moved))
+        self.owned_moved = self.moved_dofs[self._owns_moved]
+        self.owned_fixed = np.concatenate([self._held, self.owned_moved])
+        self._prescribed = np.zeros(len(self.owned_moved))
 
     def prescribe(self, displacement: Array | None) -> bool:
         """Set ū, (n_nodes, d) in m, 0 if None; returns whether a component of it is not 0."""
@@ -84,7 +87,9 @@ class Supports:
             Forces of the grip on this rank in N.
         """
         b.array_w[self._held] = x.array_r[self._held]
-        grip: Array = b.array_r[self._moved]
+        grip: Array = b.array_r[self.owned_moved]
         if self.has_grip:
-            b.array_w[self._moved] = x.array_r[self._moved] - load_factor * self._prescribed
+            b.array_w[self.owned_moved] = (
+                x.array_r[self.owned_moved] - load_factor * self._prescribed
+            )
         return grip

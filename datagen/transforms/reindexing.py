@@ -294,6 +294,7 @@ def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> 
         "samples/is_test": is_test,
         "samples/force": grid.forces_to_grid(force).astype(np.float32),
         "samples/displacement": grid.to_grid(displacement).astype(np.float32),
+        **{name: nodal[name] for name in ("samples/stable",) if name in nodal},
     }
     if not grid.points_are_nodes:
         arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]

@@ -43,6 +43,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["quantities", "ranks", "dolfinx_versions", "own_class"],
         ["mesh", "loads", "discretisation", "materials"],
         ["solver"],
+        ["stability"],
         ["cases"],
         ["farm", "transforms", "output", "plaid_format", "solution"],
         ["commands", "command_line"],
