@@ -20,6 +20,7 @@ from surrogate.inference.body import TrainedBody
 from surrogate.inference.given_load import Load, checked_force, checked_forces, given_load
 from surrogate.inference.training_range import TrainingRange
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.held_nodes import HeldNodes
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
@@ -69,7 +70,9 @@ class Surrogate(TrainedBody):
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         super().__init__(network.eval(), geometry, description)
-        self.nodal_network = NodalNetwork(network, geometry.grid).to(network.free.device)
+        held = None if geometry.grid.points_are_nodes else HeldNodes(geometry)
+        nodal = NodalNetwork(network, geometry.grid, held)
+        self.nodal_network = nodal.to(network.free.device)
         data = description.data
         self.training_range = TrainingRange(
             data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid

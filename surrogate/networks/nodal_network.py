@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from torch import Tensor, nn
 
 from shared_schema.grid import Grid
 from surrogate.mechanics.weighted_sums import WeightedSums, transposed
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.held_nodes import HeldNodes
 from surrogate.probabilistic.likelihoods import Prediction
 
 
@@ -15,17 +17,21 @@ class NodalNetwork(nn.Module):
     """A network that maps nodal forces in N to nodal displacements in m.
 
     Nodal displacements are u = B U, from the displacements U on the grid. Forces on the grid are
-    F = Bᵀ f, from the nodal forces f (`shared_schema.grid`).
+    F = Bᵀ f, from the nodal forces f (`shared_schema.grid`). On an embedded grid, where a node's
+    displacement is interpolated, supports are held at the nodes, and a linear response in U is
+    taken at the nodes, where it is exact (`at_nodes`).
 
     Parameters
     ----------
     network : FieldNetwork
     grid : Grid
+    held : HeldNodes, optional
+        Supports of a body on an embedded grid.
     """
 
-    def __init__(self, network: FieldNetwork, grid: Grid) -> None:
+    def __init__(self, network: FieldNetwork, grid: Grid, held: HeldNodes | None = None) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.held = network, held
         self.shape = grid.shape
         self.to_nodes = WeightedSums(grid.points, grid.point_weights)
         count = int(np.prod(grid.shape))
@@ -48,16 +54,54 @@ class NodalNetwork(nn.Module):
         Prediction
             Fields (K·T, N, n_nodes, d) in m; K is the number of members of the ensemble.
         """
-        by_component = None if response is None else response.transpose(1, 2)
-        mean, std = self.network(self.on_grid(force), passes, by_component)
+        grid, linear = self.on_grid(force), None
+        if response is not None:
+            linear = response.transpose(1, 2)
+        elif self.held is not None:
+            linear = self.linear_response(grid)
+        mean, std = self.network(grid, passes, linear)
+        count = self.network.members * passes
 
-        def at_nodes(field: Tensor) -> Tensor:
-            nodal = self.to_nodes(field.flatten(2)).transpose(1, 2)
-            return nodal.reshape(self.network.members * passes, -1, *nodal.shape[1:])
+        def by_pass(nodal: Tensor) -> Tensor:
+            return nodal.transpose(1, 2).reshape(count, -1, *force.shape[1:])
 
+        found = by_pass(self.at_nodes(mean, linear))
         if std is None:
-            return Prediction(at_nodes(mean), None)
-        return Prediction(at_nodes(mean), at_nodes(std) * self.factors(force)[0])
+            return Prediction(found, None)
+        spread = self.to_nodes(std.flatten(2))
+        if self.held is not None:
+            spread = spread * self.held.share
+        return Prediction(found, by_pass(spread) * self.factors(force)[0])
+
+    def linear_response(self, grid: Tensor) -> Tensor | None:
+        """Linear response in m to forces on the grid, (N, d, n_nodes), if the network adds to it.
+
+        None if the network does not, or every node is a grid point, so that nothing needs it.
+        """
+        adds = self.held is not None and self.network.skip
+        linear = self.network.linear if adds else None
+        return None if linear is None else linear.at_nodes(grid)
+
+    def at_nodes(self, fields: Tensor, linear: Tensor | None = None) -> Tensor:
+        """Take displacements on the grid to the nodes: (M, d, nx, ny[, nz]) → (M, d, n_nodes).
+
+        Parameters
+        ----------
+        fields : Tensor, (M, d, nx, ny[, nz])
+            In m; M = K·T·N of N samples.
+        linear : Tensor, (N, d, n_nodes), optional
+            The linear response that they contain, if they do. On an embedded grid it takes the
+            place of its interpolation, :math:`B U + (1 - B A) u_{lin}`.
+        """
+        nodal = self.to_nodes(fields.flatten(2))
+        if self.held is None:
+            return nodal
+        if linear is not None and self.network.skip:
+            assert self.network.linear is not None
+            single = linear.float()
+            rest = single - self.to_nodes(self.network.linear.to_grid(single))
+            nodal = nodal + rest.repeat(len(nodal) // len(rest), 1, 1)
+        return torch.as_tensor(self.held(nodal))
 
     def on_grid(self, force: Tensor) -> Tensor:
         """Map nodal forces to the grid: (N, n_nodes, d) → (N, d, nx, ny[, nz])."""

@@ -6,7 +6,8 @@ grid, and the map back to the nodes,
 
 .. math:: u = u_0 + B \, s \, a \, N(x)
 
-with the scale s and the amplitude a of the output (`surrogate.networks.field_network`). Each part
+with the scale s and the amplitude a of the output (`surrogate.networks.field_network`). On an
+embedded grid the supports of the last term are held (`surrogate.networks.held_nodes`). Each part
 is the fastest of those that a benchmark compares (`docs/benchmarks/one-load.md`).
 """
 
@@ -90,6 +91,8 @@ class OneLoad:
             y += member(inputs)
         y *= amplitude
         u = (y.take(self.sources, axis=0) * self.scales).sum(axis=0).astype(np.float64)
+        if self.network.held is not None:
+            u = self.network.held.of_one(u)
         return u if response is None else u + response
 
     @torch.inference_mode()
@@ -116,13 +119,14 @@ class InputsByPyTorch:
     def __call__(self, forces: Array) -> tuple[Single, Array | None]:
         """Return inputs and response."""
         force = self.network.on_grid(torch.from_numpy(forces.astype(np.float32))[None])
-        inputs, response = self.field.inputs_of(force)
+        linear = self.network.linear_response(force)
+        inputs, response = self.field.inputs_of(force, linear)
         if self.field.last_gradient is None:
             inputs = self.field.scaled(inputs)
         fields = np.ascontiguousarray(inputs.flatten(2)[0].T.numpy())
         if response is None:
             return fields, None
-        nodal = self.network.to_nodes((response * self.field.movable).flatten(2))
+        nodal = self.network.at_nodes(response * self.field.movable, linear)
         return fields, nodal[0].T.double().numpy()
 
 

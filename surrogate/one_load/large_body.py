@@ -73,6 +73,8 @@ class LargeBody:
         """Responses to several loads: (N, n_nodes · d) → same."""
         network, movable = self.network, self.network.network.movable
         nodal = torch.from_numpy(forces).reshape(len(forces), -1, len(self.linear.shape))
-        displacement, _ = self.linear(network.on_grid(nodal))
-        u = network.to_nodes((displacement * movable).flatten(2))
+        force = network.on_grid(nodal)
+        linear = network.linear_response(force)
+        displacement = self.linear(force)[0] if linear is None else self.linear.on_grid(linear)[0]
+        u = network.at_nodes(displacement * movable, linear)
         return u.transpose(1, 2).flatten(1).numpy()

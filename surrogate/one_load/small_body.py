@@ -91,15 +91,15 @@ def input_values(network: NodalNetwork) -> int:
 def linear_part(network: NodalNetwork, force: Tensor) -> Tensor:
     """Return what is linear in the forces: (N, n_nodes, d) in N → (N, columns of the matrix)."""
     field, on_grid = network.network, network.on_grid(force)
-    linear, displacement = field.linear, None
+    linear, displacement, nodal = field.linear, None, network.linear_response(on_grid)
     if isinstance(linear, SeriesResponse):
         _, gradient = linear.first_on_grid(linear.at_nodes(on_grid))
         parts = [field.inputs_with(on_grid, gradient)]
     else:
-        inputs, displacement = field.inputs_of(on_grid)
+        inputs, displacement = field.inputs_of(on_grid, nodal)
         parts = [field.scaled(inputs)]
     if displacement is not None:
-        parts.append(network.to_nodes((displacement * field.movable).flatten(2)))
+        parts.append(network.at_nodes(displacement * field.movable, nodal))
     return torch.cat([part.flatten(2).transpose(1, 2).flatten(1) for part in parts], dim=1)
 
 

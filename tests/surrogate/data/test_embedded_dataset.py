@@ -47,6 +47,7 @@ def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = ident
     """Copy a structured dataset to an embedded grid."""
     folder.mkdir()
     manifest = read_manifest(data, "structured")
+    cell_type = {2: "quad", 3: "hexahedron"}[manifest.dimension]
     entries = []
     for entry in manifest.shards:
         arrays = read_shard(data / entry.file, "structured")
@@ -55,17 +56,24 @@ def embedded(data: Path, folder: Path, embedding: Callable[[Grid], Grid] = ident
             grid.to_nodes(arrays[f"samples/{name}"]) for name in ("force", "displacement")
         )
         loaded = np.abs(force).sum(axis=2).argmax(axis=1)
-        arrays |= grid_arrays(embedding(grid))
+        other = embedding(grid)
+        arrays |= grid_arrays(other)
+        if other.shape != grid.shape:
+            arrays["samples/force"] = other.forces_to_grid(force)
+            arrays["samples/displacement"] = other.to_grid(displacement)
         arrays["samples/loaded_nodes"] = loaded[:, None]
         arrays["samples/nodal_force"] = force[np.arange(len(loaded)), loaded][:, None]
         arrays["samples/nodal_displacement"] = displacement
         digest = write_shard(
-            folder / entry.file, "structured", arrays, manifest.case_digest, "quad"
+            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
         )
         entries.append(entry.model_copy(update={"sha256": digest}))
     assert manifest.structured is not None
     info = manifest.structured.model_copy(
-        update={"embedding": EmbeddingInfo(mean_error=0.0, max_error=0.0)}
+        update={
+            "embedding": EmbeddingInfo(mean_error=0.0, max_error=0.0),
+            "grid_shape": other.shape,
+        }
     )
     update = {"shards": tuple(entries), "structured": info}
     write_manifest(folder, manifest.model_copy(update=update))
