@@ -18,9 +18,12 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tools.fuzz.attacks import ATTACKS
+from tools.fuzz.attacks import FILES
 from tools.fuzz.material import make_material
+from tools.fuzz.numbers import MECHANICS
 from tools.fuzz.worker import Worker
+
+ATTACKS = FILES | MECHANICS
 
 
 def main() -> int:

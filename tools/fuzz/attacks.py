@@ -1,4 +1,4 @@
-"""The four attacks: damaged files, changed YAML, changed command lines, kills.
+"""Attacks on files and commands: damaged files, changed YAML, changed command lines, kills.
 
 Each executes one command and judges how it ends. Exit codes 0, 1 and 2 with one line are right,
 also for input that is not; a traceback, a crash, a hang and a result that differs without a word
@@ -108,7 +108,7 @@ def kill(random: Random, material: Material, folder: Path) -> Outcome:
     return outcome(name, f"SIGKILL after {moment:.2f} s", answer, finding)
 
 
-ATTACKS: dict[str, Attack] = {
+FILES: dict[str, Attack] = {
     "damaged files": damage,
     "changed YAML": configure,
     "changed command lines": command_line,

@@ -88,12 +88,13 @@ def serve(program: str) -> None:
     for name in PRELOADED[program]:
         importlib.import_module(name)
     main = importlib.import_module(f"{program}.command_line").main
+    threads = importlib.import_module("tools.fuzz.threads").main if program == "surrogate" else main
     for line in sys.stdin:
         request = json.loads(line)
         began = time.monotonic()
         child = os.fork()
         if child == 0:
-            _work(main, request)
+            _work(threads if request["words"][0] == "threads" else main, request)
         code, ended = _wait(child, request["limit"], request["kill"])
         answer = {"code": code, "seconds": time.monotonic() - began, "ended": ended}
         print(json.dumps(answer), flush=True)
