@@ -29,7 +29,9 @@ class EachNode(LoadFamily):
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Load the next node: order by x, then y, then z, each from high to low."""
-        order = np.lexsort(-loadable.coordinates[loadable.nodes].T[::-1].round(9))
+        size = np.ptp(loadable.coordinates, axis=0).max()
+        places = (loadable.coordinates[loadable.nodes] / size).round(9)  # equal ones tie
+        order = np.lexsort(-places.T[::-1])
         node = loadable.nodes[order[number % len(loadable)]]
         return LoadCase(np.array([node]), np.array([self.force]))
 

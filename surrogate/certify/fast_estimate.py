@@ -11,7 +11,8 @@ so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the 
 than δ. Rotations are the factors of the polar decomposition of the mean of :math:`F = I + ∇u` over
 the cells at a node. The product with the tangent is that of the cells' stresses
 (`surrogate.mechanics.solids.neo_hookean`), which no matrix is assembled for. A large body is
-treated in single precision. Where a cell is inverted, the error is infinite.
+treated in single precision, with out-of-balance forces in a unit of the body's own, μ L^(d-1), so
+that their work does not underflow. Where a cell is inverted, the error is infinite.
 
 All is written in NumPy, since a small body takes a few microseconds an operation. Components
 come first: F is (d, d, n_points, N).
@@ -19,6 +20,7 @@ come first: F is (d, d, n_points, N).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -67,6 +69,9 @@ class FastEstimate:
         count, points, corners, d = gradients.shape
         self._shape = count, points
         self._cells = geometry.cells
+        size = float(np.ptp(geometry.coordinates, axis=0).max())
+        exponent = math.log2(material.lame_mu) + (d - 1) * math.log2(size)
+        self._unit = self.dtype(2.0 ** round(exponent))  # of forces in N, without rounding
         self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
         self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
@@ -144,15 +149,15 @@ class FastEstimate:
         return np.ascontiguousarray(nodal.transpose(1, 2, 0, 3))
 
     def _balanced(self, forces: Values) -> Values:
-        """Forces at free nodes, zero at clamped ones."""
-        return forces * self.free.T[:, :, None]
+        """Forces at free nodes in their unit, from N; zero at clamped ones."""
+        return forces * (self.free.T[:, :, None] / self._unit)
 
     def _response(self, force: Values, rotation: Values) -> Values:
-        """P f = R K(0)⁻¹ Rᵀ f: (d, n_nodes, N), (d, d, n_nodes, N) → (d, n_nodes, N)."""
+        """P f = R K(0)⁻¹ Rᵀ f, of forces in their unit to m: (d, n_nodes, N) → same."""
         d, nodes, n = force.shape
         turned = (rotation * force[:, None]).sum(0).transpose(1, 0, 2).reshape(nodes * d, n)
         response = np.zeros_like(turned)
-        response[self._dofs] = self._factor.solve(turned[self._dofs])
+        response[self._dofs] = self._factor.solve(turned[self._dofs]) * self._unit
         back = response.reshape(nodes, d, n).transpose(1, 0, 2)
         return (rotation * back[None]).sum(1)
 

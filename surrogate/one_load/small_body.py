@@ -133,12 +133,12 @@ class SmallSeries:
         self.beyond_linear = compiled_series.beyond_linear_of_one
         d, size = dimension, dimension * response.nodes
         self.material, self.order = response.higher.material, response.order
-        self.volumes = response.higher.volumes.numpy()
+        self.shares = response.higher.shares.numpy()
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
             slopes = response.higher.gradient(units.double())
             of_slopes, self.shape = _rows(slopes).T, slopes.shape[1:]
-            volumes = np.tile(self.volumes, d * d)[:, None]
+            volumes = np.tile(response.higher.volumes.numpy(), d * d)[:, None]
             self.slopes = _by_column(csr_array(of_slopes))
             self.forces = _by_column(csr_array((of_slopes * volumes).T))
             balancing = -response.respond(units.double())
@@ -155,7 +155,7 @@ class SmallSeries:
         loaded = flat.nonzero()[0]
         first = -(flat[loaded] @ self.response[loaded])
         beyond, last = self.beyond_linear(
-            self.material, self.volumes, self.order, first, self._gradient, self._balanced
+            self.material, self.shares, self.order, first, self._gradient, self._balanced
         )
         d = force.shape[1]
         gradient = last.astype(np.float32) @ self.gradients

@@ -124,7 +124,7 @@ def beyond_linear_of_one(
     ----------
     material : NeoHookean
     volumes : array, (n_points,)
-        Of the quadrature points in m³ (m² in the plane), in the precision of the fields.
+        Of the quadrature points in any unit, in the precision of the fields.
     order : int
         Order n, 2 at least.
     first : array, (n_dofs,)
@@ -162,6 +162,7 @@ class CompiledResponse:
     def __init__(self, higher: CellOperators, compliance: Compliance, order: int) -> None:
         self.material, self.compliance, self.order = higher.material, compliance, order
         self.cells, self.volumes = higher.cells.numpy(), higher.volumes.numpy()
+        self.shares = higher.shares.numpy()
         self.shape = compliance.equilibrium.free.shape
         count, corners, _ = higher.slopes.shape
         by_point = higher.slopes.numpy().reshape(count, corners, -1, self.shape[1])
@@ -170,7 +171,7 @@ class CompiledResponse:
     def __call__(self, first: Array) -> tuple[Array, Array]:
         """Response beyond u₁, and its last term, of u₁: (n_nodes, d) in m → same."""
         beyond, last = beyond_linear_of_one(
-            self.material, self.volumes, self.order, first.ravel(), self._gradient, self._balanced
+            self.material, self.shares, self.order, first.ravel(), self._gradient, self._balanced
         )
         return beyond.reshape(self.shape), last.reshape(self.shape)
 

@@ -51,7 +51,7 @@ SMALLEST_SHIFT, SECOND_SHIFT, GROWTH = 1e-9, 1e-3, 10.0  # relative to the stiff
 SMALLEST_J = 1e-6
 ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
 SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
-TINY = 1e-60  # no division by zero
+TINY = 1e-60  # no division by zero; energies are those of volumes of about 1
 
 
 class State(NamedTuple):

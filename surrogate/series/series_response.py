@@ -14,6 +14,7 @@ moderate loads, are those of the least potential energy (`surrogate.series.least
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -51,12 +52,19 @@ class CellOperators(nn.Module):
     gradients : Tensor, (n_cells, n_points, n_corners, d)
         Of the shape functions; their precision is that of all fields.
     volumes : Tensor, (n_cells, n_points)
+
+    Attributes
+    ----------
+    shares : Tensor, (n_cells · n_points,)
+        Volumes over a power of two near their mean: energies of a body of micrometres would
+        underflow in single precision.
     """
 
     cells: Tensor
     slopes: Tensor
     weighted: Tensor
     volumes: Tensor
+    shares: Tensor
 
     def __init__(
         self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
@@ -73,6 +81,8 @@ class CellOperators(nn.Module):
             "weighted", weighted.reshape(count, points * d, corners), persistent=False
         )
         self.register_buffer("volumes", volumes.flatten(), persistent=False)
+        shares = self.volumes / 2.0 ** round(math.log2(volumes.double().mean()))
+        self.register_buffer("shares", shares, persistent=False)
         nodes, places = geometry.cells.ravel(), np.arange(geometry.cells.size)
         shape = len(geometry.coordinates), geometry.cells.size
         incidence = csr_array((np.ones(geometry.cells.size), (nodes, places)), shape)
@@ -191,7 +201,7 @@ class SeriesResponse(LinearResponse):
         shape = nodal.shape
         beyond, last = beyond_linear(
             self.higher.material,
-            self.higher.volumes,
+            self.higher.shares,
             self.order,
             nodal.flatten(1),
             lambda u: self.higher.gradient(u.reshape(shape)),
@@ -233,7 +243,7 @@ def beyond_linear(
     ----------
     material : NeoHookean
     volumes : Tensor, (n_points,)
-        Of the quadrature points in m³ (m² in the plane).
+        Of the quadrature points, in any unit.
     order : int
         Order n, 2 at least.
     first : Tensor, (…, n_dofs)
