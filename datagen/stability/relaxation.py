@@ -33,6 +33,7 @@ from petsc4py import PETSc
 from datagen.solver.equilibrium import Drag, EquilibriumProblem
 from datagen.stability.inertia import SymmetricFactor, negative_eigenvalues
 from shared_schema.common.bodies.force_tolerance import mean_edge
+from shared_schema.common.bodies.imperfection import imperfection
 
 LEAST, GROWTH = 1e-8, 4.0  # first c, and its factor
 INVERSE_ITERATIONS = 30
@@ -166,7 +167,7 @@ def _metric(problem: EquilibriumProblem) -> PETSc.Vec:
 
 def _imperfection(problem: EquilibriumProblem, seed: int) -> NDArray[np.float64]:
     """Random vector of the unknowns that this rank owns, drawn node by node."""
-    drawn = np.random.default_rng(seed).standard_normal(problem.mesh.coordinates.shape)
+    drawn = imperfection(problem.mesh.coordinates.shape, seed)
     values = np.zeros(len(problem.u.x.array))
     values[problem.unknowns.point_dofs] = problem.unknowns.at_points(drawn)
     return values[: problem.unknowns.owned]

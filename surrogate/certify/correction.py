@@ -10,6 +10,11 @@ start leads to an equilibrium. A good prediction saves iterations. A bad one cou
 or lead to another equilibrium; therefore the start is the state of lowest Π among the prediction,
 the linear response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
 
+A start may lead to an unstable equilibrium, as a straight column does under a force above that of
+Euler. Where K is not positive definite, the iteration goes on from a state beside it, along its
+lowest mode in the direction of the body's imperfection, where Π is less. So every correction ends
+in a stable equilibrium. A body may have several of them.
+
 The iteration ends by the rule of the finite elements
 (`shared_schema.common.bodies.force_tolerance`). Under a load that is hidden by rounding errors it
 is one step from the undeformed body.
@@ -24,12 +29,15 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.out_of_balance import FIRST_SHIFT, Equilibrium
 
 Array = NDArray[np.float64]
 DEFAULT = ForceTolerance()
 ITERATIONS, HALVINGS = 200, 40
 SUFFICIENT = 1e-4  # c
+LAST_STEP = 1e-3  # of the displacement: largest step after which the tangent before it will do
+SMALL_SHIFT = 1e-6  # first τ beside an unstable equilibrium, which may be so nearly stable
+AMPLITUDE = 0.1  # of a step along a mode, over the size of a cell
 
 
 @dataclass(frozen=True)
@@ -46,17 +54,22 @@ class Correction:
         Number of Newton iterations.
     residual_norm : float
         ‖r‖₂ of the displacement in N.
+    left : int
+        Number of unstable equilibria that were met and left.
     """
 
     displacement: Array
     start: str
     iterations: int
     residual_norm: float
+    left: int = 0
 
     def summary(self) -> str:
         """Describe the correction in a line."""
+        past = f", past {self.left} unstable equilibria" if self.left > 1 else ""
+        past = ", past an unstable equilibrium" if self.left == 1 else past
         return (
-            f"corrected in {self.iterations} Newton iterations from the {self.start}, "
+            f"corrected in {self.iterations} Newton iterations from the {self.start}{past}, "
             f"residual {self.residual_norm:.2g} N"
         )
 
@@ -102,12 +115,18 @@ def iterated(
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
     r, load = equilibrium.out_of_balance(u, f), float(np.linalg.norm(f * equilibrium.free))
+    left, stable = 0, False  # stable is what the last tangent says of u
     for iteration in range(ITERATIONS + 1):
-        norm = float(np.linalg.norm(r))
-        limit = tolerance.under(load, equilibrium.round_off, float(np.linalg.norm(u)))
-        if norm <= limit:
-            return Correction(u[0], start, iteration, norm)
-        advanced = searched(equilibrium, f, u, r, equilibrium.newton_step(u, r))
+        norm, size = float(np.linalg.norm(r)), float(np.linalg.norm(u))
+        if norm <= tolerance.under(load, equilibrium.round_off, size):
+            mode = None if stable else equilibrium.unstable_mode(u)
+            if mode is None:
+                return Correction(u[0], start, iteration, norm, left)
+            advanced, left = _beside(equilibrium, f, u, mode), left + 1
+        else:
+            step, definite = equilibrium.newton_step(u, r, SMALL_SHIFT if left else FIRST_SHIFT)
+            advanced = searched(equilibrium, f, u, r, step)
+            stable = definite and float(np.linalg.norm(step)) <= LAST_STEP * size
         if advanced is None:
             break
         u, r = advanced
@@ -131,6 +150,23 @@ def searched(
         new = equilibrium.out_of_balance(trial, f)
         decreases = change <= SUFFICIENT * part * slope
         if decreases or float((new * step).sum()) <= (2 * SUFFICIENT - 1) * slope:
+            return trial, new
+    return None
+
+
+def _beside(
+    equilibrium: Equilibrium, f: Array, u: Array, mode: Array
+) -> tuple[Array, Array] | None:
+    """Step from an unstable equilibrium along its lowest mode: as `searched`."""
+    potential = equilibrium.potential(u, f)
+    largest = AMPLITUDE * equilibrium.cell_size / np.abs(mode).max()
+    for halving in range(HALVINGS):
+        trial = u + 0.5**halving * largest * mode
+        change = equilibrium.potential(trial, f) - potential
+        if change > equilibrium.rounding:
+            continue
+        new = equilibrium.out_of_balance(trial, f)
+        if change < -equilibrium.rounding or float((new * mode).sum()) < 0.0:
             return trial, new
     return None
 

@@ -89,7 +89,9 @@ class Certificate:
             return (
                 f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
             )
-        return None if self.settled else "the estimate does not settle, no equilibrium is near"
+        return (
+            None if self.settled else "the estimate does not settle, no stable equilibrium is near"
+        )
 
 
 def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:

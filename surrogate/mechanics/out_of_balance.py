@@ -25,6 +25,7 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
+from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
@@ -33,6 +34,7 @@ from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
+LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
 AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
 
@@ -82,6 +84,8 @@ class Equilibrium:
         Order of the free degrees of freedom in the band of K.
     free : array of bool, (n_nodes, d)
         Components that are not held.
+    cell_size : float
+        Mean length in m of one edge of the cells.
     rounding : float
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     """
@@ -94,7 +98,7 @@ class Equilibrium:
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self._size = geometry.coordinates.size
-        self._cell_size = mean_edge(geometry.coordinates, geometry.cells)
+        self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
         self.layout = BandLayout(*body, geometry.held)
         per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
@@ -117,10 +121,38 @@ class Equilibrium:
         r *= self.free
         return r
 
-    def newton_step(self, u: Array, r: Array) -> Array:
-        """Return δ in m of a single displacement without inverted cells, (1, n_nodes, d)."""
-        factor, _ = self._factors(u)[0]
-        return self._solved([factor], r)
+    def newton_step(
+        self, u: Array, r: Array, first_shift: float = FIRST_SHIFT
+    ) -> tuple[Array, bool]:
+        """Return δ in m of a single displacement without inverted cells, (1, n_nodes, d).
+
+        The second result is True if K(u) is positive definite. `first_shift` is the first τ.
+        """
+        factor, stable = self._factors(u, first_shift)[0]
+        return self._solved([factor], r), stable
+
+    def unstable_mode(self, u: Array) -> Array | None:
+        """Lowest mode of a K(u) that is not positive definite, (1, n_nodes, d); None if it is.
+
+        The mode v is that of least :math:`v^T K v` among all with :math:`v^T D v = 1`, with the
+        diagonal D of K(0). Inverse iteration with :math:`K + c D`, which is positive definite,
+        finds it from the body's imperfection, and with it which of v and −v.
+        """
+        band, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
+        if BandCholesky.of(band.copy()) is not None:
+            return None
+        metric, shift, factor = undeformed[:, 0].copy(), LEAST_SHIFT, None
+        while factor is None:
+            shifted = band.copy()
+            shifted[:, 0] += shift * metric
+            factor, shift = BandCholesky.of(shifted), SHIFT_GROWTH * shift
+        found = imperfection(self.free.shape).ravel()[self.layout.dofs]
+        for _ in range(INVERSE_ITERATIONS):
+            found = factor.solve(metric * found)
+            found /= np.linalg.norm(found)
+        mode = np.zeros((1, self._size))
+        mode[0, self.layout.dofs] = found
+        return mode.reshape(u.shape)
 
     def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
         """Return δ, and the simplified step after it, at displacements without inverted cells."""
@@ -169,14 +201,17 @@ class Equilibrium:
     def round_off(self) -> RoundOff:
         """Rounding errors of r."""
         diagonal = self._bands(np.zeros((1, *self.free.shape)))[0, :, 0]
-        return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self._cell_size)
+        return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self.cell_size)
 
-    def _factors(self, u: Array) -> list[tuple[BandCholesky, bool]]:
+    def _factors(
+        self, u: Array, first_shift: float = FIRST_SHIFT
+    ) -> list[tuple[BandCholesky, bool]]:
         """Factorise every K(u), or K(u) + τ K(0); say whether it was K(u)."""
         found = []
         for row, band in enumerate(self._bands(u)):
             factor = BandCholesky.of(band)
-            found.append((factor or self._shifted(u[row : row + 1]), factor is not None))
+            shifted = factor or self._shifted(u[row : row + 1], first_shift)
+            found.append((shifted, factor is not None))
         return found
 
     def _solved(self, factors: Sequence[BandCholesky], r: Array) -> Array:
@@ -190,10 +225,9 @@ class Equilibrium:
     def _bands(self, u: Array) -> Array:
         return self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
 
-    def _shifted(self, u: Array) -> BandCholesky:
+    def _shifted(self, u: Array, shift: float) -> BandCholesky:
         """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
         tangent, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
-        shift = FIRST_SHIFT
         while shift < 1 / EPSILON:
             factor = BandCholesky.of(tangent + shift * undeformed)
             if factor is not None:
