@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.bodies.conformity import conformity_problem
-from shared_schema.common.checksum import sha256
+from shared_schema.common.checksum import require_plain, sha256
 from shared_schema.common.errors import InputError
 from shared_schema.content_problems import content_problems
 from shared_schema.layout import Arrays
@@ -41,29 +41,28 @@ def check_dataset(dataset: Path | str) -> list[str]:
     except InputError as error:
         return [str(error)]
     problems = _manifest_problems(folder, manifest)
-    lengths: dict[str, tuple[int, ...]] = {"dim": (manifest.dimension,)}
+    lengths: dict[str, tuple[int, ...]] = {}
     numbers: list[NDArray[np.int64]] = []
     test = 0
     mesh: Arrays = {}
     for entry in manifest.shards:
         path = folder / entry.file
-        if not path.is_file():
-            problems.append(f"{entry.file}: missing")
-            continue
-        if sha256(path) != entry.sha256:  # a damaged file must not reach the HDF5 library
-            problems.append(f"{entry.file}: {_damage(path)}")
-            continue
+        lengths = {k: v for k, v in lengths.items() if k not in ("sample", "failed")}
+        lengths |= entry.lengths(manifest)
         try:
+            require_plain(folder, path)
+            if not path.is_file():
+                problems.append(f"{entry.file}: missing")
+                continue
+            if sha256(path) != entry.sha256:  # a damaged file must not reach the HDF5 library
+                problems.append(f"{entry.file}: {_damage(path)}")
+                continue
             attributes = read_attributes(path, manifest.kind)
-            arrays = read_arrays(path, manifest.kind)
+            arrays = read_arrays(path, manifest.kind, lengths=lengths)
         except InputError as error:
             problems.append(f"{entry.file}: {str(error).removeprefix(f'{path}: ')}")
             continue
         problems += [f"{entry.file}: {text}" for text in _attribute_problems(manifest, attributes)]
-        lengths = {k: v for k, v in lengths.items() if k not in ("sample", "failed")}
-        lengths["sample"] = (entry.samples,)
-        if manifest.kind == "nodal":
-            lengths["failed"] = (entry.failed,)
         found = array_problems(manifest.kind, arrays, lengths)
         if not found:
             found = content_problems(manifest, arrays)
@@ -116,11 +115,12 @@ def _number_problems(manifest: Manifest, numbers: NDArray[np.int64] | None) -> l
 def _stiffness_problems(folder: Path, manifest: Manifest, dofs: int | None) -> list[str]:
     """List what is wrong with the stiffness file; its size is checked if the mesh is known."""
     path = folder / STIFFNESS_FILE
-    if not path.is_file():
-        return ["missing"]
-    if sha256(path) != manifest.stiffness_checksum:
-        return [_damage(path)]
     try:
+        require_plain(folder, path)
+        if not path.is_file():
+            return ["missing"]
+        if sha256(path) != manifest.stiffness_checksum:
+            return [_damage(path)]
         stiffness = read_stiffness(folder)
     except InputError as error:
         return [str(error).removeprefix(f"{path}: ")]
@@ -188,12 +188,13 @@ def _damage(path: Path) -> str:
 
 
 def require_intact(folder: Path, manifest: Manifest) -> None:
-    """Raise InputError at the first file of a dataset that is missing or damaged."""
+    """Raise InputError at the first file of a dataset that is missing, damaged, or a link."""
     files = {entry.file: entry.sha256 for entry in manifest.shards}
     if manifest.stiffness_checksum is not None:
         files[STIFFNESS_FILE] = manifest.stiffness_checksum
     for file, checksum in files.items():
         path = folder / file
+        require_plain(folder, path)
         if not path.is_file():
             raise InputError(f"{path}: no such file")
         if sha256(path) != checksum:

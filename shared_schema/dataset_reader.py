@@ -93,7 +93,8 @@ class DatasetReader:
 
     def shard(self, entry: ShardEntry) -> Arrays:
         """Read every array of one shard."""
-        return read_shard(self.folder / entry.file, self.manifest.kind)
+        lengths = entry.lengths(self.manifest)
+        return read_shard(self.folder / entry.file, self.manifest.kind, lengths)
 
     def __iter__(self) -> Iterator[tuple[ShardEntry, Arrays]]:
         """Read the shards in turn, one at a time in memory."""
@@ -149,8 +150,15 @@ class DatasetReader:
 
     def columns(self, name: str) -> list[NDArray[Any]]:
         """Read one array of every shard; values are not checked."""
-        paths = [self.folder / entry.file for entry in self.manifest.shards]
-        return [read_arrays(path, self.manifest.kind, (name,))[name] for path in paths]
+        return [
+            read_arrays(
+                self.folder / entry.file,
+                self.manifest.kind,
+                (name,),
+                entry.lengths(self.manifest),
+            )[name]
+            for entry in self.manifest.shards
+        ]
 
     def unstable(self) -> Numbers | None:
         """Numbers of the unstable samples, ascending; None if no shard says which are stable."""

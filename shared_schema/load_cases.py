@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE
 from shared_schema.shard import read_shard, shard_content
@@ -85,10 +86,12 @@ def read_load_cases(path: Path) -> LoadCases:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file of load cases")
-    content = path.read_bytes()
+    file = path.resolve()  # a user's own link is followed
+    require_plain(file.parent, file)
+    content = file.read_bytes()
     if hashlib.sha256(content[:-DIGITS]).hexdigest().encode() != content[-DIGITS:]:
         raise InputError(f"{path}: damaged or no file of load cases, its checksum does not match")
-    arrays = read_shard(path, "loads")
+    arrays = read_shard(file, "loads")
     cases = LoadCases(
         arrays["mesh/coordinates"], arrays["loads/loaded_nodes"], arrays["loads/force"]
     )

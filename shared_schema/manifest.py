@@ -14,6 +14,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
+from shared_schema.common.checksum import require_plain
 from shared_schema.common.configuration import Frozen, absent, validate
 from shared_schema.common.errors import InputError
 from shared_schema.layout import SCHEMA_VERSION, Kind
@@ -42,6 +43,11 @@ class ShardEntry(Frozen):
     samples: int = Field(ge=0)
     failed: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+
+    def lengths(self, manifest: Manifest) -> dict[str, tuple[int, ...]]:
+        """Lengths of the axes of the shard's arrays, as far as the manifest knows them."""
+        failed = {"failed": (self.failed,)} if manifest.kind == "nodal" else {}
+        return {"dim": (manifest.dimension,), "sample": (self.samples,), **failed}
 
 
 class SolverRecord(Frozen):
@@ -268,6 +274,7 @@ def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
         If the folder or its manifest is missing, unfinished, damaged, or of another kind.
     """
     path = folder / MANIFEST
+    require_plain(folder, path)
     if not path.is_file():
         unfinished = find_unfinished(folder)
         if unfinished is not None:

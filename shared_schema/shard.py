@@ -2,7 +2,8 @@
 
 Written, it appears under its name complete, or not at all. HDF5 builds it in memory and never sees
 the disk, so that a full disk raises a plain OSError. Reading refuses external links and anything
-that is not laid out as `shared_schema.layout` says.
+that is not laid out as `shared_schema.layout` says. Types and shapes are compared, and sizes held
+against those of file and memory, before any array is read.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import hashlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import h5py
@@ -18,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.memory import require_memory
 from shared_schema.layout import (
     SCHEMA_VERSION,
     SHARD_ATTRIBUTES,
@@ -30,7 +34,9 @@ from shared_schema.layout import (
 )
 
 HEADROOM = 1 << 24  # bytes; more than the buffers of HDF5
+EXPANSION = 1100  # of compressed data at most; zeros by gzip: 1032
 Attributes = dict[str, int | str]
+Lengths = dict[str, tuple[int, ...]]  # of axes
 
 
 def write_shard(
@@ -103,8 +109,17 @@ def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
     dataset.attrs["description"] = layout.description
 
 
-def read_shard(path: Path, kind: FileKind) -> Arrays:
+def read_shard(
+    path: Path, kind: FileKind, lengths: Mapping[str, tuple[int, ...]] = MappingProxyType({})
+) -> Arrays:
     """Read every dataset of a shard into memory.
+
+    Parameters
+    ----------
+    path : Path
+    kind : {"nodal", "structured", "stiffness", "loads"}
+    lengths : mapping, optional
+        Known lengths of axes, such as `ShardEntry.lengths`.
 
     Raises
     ------
@@ -112,14 +127,19 @@ def read_shard(path: Path, kind: FileKind) -> Arrays:
         If the file is missing, empty, truncated, of another kind or schema version, or not laid
         out as the schema says.
     """
-    arrays = read_arrays(path, kind)
-    problems = array_problems(kind, arrays, {})
+    arrays = read_arrays(path, kind, lengths=lengths)
+    problems = array_problems(kind, arrays, dict(lengths))
     if problems:
         raise InputError(f"{path}: {problems[0]}")
     return arrays
 
 
-def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None) -> Arrays:
+def read_arrays(
+    path: Path,
+    kind: FileKind,
+    names: Collection[str] | None = None,
+    lengths: Mapping[str, tuple[int, ...]] = MappingProxyType({}),
+) -> Arrays:
     """Read a shard's datasets, which must exist inside the file; values are not checked.
 
     Parameters
@@ -128,19 +148,26 @@ def read_arrays(path: Path, kind: FileKind, names: Collection[str] | None = None
     kind : {"nodal", "structured", "stiffness", "loads"}
     names : collection of str, optional
         Paths of the datasets to read; all by default.
+    lengths : mapping, optional
+        Known lengths of axes.
 
     Raises
     ------
     InputError
-        As `read_shard`, except for wrong shapes, types and values.
+        As `read_shard`, except for wrong values.
     """
     with _open(path, kind) as file, _damage_named(path):
         paths = dataset_paths(file)
-        return {
-            layout.path: _read(file[layout.path])
-            for layout in layout_for(kind, paths)
-            if layout.path in paths and (names is None or layout.path in names)
+        found = {
+            each.path: file[each.path] for each in layout_for(kind, paths) if each.path in paths
         }
+        size = path.stat().st_size
+        problems = declaration_problems(kind, found, dict(lengths)) or size_problems(found, size)
+        if problems:
+            raise InputError(f"{path}: {'; '.join(problems)}")
+        wanted = {k: dataset for k, dataset in found.items() if names is None or k in names}
+        require_memory(sum(each.nbytes for each in wanted.values()), f"{path}: its arrays")
+        return {name: values_of(dataset, size) for name, dataset in wanted.items()}
 
 
 def read_attributes(path: Path, kind: FileKind) -> Attributes:
@@ -150,6 +177,7 @@ def read_attributes(path: Path, kind: FileKind) -> Attributes:
 
 
 def _open(path: Path, kind: FileKind) -> h5py.File:
+    require_plain(path.parent, path)
     if not path.is_file():
         raise InputError(f"{path}: no such shard")
     if path.stat().st_size == 0:
@@ -182,14 +210,26 @@ def _damage_named(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: not a readable HDF5 file ({first_line(error)})") from None
 
 
-def _read(dataset: h5py.Dataset) -> NDArray[Any]:
-    if h5py.check_string_dtype(dataset.dtype) is not None:
-        return np.asarray(dataset.asstr()[()], dtype=object)
-    return np.asarray(dataset[()])
+def values_of(dataset: h5py.Dataset, size: int) -> NDArray[Any]:
+    """Values of a dataset in a file of `size` bytes.
+
+    Texts are read one by one: many may refer to one place of the file. ValueError if they are more
+    than it.
+    """
+    if h5py.check_string_dtype(dataset.dtype) is None:
+        return np.asarray(dataset[()])
+    texts, total = dataset.asstr(), 0
+    values = np.empty(dataset.shape, dtype=object)
+    for place in np.ndindex(dataset.shape):
+        values[place] = texts[place]
+        total += len(values[place])
+        if total > size:
+            raise ValueError(f"dataset '{dataset.name[1:]}' holds more text than the file")
+    return values
 
 
 def array_problems(
-    kind: FileKind, arrays: Mapping[str, NDArray[Any]], lengths: dict[str, tuple[int, ...]]
+    kind: FileKind, arrays: Mapping[str, NDArray[Any]], lengths: Lengths
 ) -> list[str]:
     """List what is wrong with the arrays of a shard: missing, unknown, shape, type, NaN.
 
@@ -200,6 +240,18 @@ def array_problems(
     lengths : dict
         Known lengths of axes (see `shared_schema.layout.shape_problem`); new ones are added.
     """
+    problems = declaration_problems(kind, arrays, lengths)
+    wrong = {problem.partition("'")[2].partition("'")[0] for problem in problems}
+    for name, array in arrays.items():
+        if name not in wrong and array.dtype.kind == "f" and not np.isfinite(array).all():
+            problems.append(f"dataset '{name}' holds a NaN or an infinity")
+    return problems
+
+
+def declaration_problems(
+    kind: FileKind, arrays: Mapping[str, NDArray[Any] | h5py.Dataset], lengths: Lengths
+) -> list[str]:
+    """List what is wrong with names, types and shapes of arrays; values are not read."""
     layouts = layout_for(kind, arrays)
     known = {layout.path for layout in layouts}
     problems = [f"unknown dataset '{name}'" for name in sorted(set(arrays) - known)]
@@ -217,8 +269,21 @@ def array_problems(
         problem = shape_problem(layout, array.shape, lengths)
         if problem:
             problems.append(f"dataset '{layout.path}' {problem}")
-        elif array.dtype.kind == "f" and not np.isfinite(array).all():
-            problems.append(f"dataset '{layout.path}' holds a NaN or an infinity")
+    return problems
+
+
+def size_problems(datasets: Mapping[str, h5py.Dataset], size: int) -> list[str]:
+    """Name datasets that declare more bytes than a file of `size` bytes can hold."""
+    problems = []
+    for name, dataset in datasets.items():
+        stored, filters = dataset.id.get_storage_size(), dataset.id.get_create_plist()
+        chunk = int(np.prod(dataset.chunks or 0)) * dataset.dtype.itemsize
+        declared = max(dataset.nbytes, chunk)  # HDF5 makes whole chunks
+        most = min(stored, size) * (EXPANSION if filters.get_nfilters() else 1)
+        if declared > most:
+            problems.append(
+                f"dataset '{name}' declares {declared} bytes, the file holds {stored} for it"
+            )
     return problems
 
 

@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.checksum import sha256
+from shared_schema.common.checksum import require_plain, sha256
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import MANIFEST, digest_of
@@ -69,8 +69,9 @@ class Seal:
         Raises
         ------
         InputError
-            If the manifest is damaged.
+            If the manifest is damaged, or a link.
         """
+        require_plain(self.folder, self.path)
         if not self.exists:
             return {}
         try:
@@ -88,10 +89,11 @@ class Seal:
         return self._name(path) in self.files() if self.exists else path.is_file()
 
     def require_intact(self, *paths: Path) -> None:
-        """Raise InputError if some files, or all listed ones, are missing or damaged."""
+        """Raise InputError if some files, or all listed ones, are missing, damaged, or links."""
         files = self.files()
         for name in map(self._name, paths) if paths else files:
             path, checksum = self.folder / name, files.get(name)
+            require_plain(self.folder, path)
             if checksum is None:
                 continue
             if not path.is_file():

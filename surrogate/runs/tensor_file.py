@@ -13,6 +13,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError, first_line
 from surrogate.hardware import memory_errors
 
@@ -41,8 +42,10 @@ def load_tensors(path: Path) -> tuple[Tensors, dict[str, str]]:
     Raises
     ------
     InputError
-        If the file is damaged; a single changed bit of a tensor or of the metadata is found.
+        If the file is damaged (a single changed bit of a tensor or of the metadata is found), a
+        link, or larger than the memory.
     """
+    require_plain(path.parent, path)
     try:
         with memory_errors(), safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}

@@ -126,7 +126,7 @@ def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarr
     folder = tmp_path / "data"
     folder.mkdir()
     for path in data.iterdir():
-        (folder / path.name).symlink_to(path)
+        (folder / path.name).hardlink_to(path)
     (folder / "manifest.json").unlink()
     manifest = read_manifest(data)
     assert manifest.structured is not None

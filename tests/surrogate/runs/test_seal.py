@@ -173,3 +173,26 @@ def test_seal_of_no_files_is_not_a_missing_one(tmp_path: Path) -> None:
     seal.make()
     assert seal.exists
     assert json.loads(seal.path.read_text())["files"] == {}
+
+
+@pytest.mark.parametrize("sealed", [True, False])
+@pytest.mark.parametrize("file", ["config.yaml", "model.safetensors", "manifest.json"])
+def test_links_in_a_run_are_refused(run: RunFolder, file: str, sealed: bool) -> None:
+    """A run folder may itself be a link; what is in it is not."""
+    (run.folder.parent / "link").symlink_to(run.folder)
+    surrogate.load(run.folder.parent / "link")
+    if not sealed and file != "manifest.json":
+        run.seal.path.unlink()
+    path = run.folder / file
+    path.rename(run.folder.parent / "elsewhere")
+    path.symlink_to(run.folder.parent / "elsewhere")
+    with pytest.raises(InputError, match=f"{file}: a symbolic link, expected the file itself"):
+        surrogate.load(run.folder)
+
+
+def test_weights_larger_than_the_memory(run: RunFolder) -> None:
+    """A file of 8 TiB, none of which is on the disk."""
+    with run.model.open("r+b") as file:
+        file.truncate(1 << 43)
+    with pytest.raises(InputError, match=r"model\.safetensors: the file: needs 8.19e\+03 GiB"):
+        run.read_tensors()
