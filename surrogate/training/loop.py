@@ -46,7 +46,7 @@ from surrogate.training.setup import (
 )
 from surrogate.training.trainer import Trainer, all_finite
 from surrogate.training.training_log import TrainingLog
-from surrogate.training.validation import validate
+from surrogate.training.validation import Reference, validate
 from surrogate.training.warm_start import warm_start
 
 logger = logging.getLogger(__name__)
@@ -122,7 +122,8 @@ def train(
             tensors = {**trainer.result(), **data.geometry.tensors()}
             if not is_over:
                 return make_surrogate(tensors, description, target.type)
-            ranks.from_first(lambda: finish(trainer, description, run, tensors))
+            rows = split.validation_rows
+            ranks.from_first(lambda: finish(trainer, description, run, tensors, data, rows))
         else:
             ranks.from_first(lambda: fit(config, data, split, target, description, run))
         return load(run.folder, target.type)
@@ -166,7 +167,6 @@ def train_epochs(
     )
     done = epoch * trainer.steps_per_epoch
     progress = Progress(trainer.steps, done, "steps", title, silent=not ranks.is_first)
-    largest = max(description.data.info.displacement.max_abs)
     saved, saved_at, late = epoch, time.perf_counter(), False
     measures: dict[str, float] = {}
     with closing(TrainingLog(run, epoch, tensorboard, silent=not ranks.is_first)) as log:
@@ -178,7 +178,7 @@ def train_epochs(
             measures |= ranks.from_first(trainer.validate)
             epoch += 1
             trainer.finish_epoch(epoch, measures)
-            trainer.note = epoch_note(epoch, measures, largest)
+            trainer.note = epoch_note(epoch, measures)
             now = time.perf_counter()
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
@@ -205,13 +205,19 @@ def require_finite(network: FieldNetwork, loss: float, epoch: int, saved: int) -
 
 
 def finish(
-    trainer: Trainer, description: RunDescription, run: RunFolder, tensors: dict[str, Tensor]
+    trainer: Trainer,
+    description: RunDescription,
+    run: RunFolder,
+    tensors: dict[str, Tensor],
+    data: Dataset,
+    validation_rows: Tensor,
 ) -> None:
     """Write the model of a training that is over, recalibrated if the configuration says so."""
     training = trainer.config.training
     if isinstance(training, RecalibratedTraining) and training.recalibrate:
         surrogate, level = make_surrogate(tensors, description), training.recalibrate
-        recalibrate(surrogate, trainer.validation.in_memory(), None if level is True else level)
+        held_out = data.nodal_train(validation_rows)
+        recalibrate(surrogate, held_out, None if level is True else level)
         tensors = {**tensors, **surrogate.network.state_dict()}
     run.write_model(tensors, hardware(trainer.device))
 
@@ -231,6 +237,7 @@ def fit(
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
         store = DeviceStore(network.prepared(split.validation.in_memory()), device)
         seconds = time.perf_counter() - began
-        measures = validate(config, network, store, len(split.validation))
+        compared = Reference.of(network, dataset, split.validation, split.validation_rows)
+        measures = validate(config, network, store, len(split.validation), compared)
         log.write({"epoch": 0, **measures, "seconds": seconds})
     run.write_model({**network.state_dict(), **dataset.geometry.tensors()}, hardware(device))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from surrogate.data.free_components import at_free
-from surrogate.data.samples import Samples
+from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.load_count_factor import KNOTS
 from surrogate.probabilistic.calibration import half_width, negative_log_likelihood
@@ -134,21 +134,20 @@ def fit_count_factors(
     return numbers, [common_factor(z[group], level) for group in groups]
 
 
-def recalibrate(surrogate: Surrogate, held_out: Samples, level: float | None = None) -> None:
+def recalibrate(surrogate: Surrogate, held_out: NodalSamples, level: float | None = None) -> None:
     """Fit the factors of a surrogate's network to held-out samples and set them.
 
     Parameters
     ----------
     surrogate : Surrogate
         Surrogate whose factors are 1.
-    held_out : Samples
+    held_out : NodalSamples
         Samples used neither for training nor for testing.
     level : float, optional
         As `fit_factors` takes it.
     """
     geometry, network = surrogate.geometry, surrogate.network
-    force = geometry.grid.to_nodes(held_out.force.double().cpu().numpy())
-    reference = geometry.grid.to_nodes(held_out.displacement.double().cpu().numpy())
+    force, reference = held_out.force, held_out.displacement
     predicted = surrogate.predict_distribution(force, PASSES)
     free = geometry.free
     a, b = fit_factors(predicted, reference, free, level)

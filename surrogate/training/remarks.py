@@ -8,6 +8,7 @@ from surrogate.models.model import TrainedModel
 from surrogate.runs.description import RunDescription
 from surrogate.training.trainer import Trainer
 
+LARGE_PART = 0.5  # of the error, from which on a finer grid helps more than more samples
 OVERFITTED = 2.0  # ratio of validation and training errors from which on more samples help
 
 
@@ -61,7 +62,7 @@ def beginning_anew(config: TrainedModel, other: str) -> str:
     )
 
 
-def epoch_note(epoch: int, measures: Mapping[str, float], largest: float) -> str:
+def epoch_note(epoch: int, measures: Mapping[str, float]) -> str:
     """Describe an epoch for the progress line.
 
     Parameters
@@ -69,19 +70,18 @@ def epoch_note(epoch: int, measures: Mapping[str, float], largest: float) -> str
     epoch : int
     measures : mapping of str to float
         Its line of measures; errors in m.
-    largest : float
-        Largest displacement component of the training samples in m.
     """
     note = f"epoch {epoch}, loss {measures['train_loss']:.3g}"
     if "validation_error" not in measures:
         return note
-    error = measures["validation_error"]
-    relative = f" ({error / largest:.2%} of the largest displacement)" if largest > 0 else ""
-    return f"{note}, validation error {error:.2e} m{relative}"
+    error, relative = measures["validation_error"], measures["validation_relative_error"]
+    return f"{note}, validation error {error:.2e} m ({relative:.2%} of the largest displacement)"
 
 
 def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
-    """Say if the validation samples show that there are too few training samples.
+    """Say if the grid is too coarse, or the training samples are too few.
+
+    The grid comes first: more samples do not change its part of the error.
 
     Parameters
     ----------
@@ -92,7 +92,14 @@ def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
     """
     if "validation_error" not in measures:
         return None
-    error, on_training = measures["validation_error"], trainer.training_error()
+    error, of_grid = measures["validation_error"], measures.get("grid_error", 0.0)
+    if of_grid > LARGE_PART * error:
+        return (
+            f"the error on validation samples is {error:.2e} m, and {of_grid:.2e} m without an "
+            "error at the grid's points; a finer grid would help (`datagen structure --error`, or "
+            "`--grid`)"
+        )
+    on_training = trainer.training_error()
     if not error > OVERFITTED * on_training:
         return None
     return (

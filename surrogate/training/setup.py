@@ -33,6 +33,7 @@ from surrogate.training.sample_paths import (
 )
 from surrogate.training.trainer import Trainer
 from surrogate.training.training_log import require_tensorboard
+from surrogate.training.validation import Reference
 from surrogate.training.warm_start import WarmStart
 
 logger = logging.getLogger(__name__)
@@ -112,7 +113,12 @@ def make_trainer(
             "training continues without it",
             *(config.name, ranks.count, device.type),
         )
-    return Trainer(config, network, split.train, split.validation, ranks, paths)
+    compared = Reference.of(network, dataset, split.validation, split.validation_rows)
+    on_few = None
+    if compared.nodal is not None:
+        rows = split.train_rows[: len(split.validation)]
+        on_few = Reference.of(network, dataset, split.train[: len(rows)], rows)
+    return Trainer(config, network, split.train, split.validation, ranks, paths, compared, on_few)
 
 
 def least_memory(config: TrainedModel, dataset: Dataset, samples: int, processes: int = 1) -> int:

@@ -35,7 +35,7 @@ from surrogate.training.cuda_graph import CapturedStep, can_capture
 from surrogate.training.data_parallel import ALONE, Ranks
 from surrogate.training.sample_paths import AlongPaths, SamplePaths, prepared_paths
 from surrogate.training.sample_store import SampleStore, prepared_store
-from surrogate.training.validation import loss_per_datum, validate
+from surrogate.training.validation import Reference, loss_per_datum, validate
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
 
@@ -56,6 +56,9 @@ class Trainer:
         Remark of the progress line: loss and validation error of the last epoch.
     paths : SamplePaths, optional
         Load paths of the training samples, from which the batches are then drawn.
+    compared, compared_train : Reference, optional
+        What errors of the validation samples, and of as many training samples, are compared with;
+        by default the samples themselves, on a grid of nodes.
     """
 
     config: TrainedModel
@@ -64,6 +67,8 @@ class Trainer:
     validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
     paths: SamplePaths | None = None
+    compared: Reference | None = None
+    compared_train: Reference | None = None
 
     def __post_init__(self) -> None:
         training, self.device = self.config.training, self.network.displacement_rms.device
@@ -215,18 +220,29 @@ class Trainer:
                 break
 
     def validate(self) -> dict[str, float]:
-        """Return loss and mean absolute error on the validation samples."""
-        return validate(self.config, self.model, self.validation_store, len(self.validation))
+        """Return loss and errors on the validation samples."""
+        if self.compared is None:
+            self.compared = Reference.on_grid(self.validation)
+        count = len(self.validation)
+        return validate(self.config, self.model, self.validation_store, count, self.compared)
 
     def training_error(self) -> float:
         """Return the mean absolute error in m on as many training samples as for validation."""
         count = min(len(self.validation), len(self.train))
-        return validate(self.config, self.model, self.train_store, count)["validation_error"]
+        compared = self.compared_train or Reference.on_grid(self.train[:count])
+        measures = validate(self.config, self.model, self.train_store, count, compared)
+        return measures["validation_error"]
 
     def finish_epoch(self, epoch: int, measures: Mapping[str, float]) -> None:
-        """Pass the measures of an epoch (counted from 1) to early stopping."""
+        """Pass the measures of an epoch (counted from 1) to early stopping.
+
+        The loss decides; on an embedded grid the error at the nodes, of which the loss on the grid
+        is only a part.
+        """
         if self.stopping is not None:
-            self.stopping.observe(epoch, measures["validation_loss"], self.model)
+            of_nodes = "grid_error" in measures
+            measured = measures["validation_error" if of_nodes else "validation_loss"]
+            self.stopping.observe(epoch, measured, self.model)
 
     def is_over(self, epoch: int) -> bool:
         """Return True if the training is over after an epoch (counted from 1)."""

@@ -9,7 +9,7 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
-from surrogate.data.samples import Samples
+from surrogate.data.nodal_dataset import NodalSamples
 from surrogate.inference.loading import load
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.load_count_factor import LoadCountFactor
@@ -195,11 +195,7 @@ def test_every_number_of_loads_has_its_share(
     predicted = model.predict_distribution(force, 10)
     sizes = np.where(np.arange(len(force)) % 2, 4.0, 0.5)[:, None, None]
     error = sizes * predicted.std * rng.normal(size=force.shape)
-    grid = dataset.geometry.grid
-    held_out = Samples(
-        torch.from_numpy(grid.to_grid(force)),
-        torch.from_numpy(grid.to_grid(predicted.mean + error)),
-    )
+    held_out = NodalSamples(force, predicted.mean + error)
     monkeypatch.setattr("surrogate.training.recalibration.PASSES", 10)
     recalibrate(model, held_out, 0.9)
     after = model.predict_distribution(force, 10)

@@ -20,6 +20,7 @@ NAMES = {
     "train_loss",
     "validation_loss",
     "validation_error",
+    "validation_relative_error",
     "learning_rate",
     "seconds",
     "samples_per_second",
