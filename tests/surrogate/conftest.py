@@ -98,27 +98,37 @@ def build(
     dimension: int = 2,
     seed: int = 0,
     corner_forces: np.ndarray | None = None,
+    held: np.ndarray | None = None,
+    solved: Callable[[Arrays, np.ndarray], np.ndarray] | None = None,
     **case_changes: Any,
 ) -> Path:
     """Write ``nodal`` and ``structured`` into `folder`; return the structured dataset.
 
     Sample numbers are dealt to the two shards in turn, so that shards are not in their order.
     With `corner_forces` (60, d), these act at the last loadable node instead of random ones.
+    With `held` (n_nodes, d), these components are, and `solved` gives the displacements under
+    nodal forces (60, n_nodes, d).
     """
     case = {**CASES[dimension], **case_changes}
     mesh = make_mesh(dimension)
+    if held is not None:
+        mesh |= {"mesh/held": held, "mesh/clamped": np.asarray(held.all(axis=1))}
     coordinates = mesh["mesh/coordinates"]
     rng = np.random.default_rng(seed)
     nodes = rng.choice(np.flatnonzero(mesh["mesh/loadable"]), SAMPLES)
     forces = rng.uniform(-2.5, 2.5, (SAMPLES, dimension))
     if corner_forces is not None:
         nodes, forces = np.full(SAMPLES, np.flatnonzero(mesh["mesh/loadable"])[-1]), corner_forces
+    if held is not None:
+        forces = np.where(held[nodes], 0.0, forces)
     displacement = np.stack([solve(coordinates, n, f) for n, f in zip(nodes, forces, strict=True)])
     is_test = np.zeros(SAMPLES, dtype=bool)
     is_test[rng.permutation(SAMPLES)[:TEST]] = True
     grid = Grid.from_coordinates(coordinates)
     nodal_force = np.zeros_like(displacement)
     nodal_force[np.arange(SAMPLES), nodes] = forces
+    if solved is not None:
+        displacement = solved(mesh, nodal_force)
     force32, displacement32 = nodal_force.astype(np.float32), displacement.astype(np.float32)
 
     entries: dict[str, list[ShardEntry]] = {"nodal": [], "structured": []}
