@@ -4,6 +4,7 @@
 `certificate`       the full certificate: the error by Newton steps from the prediction
 `fast_certificate`  the fast one: a bound that holds with some probability, in real time
 `fast_estimate`     the estimate that the fast certificate calibrates: conjugate gradients
+`calibrated_range`  loads and states that this calibration holds for
 `conformal`         intervals of every component that hold with some probability
 `correction`        Newton's method from the prediction to the equilibrium
 ==================  ===========================================================================
@@ -12,6 +13,7 @@ Both certificates of one prediction are an `ErrorCertificate`: an estimated erro
 the reason why a tolerance is not kept.
 """
 
+from surrogate.certify.calibrated_range import CalibratedRange
 from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.conformal import ConformalCalibration, Intervals
 from surrogate.certify.correction import Correction, correct, iterated
@@ -21,6 +23,7 @@ from surrogate.certify.full_certificate import Certificate, certify
 
 __all__ = [
     "Bounds",
+    "CalibratedRange",
     "Certificate",
     "ConformalCalibration",
     "Correction",

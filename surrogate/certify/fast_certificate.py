@@ -8,7 +8,8 @@ q of these ratios (`surrogate.certify.conformal`),
 
 for loads like theirs. Unlike a conformal interval of fixed width, the bound is as wide as a load
 needs. There is a q for the mean error e (the paper's e_m), and one for the largest error of a node.
-Where a cell is inverted, both bounds are infinite.
+A prediction that is unlike the held-out samples, or whose state is not stable, has no bound
+(`surrogate.certify.calibrated_range`): all are infinite, and it is never certified.
 
 A network that predicts standard deviations knows where on the body its error is large, but not how
 large it is under loads unlike those of its training. The estimate knows that. Intervals of single
@@ -34,6 +35,7 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from surrogate.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
 from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.conformal import conformal_quantile
 from surrogate.certify.fast_estimate import FastEstimate
@@ -44,6 +46,11 @@ LEVELS = (0.9, 0.95)  # whose coverage is measured
 MEASURES = ("mean", "largest")
 COMPONENT = "component"  # of networks that predict standard deviations
 KEPT = 1001  # quantiles of the ratios of single components
+RANGE = "range_of_"  # prefix of the names of the calibrated range's values in a file
+NO_RANGE = (
+    "the calibration of an earlier version does not say what it holds for, expected that of "
+    "'surrogate evaluate RUN --data DIR --certify'"
+)
 Array = NDArray[np.float64]
 
 
@@ -51,36 +58,59 @@ Array = NDArray[np.float64]
 class Bounds:
     """Estimated error of one prediction, and bounds that each hold with some probability.
 
+    Those of N predictions have N as the first axis of every array.
+
     Attributes
     ----------
-    error : array, (n_nodes, d)
+    error : array, (n_nodes, d) or (N, n_nodes, d)
         Estimate of the predicted minus the true displacement in m; infinite if a cell is inverted.
     level : float
         Probability 1 − α.
-    mean, largest : float
-        Bounds of the mean absolute component and of the largest error of a node in m.
-    half_width : array, (n_nodes, d), or None
+    mean, largest : array, () or (N,)
+        Bounds of the mean absolute component and of the largest error of a node in m; infinite
+        where there is none.
+    reasons : tuple of str or None
+        Why a prediction has no bound; None if it has. One entry for each prediction.
+    half_width : array, (n_nodes, d) or (N, n_nodes, d), or None
         Half widths in m of the intervals of all components, which hold the share `level`.
     """
 
     error: Array
     level: float
-    mean: float
-    largest: float
+    mean: Array
+    largest: Array
+    reasons: tuple[str | None, ...] = (None,)
     half_width: Array | None = None
+
+    def certified(self, tolerance: float) -> NDArray[np.bool_]:
+        """True where the bound `largest` is at most `tolerance` in m."""
+        return np.asarray(self.largest <= tolerance) & np.isfinite(self.largest)
 
     def summary(self) -> str:
         """Describe the bounds in a line."""
+        count = len(self.reasons)
+        if count != 1:
+            refused = count - self.reasons.count(None)
+            return (
+                f"{count} predictions with bounds of probability {self.level:g}, {refused} without"
+            )
+        if self.reasons[0] is not None:
+            return "no bound of the error"
         return (
-            f"error at most {millimetres(self.mean)} in the mean and "
-            f"{millimetres(self.largest)} at any node, each with probability {self.level:g}"
+            f"error at most {millimetres(float(self.mean))} in the mean and "
+            f"{millimetres(float(self.largest))} at any node, each with probability {self.level:g}"
         )
 
     def refusal(self, tolerance: float) -> str | None:
-        """Say why the prediction is not certified; None if it is."""
-        if self.largest <= tolerance:
-            return None
-        return f"bound of the error {millimetres(self.largest)} > {millimetres(tolerance)}"
+        """Say why the prediction, or which of several, is not certified; None if all are."""
+        for number, (reason, bound) in enumerate(
+            zip(self.reasons, np.atleast_1d(self.largest), strict=True)
+        ):
+            if reason is None and not bound <= tolerance:
+                reason = f"bound of the error {millimetres(bound)} > {millimetres(tolerance)}"
+            if reason is not None:
+                return reason if len(self.reasons) == 1 else f"prediction {number}: {reason}"
+        return None
 
 
 @dataclass(frozen=True)
@@ -94,10 +124,13 @@ class FastCertificate:
         Ratios of true and estimated errors of the held-out samples, by measure: "mean" and
         "largest". For a network that predicts standard deviations also "component": quantiles of
         the ratios of single components, at `KEPT` equal steps.
+    calibrated : CalibratedRange or None
+        What the held-out samples had in common. Without it no prediction has a bound.
     """
 
     estimate: FastEstimate
     ratios: dict[str, Array]
+    calibrated: CalibratedRange | None = None
 
     @classmethod
     def fit(
@@ -108,8 +141,16 @@ class FastCertificate:
         truth: Array,
         std: Array | None = None,
     ) -> FastCertificate:
-        """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m."""
-        error, estimated = predicted - truth, estimate(force, predicted)
+        """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m.
+
+        Those whose predicted state is not stable are left out, since such states have no bound.
+        """
+        estimated, softest = estimate.with_stability(force, predicted)
+        stable = softest > LEAST_STIFFNESS
+        estimated, softest = estimated[stable], softest[stable]
+        force, predicted, truth = force[stable], predicted[stable], truth[stable]
+        std = None if std is None else std[stable]
+        error = predicted - truth
         found = sizes(estimated)
         ratios = {
             name: np.divide(e, found[name], out=np.zeros(len(e)), where=e > 0)
@@ -119,7 +160,7 @@ class FastCertificate:
             scale = with_size(std, found["mean"])
             of_components = np.abs(error)[scale > 0] / scale[scale > 0]
             ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
-        return cls(estimate, ratios)
+        return cls(estimate, ratios, CalibratedRange.of(force, predicted, estimated, softest))
 
     @property
     def knows_components(self) -> bool:
@@ -177,15 +218,15 @@ class FastCertificate:
     def certify(
         self, forces: Array, predicted: Array, level: float, std: Array | None = None
     ) -> Bounds:
-        """Bound the error of one prediction.
+        """Bound the error of one prediction, or of N.
 
         Parameters
         ----------
-        forces, predicted : array, (n_nodes, d)
+        forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
             In N and m.
         level : float
             Probability 1 − α of each bound.
-        std : array, (n_nodes, d), optional
+        std : array of the same shape, optional
             Predicted standard deviations in m, which intervals of single components need.
 
         Raises
@@ -193,12 +234,37 @@ class FastCertificate:
         ValueError
             As `factor`.
         """
-        error = self.estimate(forces[None], predicted[None])
-        found = {name: float(bound[0]) for name, bound in self.bounds(error, level).items()}
+        shape = predicted.shape
+        f, u = forces.reshape(-1, *shape[-2:]), predicted.reshape(-1, *shape[-2:])
+        error, softest = self.estimate.with_stability(f, u)
+        reasons = self.refusals(f, u, error, softest)
+        refused = np.array([reason is not None for reason in reasons], dtype=bool)
+        found = {
+            name: np.where(refused, np.inf, bound).reshape(shape[:-2])
+            for name, bound in self.bounds(error, level).items()
+        }
         half = None
         if std is not None and self.knows_components:
-            half = self.half_widths(error, std[None], level)[0]
-        return Bounds(error[0], level, **found, half_width=half)
+            half = self.half_widths(error, std.reshape(u.shape), level)
+            half[refused] = np.inf
+            half = half.reshape(shape)
+        return Bounds(error.reshape(shape), level, **found, reasons=reasons, half_width=half)
+
+    def refusals(
+        self, force: Array, predicted: Array, error: Array, softest: Array
+    ) -> tuple[str | None, ...]:
+        """Say of each prediction why it has no bound; None if it has one.
+
+        Parameters
+        ----------
+        force, predicted : array, (N, n_nodes, d)
+            In N and m.
+        error, softest : array
+            Of `FastEstimate.with_stability`.
+        """
+        if self.calibrated is None:
+            return (NO_RANGE,) * len(force)
+        return self.calibrated.refusals(force, predicted, error, softest, self.estimate.loadable)
 
     def measures(
         self, force: Array, predicted: Array, truth: Array, std: Array | None = None
@@ -206,10 +272,13 @@ class FastCertificate:
         """Coverage of the bounds on other samples, and their median ratio to the true error.
 
         The result is plain data, by measure and level. A level that there were too few samples for
-        is left out.
+        is left out. `refused` is the share of the samples that have no bound; coverage is that of
+        the product of factor and estimate for all of them.
         """
-        true, error = sizes(predicted - truth), self.estimate(force, predicted)
+        error, softest = self.estimate.with_stability(force, predicted)
+        true, refusals = sizes(predicted - truth), self.refusals(force, predicted, error, softest)
         content: dict[str, Any] = {"samples": len(self.ratios["mean"])}
+        content["refused"] = 1 - refusals.count(None) / max(len(refusals), 1)
         for name in MEASURES:
             content[name] = []
             for level in LEVELS:
@@ -230,9 +299,11 @@ class FastCertificate:
         return content
 
     def serialised(self) -> bytes:
-        """Content of a file of the ratios, which `read_ratios` reads."""
-        ratios = {name: torch.from_numpy(np.sort(r)) for name, r in self.ratios.items()}
-        return serialised(ratios, ESTIMATE)
+        """Content of a file of the calibration, which `read_calibration` reads."""
+        values = {name: np.sort(ratios) for name, ratios in self.ratios.items()}
+        if self.calibrated is not None:
+            values |= {RANGE + name: value for name, value in self.calibrated.arrays().items()}
+        return serialised({name: torch.from_numpy(v) for name, v in values.items()}, ESTIMATE)
 
 
 def sizes(error: Array) -> dict[str, Array]:
@@ -250,8 +321,10 @@ def with_size(std: Array, size: Array) -> Array:
     return np.asarray(np.multiply(std, factor, out=np.zeros_like(std), where=std > 0))
 
 
-def read_ratios(path: Path) -> dict[str, Array]:
-    """Read a file of `FastCertificate.serialised`.
+def read_calibration(path: Path) -> tuple[dict[str, Array], CalibratedRange | None]:
+    """Read the ratios and the calibrated range of `FastCertificate.serialised`.
+
+    A file of an earlier version has no range.
 
     Raises
     ------
@@ -264,11 +337,18 @@ def read_ratios(path: Path) -> dict[str, Array]:
             "--data DIR --certify'"
         )
     tensors, metadata = load_tensors(path)
-    if set(tensors) - {COMPONENT} != set(MEASURES):
-        raise InputError(f"{path}: not a fast certificate")
     if metadata != ESTIMATE:
         raise InputError(
             f"{path}: calibrated for the estimate of another version, expected it from 'surrogate "
             "evaluate RUN --data DIR --certify' of this one"
         )
-    return {name: ratio.double().numpy() for name, ratio in tensors.items()}
+    arrays = {name: tensor.double().numpy() for name, tensor in tensors.items()}
+    known = {n.removeprefix(RANGE): v for n, v in arrays.items() if n.startswith(RANGE)}
+    ratios = {name: values for name, values in arrays.items() if not name.startswith(RANGE)}
+    try:
+        calibrated = CalibratedRange.from_arrays(known) if known else None
+    except (KeyError, ValueError):
+        raise InputError(f"{path}: not a fast certificate") from None
+    if set(ratios) - {COMPONENT} != set(MEASURES):
+        raise InputError(f"{path}: not a fast certificate")
+    return ratios, calibrated

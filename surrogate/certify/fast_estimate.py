@@ -1,4 +1,4 @@
-r"""Estimated errors without a factorisation: two steps of conjugate gradients.
+r"""Errors and stability without a factorisation: a few steps of conjugate gradients.
 
 Newton's step :math:`δ = -K(u)^{-1} r` (`surrogate.certify.full_certificate`) factorises the tangent
 of every prediction. Here the factor of the undeformed body is kept, and its compliance is turned
@@ -13,6 +13,13 @@ the cells at a node. The product with the tangent is that of the cells' stresses
 (`surrogate.mechanics.solids.neo_hookean`), which no matrix is assembled for. A large body is
 treated in single precision, with out-of-balance forces in a unit of the body's own, μ L^(d-1), so
 that their work does not underflow. Where a cell is inverted, the error is infinite.
+
+The same method sees whether K(u) is positive definite. The smallest eigenvalue θ of the tridiagonal
+matrix of its coefficients is an upper bound of that of :math:`P \, K(u)`, which each step lowers
+(Lanczos; Saad, *Iterative Methods for Sparse Linear Systems*, 2003, Section 6.7). Steps from r may
+miss an instability, as that of a straight beam under an axial load, whose r has no part along its
+buckling mode. So θ is also that of steps from a fixed load of random numbers, which has a part
+along every mode. The compliance P makes the soft ones, in which bodies buckle, large.
 
 All is written in NumPy, since a small body takes a few microseconds an operation. Components
 come first: F is (d, d, n_points, N).
@@ -36,7 +43,9 @@ from surrogate.mechanics.out_of_balance import Equilibrium
 Array = NDArray[np.float64]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
 AT_ONCE = 2**20  # values of a field at the points that are held at once
-STEPS = 2  # of conjugate gradients
+STEPS = 2  # of conjugate gradients from r
+GENERIC_STEPS = 6  # from the load of random numbers
+CONVERGED = 1e-10  # of the first work r · P r: smaller ones are rounding errors
 
 
 class FastEstimate:
@@ -62,7 +71,7 @@ class FastEstimate:
         large = len(layout.dofs) > LARGE
         self.dtype: type[np.floating[Any]] = np.float32 if large else np.float64
         self.material, self.free = material, equilibrium.free
-        self.dimension = geometry.dimension
+        self.dimension, self.loadable = geometry.dimension, geometry.loadable
         self._dofs = layout.dofs
         self._factor = equilibrium.undeformed.single if large else equilibrium.undeformed
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
@@ -82,6 +91,8 @@ class FastEstimate:
             for operator in sums_at_nodes(geometry.cells, len(self.free))
         )
         self._at_once = max(1, AT_ONCE // (count * points * d**2))
+        generic = np.random.default_rng(0).standard_normal((d, len(self.free), 1))
+        self._generic: Values = self._balanced(generic).astype(self.dtype)
 
     def __call__(self, forces: Array, predicted: Array) -> Array:
         """Estimate the predicted minus the true displacement in m: (N, n_nodes, d) → same.
@@ -91,13 +102,29 @@ class FastEstimate:
         forces, predicted : array, (N, n_nodes, d)
             In N and m. What is predicted for clamped nodes is wholly an error.
         """
-        error = np.empty(predicted.shape)
+        return self._in_parts(forces, predicted, judged=False)[0]
+
+    def with_stability(self, forces: Array, predicted: Array) -> tuple[Array, Array]:
+        """Estimate the errors as a call does, and judge the stability of the predicted states.
+
+        Returns
+        -------
+        error : array, (N, n_nodes, d)
+            Estimate of the predicted minus the true displacement in m.
+        softest : array, (N,)
+            θ, which is 1 for the undeformed body; −∞ if a cell is inverted. If it is not positive,
+            K(u) is not positive definite.
+        """
+        return self._in_parts(forces, predicted, judged=True)
+
+    def _in_parts(self, forces: Array, predicted: Array, judged: bool) -> tuple[Array, Array]:
+        error, softest = np.empty(predicted.shape), np.empty(len(predicted))
         for start in range(0, len(predicted), self._at_once):
             some = slice(start, start + self._at_once)
-            error[some] = self._estimated(forces[some], predicted[some])
-        return error
+            error[some], softest[some] = self._estimated(forces[some], predicted[some], judged)
+        return error, softest
 
-    def _estimated(self, forces: Array, predicted: Array) -> Array:
+    def _estimated(self, forces: Array, predicted: Array, judged: bool) -> tuple[Array, Array]:
         held: Array = predicted * self.free
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
@@ -107,21 +134,46 @@ class FastEstimate:
                 f_points[i, i] += 1
             state, rotation = State(f_points, self.material), rotations(self._at_nodes(f_points))
             force = self._balanced(f - self._divergence(state.stress()))
-            x, direction, before = np.zeros_like(u), np.zeros_like(u), np.inf
-            for step in range(STEPS):
-                z = self._response(force, rotation)
-                work = (force * z).sum((0, 1))
-                direction = z + np.where(before > 0, work / before, 0) * direction
-                tangent = self._balanced(
-                    self._divergence(state.stress_change(self._gradient(direction)))
-                )
-                length = work / (direction * tangent).sum((0, 1))
-                length = np.where((length > 0) & (length < np.inf), length, step == 0)
-                x += length * direction
-                force = force - length * tangent
-                before = work
-        x[..., ~(state.sound & np.isfinite(work))] = np.inf
-        return predicted - held - x.transpose(2, 1, 0)
+            x, softest = self._conjugate_gradients(state, rotation, force, STEPS)
+            if judged:
+                load = np.broadcast_to(self._generic, u.shape)
+                _, found = self._conjugate_gradients(state, rotation, load, GENERIC_STEPS)
+                softest = np.minimum(softest, found)
+        x[..., ~state.sound] = np.inf
+        return predicted - held - x.transpose(2, 1, 0), np.where(state.sound, softest, -np.inf)
+
+    def _conjugate_gradients(
+        self, state: State, rotation: Values, force: Values, steps: int
+    ) -> tuple[Values, Array]:
+        """Do some steps towards K(u) x = force.
+
+        Returns
+        -------
+        x : array, (d, n_nodes, N)
+        softest : array, (N,)
+            Smallest Ritz value of P K(u) of these steps; +∞ if there is no force.
+        """
+        x, direction, before = np.zeros_like(force), np.zeros_like(force), np.inf
+        works, curvatures, growths = [], [], []
+        for step in range(steps):
+            z = self._response(force, rotation)
+            work = (force * z).sum((0, 1))
+            growth = np.where(before > 0, work / before, 0)
+            direction = z + growth * direction
+            tangent = self._balanced(
+                self._divergence(state.stress_change(self._gradient(direction)))
+            )
+            curvature = (direction * tangent).sum((0, 1))
+            length = work / curvature
+            length = np.where((length > 0) & (length < np.inf), length, step == 0)
+            x += length * direction
+            force = force - length * tangent
+            before = work
+            works.append(work)
+            curvatures.append(curvature)
+            growths.append(growth)
+        x[..., ~np.isfinite(work)] = np.inf
+        return x, smallest_ritz_value(*map(np.array, (works, curvatures, growths)))
 
     def _gradient(self, u: Values) -> Values:
         """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""
@@ -160,6 +212,36 @@ class FastEstimate:
         response[self._dofs] = self._factor.solve(turned[self._dofs]) * self._unit
         back = response.reshape(nodes, d, n).transpose(1, 0, 2)
         return (rotation * back[None]).sum(1)
+
+
+def smallest_ritz_value(works: Array, curvatures: Array, growths: Array) -> Array:
+    """Smallest eigenvalue of the tridiagonal matrix of conjugate gradients, (N,).
+
+    Parameters
+    ----------
+    works, curvatures, growths : array, (n_steps, N)
+        r · P r, p · K p, and the part of the direction p before in the next one. Steps after
+        convergence, where r is made of rounding errors, are left out.
+
+    Returns
+    -------
+    array, (N,)
+        +∞ if there is no step, −∞ if a number is not finite.
+    """
+    count, samples = works.shape
+    left_out = np.logical_or.accumulate(works <= CONVERGED * works[0])
+    inverse = curvatures / works  # of the lengths of the steps
+    matrix = np.zeros((samples, count, count))
+    for k in range(count):
+        matrix[:, k, k] = inverse[k] + (growths[k] * inverse[k - 1] if k else 0)
+        if k:
+            beside = np.sqrt(growths[k]) * inverse[k - 1]
+            matrix[:, k, k - 1] = matrix[:, k - 1, k] = np.where(left_out[k], 0, beside)
+            matrix[:, k, k] = np.where(left_out[k], matrix[:, 0, 0], matrix[:, k, k])
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    found = np.full(samples, -np.inf)
+    found[finite] = np.linalg.eigvalsh(matrix[finite])[:, 0]
+    return np.where(left_out[0], np.inf, found)
 
 
 class State:

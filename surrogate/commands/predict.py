@@ -9,8 +9,9 @@ from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import add_device, add_out, add_passes, add_run, positive, share
 
 CERTIFY = (
-    "estimate the error; add it as 'estimated_error'; 'fast' in real time, with bounds, also of "
-    "every component if the network predicts standard deviations: 'half_width'"
+    "estimate the error of what is written, the prediction or (--correct) the equilibrium; add it "
+    "as 'estimated_error'; 'fast' in real time, with bounds, also of every component if the "
+    "network predicts standard deviations: 'half_width'; exit code 3 where no bound holds"
 )
 TOLERANCE = (
     "with --certify: largest error of a node in m (estimate, or fast bound), else exit code 3"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.common.solution_file import write_solution
 from surrogate.certify.certificate_protocol import ErrorCertificate, millimetres
 from surrogate.certify.correction import Correction
+from surrogate.certify.fast_certificate import Bounds
 from surrogate.data.geometry import Geometry
 from surrogate.probabilistic.distribution import Distribution
 
@@ -117,17 +118,27 @@ class Solution:
 
     @property
     def refusal(self) -> str | None:
-        """Why the displacement is not certified within `tolerance`; None if it is, or not asked."""
-        if self.certificate is None or self.tolerance is None:
+        """Why the displacement is not certified within `tolerance`; None if it is, or not asked.
+
+        A fast certificate without a bound certifies nothing, whatever the tolerance.
+        """
+        if self.certificate is None:
             return None
+        if self.tolerance is None:
+            return (
+                self.certificate.refusal(np.inf) if isinstance(self.certificate, Bounds) else None
+            )
         return self.certificate.refusal(self.tolerance)
 
     @property
     def verdict(self) -> Literal["certified", "not certified"] | None:
-        """Whether no node's error is above `tolerance`; None if there is no tolerance."""
-        if self.certificate is None or self.tolerance is None:
-            return None
-        return "certified" if self.refusal is None else "not certified"
+        """Whether no node's error is above `tolerance`.
+
+        None if there is no tolerance, unless a fast certificate has no bound.
+        """
+        if self.refusal is not None:
+            return "not certified"
+        return None if self.certificate is None or self.tolerance is None else "certified"
 
     def fields(self) -> dict[str, Array]:
         """Fields at the nodes by their names in a solution file, (n_nodes, d) each."""

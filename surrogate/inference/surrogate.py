@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.batched_prediction import BatchedPrediction
@@ -30,6 +30,7 @@ from surrogate.runs.folder import RunFolder
 
 if TYPE_CHECKING:
     from surrogate.certify import (
+        Bounds,
         Certificate,
         Correction,
         ErrorCertificate,
@@ -231,9 +232,11 @@ class Surrogate(TrainedBody):
             and files as ``--forces`` takes them. All act together.
         certify : {"full", "fast"}, optional
             Estimate the error: by Newton steps; or in real time, with bounds that hold with some
-            probability, which `surrogate evaluate --certify` calibrates.
+            probability, which `surrogate evaluate --certify` calibrates. A load or state unlike
+            those of this calibration has no bound, and is not certified.
         correct : bool
-            Go on from the prediction to the equilibrium of the finite elements.
+            Go on from the prediction to the equilibrium of the finite elements. A certificate is
+            then that of this equilibrium, as it is of what the solution shows in any case.
         tolerance : float, optional
             Largest error of a node in m that is certified; it needs `certify`.
         level : float, optional
@@ -256,7 +259,7 @@ class Surrogate(TrainedBody):
         """
         from surrogate.inference.solution import Solution
 
-        require_options_fit(certify, correct, tolerance, level)
+        require_options_fit(certify, tolerance, level)
         level = LEVEL if level is None else level
         intervals = self.intervals if conformal else None
         fast = self._fast_of_level(level) if certify == "fast" else None
@@ -274,7 +277,7 @@ class Surrogate(TrainedBody):
         certificate: ErrorCertificate | None = None
         half_width = None
         if fast is not None:
-            std = network.std if self.is_probabilistic else None
+            std = network.std if self.is_probabilistic and not correct else None
             certificate = bounds = fast.certify(force, displacement, level, std)
             half_width = bounds.half_width
         elif certify:
@@ -320,6 +323,38 @@ class Surrogate(TrainedBody):
         nodal = checked_forces(self.geometry, forces)
         return certify(equilibrium, nodal, self._displacement(nodal, predicted))
 
+    def bounds(
+        self, forces: ArrayLike, predicted: ArrayLike | None = None, level: float = LEVEL
+    ) -> Bounds:
+        """Bound the errors of predictions in real time, by the run's fast certificate.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        predicted : array of the same shape, optional
+            Displacements in m; by default the network's, whose standard deviations give the
+            intervals of single components.
+        level : float
+            Probability of each bound.
+
+        Returns
+        -------
+        Bounds
+            Infinite, with the reason, for loads and states unlike those of the calibration.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run has no fast certificate or none
+            of this level.
+        """
+        fast, nodal, std = self._fast_of_level(level), checked_forces(self.geometry, forces), None
+        if predicted is None and self.is_probabilistic:
+            network = self._predicted(nodal, PASSES, 0)
+            predicted, std = network.mean, network.std
+        return fast.certify(nodal, self._displacement(nodal, predicted), level, std)
+
     def correct(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Correction:
         """Go on from a prediction to the finite elements' equilibrium.
 
@@ -337,12 +372,45 @@ class Surrogate(TrainedBody):
         WorkError
             If no equilibrium is found.
         """
+        nodal = checked_force(self.geometry, forces)
+        return self._corrected(nodal, self._displacement(nodal, predicted))
+
+    def correct_each(
+        self, forces: ArrayLike, predicted: ArrayLike | None = None
+    ) -> list[Correction]:
+        """Go on from many predictions to their equilibria, one after the other.
+
+        Parameters
+        ----------
+        forces, predicted : array, (N, n_nodes, d)
+            As in `correct`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found for a load; the message has its number.
+        """
+        shape = self.geometry.coordinates.shape
+        nodal = checked_forces(self.geometry, forces)
+        if nodal.ndim != 3:
+            raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
+        found = []
+        for number, load in enumerate(
+            zip(nodal, self._displacement(nodal, predicted), strict=True)
+        ):
+            try:
+                found.append(self._corrected(*load))
+            except WorkError as error:
+                raise WorkError(f"load {number}: {error}") from None
+        return found
+
+    def _corrected(self, force: Array, predicted: Array) -> Correction:
         from surrogate.certify.correction import correct
 
-        equilibrium = self.balanced()
-        nodal = checked_force(self.geometry, forces)
         tolerance = ForceTolerance.of_case(self.description.data.case)
-        return correct(equilibrium, nodal, self._displacement(nodal, predicted), tolerance)
+        return correct(self.balanced(), force, predicted, tolerance)
 
     def _displacement(self, nodal: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""
@@ -372,12 +440,11 @@ class Surrogate(TrainedBody):
     @cached_property
     def fast_certificate(self) -> FastCertificate:
         """The calibrated bounds of the run; InputError if it has none."""
-        from surrogate.certify.fast_certificate import FastCertificate, read_ratios
+        from surrogate.certify.fast_certificate import FastCertificate, read_calibration
 
         run = self.run
         run.seal.require_intact(run.fast_certificate)
-        ratios = read_ratios(run.fast_certificate)
-        return FastCertificate(self.fast_estimate, ratios)
+        return FastCertificate(self.fast_estimate, *read_calibration(run.fast_certificate))
 
     def _fast_of_level(self, level: float) -> FastCertificate:
         """Return the calibrated bounds; InputError if they have no such level."""
@@ -402,13 +469,9 @@ class Surrogate(TrainedBody):
         return predicted.std if self.is_probabilistic else 1.0
 
 
-def require_options_fit(
-    certify: str | None, correct: bool, tolerance: float | None, level: float | None
-) -> None:
+def require_options_fit(certify: str | None, tolerance: float | None, level: float | None) -> None:
     """Raise InputError if an option of `Surrogate.solve` lacks one that it needs."""
     if tolerance is not None and not certify:
         raise InputError(f"--tolerance {tolerance}: expected beside --certify")
     if level is not None and certify != "fast":
         raise InputError(f"--level {level}: expected beside --certify fast")
-    if correct and certify == "fast":
-        raise InputError("--certify fast: bounds predictions, expected 'full' beside --correct")

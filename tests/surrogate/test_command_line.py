@@ -232,7 +232,6 @@ def predict_code(run: Path, out: Path, *options: str) -> int:
     ("options", "part"),
     [
         (("--level", "0.9"), "--level 0.9: expected beside --certify fast"),
-        (("--certify", "fast", "--correct"), "expected 'full' beside --correct"),
     ],
 )
 def test_fast_certificate_refusals(

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
+from surrogate.certify.calibrated_range import CalibratedRange
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_certificate import FastCertificate, read_ratios, sizes
+from surrogate.certify.fast_certificate import FastCertificate, read_calibration, sizes
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.data import read_dataset
 from surrogate.evaluation.run_evaluation import evaluate
@@ -89,12 +90,16 @@ def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
     force = np.stack([end_load(box("quad"), 1.0, 1.0)] * 2)
     predicted = np.zeros_like(force)
     predicted[0, -1, 0] = -0.9
-    fast = FastCertificate(estimate, {name: np.ones(10) for name in ("mean", "largest")})
+    ratios = {name: np.ones(10) for name in ("mean", "largest")}
+    like = force[1:], predicted[1:], *estimate.with_stability(force[1:], predicted[1:])
+    fast = FastCertificate(estimate, ratios, CalibratedRange.of(*like))
     bounds = fast.bounds(estimate(force, predicted), 0.9)
     assert bounds["mean"][0] == bounds["largest"][0] == np.inf
     assert 0 < bounds["mean"][1] < bounds["largest"][1] < 1
     alone = fast.certify(force[0], predicted[0], 0.9)
-    assert alone.refusal(1.0) == "bound of the error inf mm > 1e+03 mm"
+    assert alone.refusal(1.0) == alone.refusal(np.inf) == "inverted elements"
+    assert alone.largest == np.inf
+    assert not alone.certified(np.inf)
 
 
 def test_too_few_samples(estimate: FastEstimate) -> None:
@@ -102,7 +107,8 @@ def test_too_few_samples(estimate: FastEstimate) -> None:
     fast = FastCertificate.fit(estimate, zeros, zeros, zeros)
     with pytest.raises(ValueError, match="5 calibration samples, expected at least 9"):
         fast.factor(0.9)
-    assert fast.measures(zeros, zeros, zeros) == {"samples": 5, "mean": [], "largest": []}
+    measured = fast.measures(zeros, zeros, zeros)
+    assert measured == {"samples": 5, "refused": 0, "mean": [], "largest": []}
 
 
 def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) -> None:
@@ -129,7 +135,7 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
     assert fast.factor(0.9) == pytest.approx(max(largest), rel=1e-4)
     run.fast_certificate.write_bytes(serialised(load_tensors(run.fast_certificate)[0]))
     with pytest.raises(InputError, match="calibrated for the estimate of another version"):
-        read_ratios(run.fast_certificate)
+        read_calibration(run.fast_certificate)
 
 
 def test_early_stopping_has_seen_the_validation_samples(

@@ -126,7 +126,6 @@ def test_unusual_loads_are_logged_and_kept(
     [
         (LOAD, {"tolerance": 1e-3}, "--tolerance 0.001: expected beside --certify"),
         (LOAD, {"level": 0.9}, "--level 0.9: expected beside --certify fast"),
-        (LOAD, {"certify": "fast", "correct": True}, "expected 'full' beside --correct"),
         (LOAD, {"passes": 3}, "--passes 3: passes of this network do not differ"),
         (LOAD, {"conformal": "marginal"}, "no conformal intervals in the run"),
         ("4.1,1:0,-1", {}, "no node stands there"),

@@ -1,0 +1,166 @@
+r"""What a calibration of fast bounds was made on, and how other predictions are unlike it.
+
+The held-out samples say nothing of loads and states unlike theirs. Nor does any bound hold where
+the tangent K(u) is not positive definite: no stable equilibrium needs to be near. So a prediction
+has no bound if
+
+- its state is unstable, or softer than every held-out one: the smallest Ritz value θ of
+  `surrogate.certify.fast_estimate` is below theirs, or below `LEAST_STIFFNESS`, since θ is an upper
+  bound of the smallest eigenvalue;
+- its largest displacement, its estimated error over this displacement, a force component at a node
+  or one of the resultant is beyond the largest of the held-out samples by more than `MARGIN`;
+- it has more or fewer loaded nodes than every held-out sample, or one at another place than those
+  of the training.
+
+Few loads like those of the calibration are refused: of n + 1 exchangeable samples, each has the
+largest value of a quantity with probability 1 / (n + 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.certify.certificate_protocol import millimetres
+
+LEAST_STIFFNESS = 0.05
+MARGIN = 0.05
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CalibratedRange:
+    """Extremes of the held-out samples.
+
+    Attributes
+    ----------
+    softest : float
+        Smallest Ritz value, at least `LEAST_STIFFNESS`.
+    displacement : float
+        Largest displacement of a node in m.
+    error : float
+        Largest ratio of the estimated error to the displacement, each of the node where it is
+        largest.
+    force, resultant : array, (d,)
+        Largest absolute components of a nodal force, and of the sum of a sample's forces, in N.
+    fewest, most : int
+        Numbers of loaded nodes of the samples that have a load.
+    """
+
+    softest: float
+    displacement: float
+    error: float
+    force: Array
+    resultant: Array
+    fewest: int
+    most: int
+
+    @classmethod
+    def of(cls, force: Array, predicted: Array, error: Array, softest: Array) -> CalibratedRange:
+        """Measure held-out samples, (n, n_nodes, d) in N, m and m, and (n,); n may be 0."""
+        counts = loaded_nodes(force)
+        counts = counts[counts > 0]
+        return cls(
+            softest=float(softest.min(initial=np.inf, where=softest > LEAST_STIFFNESS)),
+            displacement=float(largest(predicted).max(initial=0.0)),
+            error=float(relative_size(error, predicted).max(initial=0.0)),
+            force=np.abs(force).max(axis=(0, 1), initial=0.0),
+            resultant=np.abs(force.sum(axis=1)).max(axis=0, initial=0.0),
+            fewest=int(counts.min(initial=force.shape[1])),
+            most=int(counts.max(initial=0)),
+        )
+
+    def refusals(
+        self,
+        force: Array,
+        predicted: Array,
+        error: Array,
+        softest: Array,
+        loadable: NDArray[np.bool_],
+    ) -> tuple[str | None, ...]:
+        """Say of each prediction why it has no bound; None if it has one.
+
+        Parameters
+        ----------
+        force, predicted, error : array, (N, n_nodes, d)
+            Nodal forces in N, predicted displacements and their estimated errors in m.
+        softest : array, (N,)
+            Smallest Ritz values.
+        loadable : array of bool, (n_nodes,)
+            Nodes that the training loaded.
+        """
+        return tuple(
+            next(self._reasons(f, u, e, float(s), loadable), None)
+            for f, u, e, s in zip(force, predicted, error, softest, strict=True)
+        )
+
+    def _reasons(
+        self, f: Array, u: Array, e: Array, softest: float, loadable: NDArray[np.bool_]
+    ) -> Iterator[str]:
+        """Yield the reasons against a single prediction, gravest first."""
+        if softest == -np.inf or not np.isfinite(e).all():
+            yield "inverted elements"
+        if not softest > 0:
+            yield "the predicted state is unstable, its stiffness is not positive definite"
+        if not softest >= max(self.softest, LEAST_STIFFNESS):
+            least = f"the calibration has {max(self.softest, LEAST_STIFFNESS):.2g} at least"
+            yield f"near an instability: smallest stiffness {softest:.2g} of that at rest, {least}"
+        unlike, beyond = "unlike the calibration of the bounds", 1 + MARGIN
+        loaded = f.any(axis=1)
+        count = int(loaded.sum())
+        if count and not self.fewest <= count <= self.most:
+            numbers = f"{self.fewest} to {self.most}" if self.fewest < self.most else self.most
+            yield f"{unlike}: number of loaded nodes {count}, {numbers} there"
+        if (loaded & ~loadable).any():
+            yield f"{unlike}: a loaded node was never loaded in the training data"
+        for name, values, limit in (
+            ("force components at a node", np.abs(f).max(axis=0), self.force),
+            ("resultant", np.abs(f.sum(axis=0)), self.resultant),
+        ):
+            if (values > beyond * limit).any():
+                yield f"{unlike}: {name} up to {newtons(values)}, {newtons(limit)} there"
+        moved = float(largest(u[None])[0])
+        if moved > beyond * self.displacement:
+            most = millimetres(self.displacement)
+            yield f"{unlike}: displacement {millimetres(moved)}, {most} there"
+        share = float(relative_size(e[None], u[None])[0])
+        if share > beyond * self.error:
+            parts = f"{share:.2g} of the displacement, {self.error:.2g} there"
+            yield f"{unlike}: estimated error {parts}"
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the extremes by their names, as arrays."""
+        return {name: np.atleast_1d(np.float64(value)) for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array]) -> CalibratedRange:
+        """Make one of what `arrays` returns; KeyError or ValueError if it is something else."""
+        softest, displacement, error = (
+            arrays[n].item() for n in ("softest", "displacement", "error")
+        )
+        fewest, most = int(arrays["fewest"].item()), int(arrays["most"].item())
+        return cls(softest, displacement, error, arrays["force"], arrays["resultant"], fewest, most)
+
+
+def loaded_nodes(force: Array) -> NDArray[np.int64]:
+    """Numbers of loaded nodes: (N, n_nodes, d) → (N,)."""
+    return np.asarray(np.count_nonzero(force.any(axis=2), axis=1))
+
+
+def largest(field: Array) -> Array:
+    """Largest length at a node: (N, n_nodes, d) → (N,)."""
+    return np.asarray(np.linalg.norm(field, axis=2).max(axis=1))
+
+
+def relative_size(error: Array, displacement: Array) -> Array:
+    """Ratios of the largest lengths at a node, (N,); 0 if both are 0, and +∞ if only the last."""
+    size, whole = largest(error), largest(displacement)
+    return np.divide(size, whole, out=np.where(size == 0, 0.0, np.inf), where=whole > 0)
+
+
+def newtons(components: Array) -> str:
+    """Write absolute components of a force."""
+    return f"±({', '.join(f'{value:.3g}' for value in components)}) N"
