@@ -20,6 +20,7 @@ from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.stability import with_stability
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
@@ -107,6 +108,7 @@ class Solution:
             f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N>"
         )
 
+    @checked_arguments
     def save(self, path: Path | str) -> None:
         """Write the fields to a file ``.npz``, ``.vtu`` or ``.xdmf``, as ``datagen solve`` does.
 
@@ -130,6 +132,7 @@ class Solution:
         return deformed_figure(self, self.displacement, self.force)
 
 
+@checked_arguments
 def solve(
     case: CaseSource,
     load: Loads = (),

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.bodies.cells import CELL_TYPES
 from shared_schema.common.bodies.conformity import conformity_problem
 from shared_schema.common.checksum import require_plain, sha256
@@ -22,6 +23,7 @@ from shared_schema.shard import Attributes, array_problems, read_arrays, read_at
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
 
+@checked_arguments
 def check_dataset(dataset: Path | str) -> list[str]:
     """List every violation of the contract that a dataset has; empty if it has none.
 

@@ -17,12 +17,24 @@ Precision = Literal["float32", "tensorfloat32", "bfloat16"]
 
 
 def choose_device(name: str) -> torch.device:
-    """Return the device of a given name; ``auto`` means cuda if there is one, else cpu."""
+    """Return the device of a given name; ``auto`` means cuda if there is one, else cpu.
+
+    Raises
+    ------
+    InputError
+        If there is no such device here.
+    """
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise InputError("--device 'cuda': none here, expected 'cpu' or 'auto'")
-    return torch.device(name)
+    try:
+        device = torch.device(name)
+    except RuntimeError:
+        device = None
+    if device is None or device.type not in ("cpu", "cuda"):
+        raise InputError(f"--device '{name}': expected 'cpu', 'cuda' or 'auto'")
+    if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
+        raise InputError(f"--device '{name}': none here, expected 'cpu' or 'auto'")
+    return device
 
 
 def flush_denormals() -> None:

@@ -16,6 +16,7 @@ from datagen.materials import material_of
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
@@ -137,6 +138,7 @@ def _each(value: Any, build: Callable[[dict[str, Any]], Any]) -> Any:
     return value
 
 
+@checked_arguments
 def read_case(
     case: CaseSource,
     *,

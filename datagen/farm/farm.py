@@ -27,6 +27,7 @@ from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_s
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup, on_rank_zero
 from datagen.solver.undeformed_stiffness import stiffness_of
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.common.progress import Progress
@@ -46,6 +47,7 @@ class NothingSolvedError(WorkError):
 BYTES_PER_SAMPLE = 80  # of the plan of a run, on every rank
 
 
+@checked_arguments
 def run(
     case: CaseSource,
     out: Path | str,

@@ -21,6 +21,7 @@ from datagen.farm.work_plan import shard_count
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.ranks import RankGroup
 from datagen.solver.undeformed_stiffness import stiffness_of
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.material import Volumetric
 
 SECONDS = 10.0  # of solving, if the samples are fast
@@ -72,6 +73,7 @@ class DryRun:
         yield "the dataset", f"{self.bytes / 1e6:.3g} MB"
 
 
+@checked_arguments
 def dry_run(
     case: CaseSource,
     *,

@@ -12,6 +12,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from datagen.output.nodal_samples import NodalSamples, Sample
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (
     NETWORK,
@@ -39,6 +40,7 @@ CELLS = {
 }
 
 
+@checked_arguments
 def plot_dataset(
     nodal: Path | str, out: Path | str, *, samples: str | Sequence[int] | None = None
 ) -> list[int]:

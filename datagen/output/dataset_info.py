@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.memory import megabytes
 from shared_schema.dataset_reader import DatasetReader, unstable_samples
 from shared_schema.layout import NO_NODE, Arrays
@@ -18,6 +19,7 @@ Row = tuple[str, str]
 COUNTS = ("load_steps", "cutbacks", "newton_iterations")
 
 
+@checked_arguments
 def info(dataset: Path | str) -> dict[str, str]:
     """Describe a dataset: samples, failures by reason, solver effort, ranges.
 

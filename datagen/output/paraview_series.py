@@ -24,6 +24,7 @@ import numpy as np
 from meshio.xdmf import TimeSeriesWriter
 
 from datagen.output.nodal_samples import NodalSamples, Sample
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
@@ -40,6 +41,7 @@ OURS = "datagen export"
 Fields = tuple[dict[str, Any], dict[str, Any]]  # of the nodes, and of the cells
 
 
+@checked_arguments
 def export(
     nodal: Path | str,
     out: Path | str,

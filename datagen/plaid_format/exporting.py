@@ -16,6 +16,7 @@ import numpy as np
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.plaid_format.interpreter import require_interpreter, run_script
 from datagen.transforms.reindexing import nodal_forces_of, split_of
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
@@ -32,6 +33,7 @@ Backend = Literal["hf_datasets", "cgns", "zarr"]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
 
+@checked_arguments
 def export_plaid(
     nodal: Path | str,
     out: Path | str,

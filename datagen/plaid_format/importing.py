@@ -21,6 +21,7 @@ from datagen.plaid_format.exporting import CASE, ELEMENTS
 from datagen.plaid_format.interpreter import require_interpreter, run_script
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.reindexing import IMPORT
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
@@ -43,6 +44,7 @@ UNKNOWN = {  # results of a solver that is not known
 }
 
 
+@checked_arguments
 def import_plaid(
     source: Path | str,
     out: Path | str,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from datagen.quantities import LARGEST_SEED
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
@@ -25,6 +26,7 @@ from shared_schema.stiffness import read_stiffness, write_stiffness
 RELATIVE, THRESHOLD = 0.2, 0.7  # the paper's: within 20 %, up to 0.7 N
 
 
+@checked_arguments
 def add_noise(
     nodal: Path | str,
     out: Path | str,

@@ -18,6 +18,7 @@ from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.embedding import embed
 from shared_schema.checker import require_intact
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
@@ -45,6 +46,7 @@ IMPORT = "import"  # name of the step that made a dataset of other files, with i
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
+@checked_arguments
 def structure(
     nodal: Path | str,
     out: Path | str,

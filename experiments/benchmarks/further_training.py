@@ -142,7 +142,7 @@ def kept(folder: Path, seconds: float) -> Results:
 def worst(surrogate: Surrogate, dataset: Dataset, rows: Rows, count: int) -> Rows:
     """Choose places among some rows of the training split, as `surrogate propose` does."""
     force = dataset.nodal_train(torch.from_numpy(rows)).force
-    predicted = surrogate.predict_distribution(force).mean
+    predicted = surrogate.averaged_passes(force).mean
     error = surrogate.fast_estimate(force, predicted)
     error = np.where(np.isfinite(error), error, predicted)
     return farthest(error.reshape(len(rows), -1).astype(np.float32), count)
@@ -181,7 +181,7 @@ def timed_step(seed: int, start: Results) -> float:
 def errors(surrogate: Surrogate, dataset: Dataset) -> Results:
     """Mean error, median and 95 % percentile over the test split in m."""
     test = dataset.nodal_test
-    error = sample_errors(surrogate.predict_distribution(test.force).mean, test.displacement)
+    error = sample_errors(surrogate.averaged_passes(test.force).mean, test.displacement)
     return {
         "mean_error": float(error.mean()),
         "median_error": float(np.median(error)),

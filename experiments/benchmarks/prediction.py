@@ -59,12 +59,12 @@ def latencies(
     if "PyTorch" in ways:
         by_way = by_pytorch(model)
         if passes is not None:
-            by_way = partial(model.predict_distribution, passes=passes)
+            by_way = partial(model.averaged_passes, passes=passes)
         result["PyTorch_ms"] = median_ms(lambda: by_way(body.force), repeats)
         if passes is not None:
             seeds = count(1)
             result["drawing_ms"] = median_ms(
-                lambda: model.predict_distribution(body.force, passes, next(seeds)), repeats
+                lambda: model.averaged_passes(body.force, passes, next(seeds)), repeats
             )
     if "compiled" in ways:
         result["compiled_ms"] = median_ms(by_compiling(model, passes, body.force), repeats)

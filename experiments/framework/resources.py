@@ -188,7 +188,7 @@ class Resources(Setting):
 
     def _predicted_test(self, name: str) -> Distribution:
         force = self.dataset_of(name).nodal_test.force
-        return self.surrogate(name).predict_distribution(force, self.scale.passes, SEED)
+        return self.surrogate(name).averaged_passes(force, self.scale.passes, SEED)
 
     def predicted_loads(self, name: str, dataset: str) -> Extrapolation:
         """Predict all samples of another dataset of the same body by the network of a run."""

@@ -1,6 +1,6 @@
 """Step: the time of a prediction, NumPy arrays in and out, for batches of 1 to 4096 loads.
 
-Networks have random weights. *Eager* is `Surrogate.predict_distribution`; *graph* is the same
+Networks have random weights. *Eager* is `Surrogate.averaged_passes`; *graph* is the same
 function as one CUDA graph with pinned memory on the host's side, in float32 and with TF32
 convolutions; *compiled* is by `torch.compile`. Networks of variational Bayes make 300 passes with
 weights that are kept on the device.
@@ -145,10 +145,8 @@ def compiled(setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Lik
 def ways(setting: GpuSetting, model: Surrogate, forces: Array, passes: int | None) -> Results:
     """Times of one batch in ms, and how far the graphs' results are from the eager ones."""
     result: Results = {}
-    expected = model.predict_distribution(forces, passes or 1).mean
-    result["eager_ms"] = milliseconds(
-        setting, lambda: model.predict_distribution(forces, passes or 1)
-    )
+    expected = model.averaged_passes(forces, passes or 1).mean
+    result["eager_ms"] = milliseconds(setting, lambda: model.averaged_passes(forces, passes or 1))
     for precision in GRAPH_PRECISIONS:
         predict = GraphPrediction(model, len(forces), passes, precision)
         difference = np.abs(predict(forces) - expected).max() / np.abs(expected).max()

@@ -72,7 +72,7 @@ def judge(
     equilibrium : Equilibrium, optional
         Of a body of another material.
     """
-    predicted = surrogate.predict_distribution(force, passes)
+    predicted = surrogate.averaged_passes(force, passes)
     u = predicted.mean
     body = equilibrium or surrogate.equilibrium
     found = certify(body, force, u)

@@ -139,7 +139,7 @@ def predict_sweep(resources: Resources, run: str, sweep: str) -> ForceSweep:
     """Predict a sweep up to ±4 N in small steps of the force."""
     surrogate = resources.surrogate(run)
     samples = refined(resources.nodal(sweep).samples)
-    predicted = surrogate.predict_distribution(samples.force, resources.scale.passes, SEED)
+    predicted = surrogate.averaged_passes(samples.force, resources.scale.passes, SEED)
     return force_sweep(Extrapolation(sweep, surrogate, samples, predicted))
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.correction import searched
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
@@ -67,31 +68,49 @@ class Certificate:
         """Largest length of the estimated error of a node in m."""
         return np.asarray(np.linalg.norm(self.error, axis=-1).max(axis=-1))
 
+    @checked_arguments
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
         """True where `max_error` is at most `tolerance` in m, and `settled`."""
         return np.asarray((self.max_error <= tolerance) & self.settled)
 
     def summary(self) -> str:
-        """Describe the estimated error of a single prediction in a line."""
-        if self.inverted:
-            return f"{self.inverted} inverted elements, no estimate of the error"
-        return (
-            f"estimated error {millimetres(float(self.mean_error))} in the mean, "
-            f"{millimetres(float(self.max_error))} at most, "
-            f"forces out of balance by {float(self.out_of_balance):.2g} of the load"
-        )
+        """Describe the estimated error in a line; of several predictions, means and largest."""
+        count, sound = self.inverted.size, self.inverted == 0
+        unsettled = int((sound & ~self.settled).sum())
+        several = self.inverted.ndim > 0
+        parts = [f"{count} predictions"] if several else []
+        if sound.any():
+            parts += [
+                f"estimated error {millimetres(float(self.mean_error[sound].mean()))} in the mean",
+                f"{millimetres(float(self.max_error[sound].max()))} at most",
+                f"forces out of balance by {self.out_of_balance[sound].max():.2g} of the load",
+            ]
+        if unsettled:
+            of_them = f"{unsettled} estimates do" if several else "the estimate does"
+            parts.append(f"{of_them} not settle")
+        if not sound.all():
+            of_them = f" in {(~sound).sum()} of them" if several else ""
+            parts.append(f"{self.inverted.sum()} inverted elements{of_them}")
+            parts.append("no estimate of the error")
+        return ", ".join(parts)
 
+    @checked_arguments
     def refusal(self, tolerance: float) -> str | None:
-        """Say why a single prediction is not certified; None if it is."""
-        if self.inverted:
-            return f"{self.inverted} inverted elements"
-        if not self.max_error <= tolerance:
-            return (
-                f"estimated error {millimetres(float(self.max_error))} > {millimetres(tolerance)}"
-            )
-        return (
-            None if self.settled else "the estimate does not settle, no stable equilibrium is near"
-        )
+        """Say why a prediction is not certified, of several the first such; None if all are."""
+        refused = np.flatnonzero(~self.certified(tolerance))
+        if len(refused) == 0:
+            return None
+        inverted, largest = self.inverted.flat[refused[0]], self.max_error.flat[refused[0]]
+        if inverted:
+            reason = f"{inverted} inverted elements"
+        elif not largest <= tolerance:
+            reason = f"estimated error {millimetres(float(largest))} > {millimetres(tolerance)}"
+        else:
+            reason = "the estimate does not settle, no stable equilibrium is near"
+        if self.inverted.ndim == 0:
+            return reason
+        count = f"{len(refused)} of {self.inverted.size} predictions"
+        return f"{count}; number {refused[0]}: {reason}"
 
 
 def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:

@@ -1,10 +1,9 @@
-"""Arguments that several commands have, and a warning that some of them give."""
+"""Arguments that several commands have."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 
 from shared_schema.common.command_line import Parser
@@ -111,13 +110,3 @@ def share(text: str) -> float:
 def speaks() -> bool:
     """True in the only process, or in the first one that ``torchrun`` has started."""
     return os.environ.get("RANK", "0") == "0"
-
-
-def warn_unsealed(folder: Path) -> None:
-    """Warn if a run folder has no manifest, as `surrogate.load` does."""
-    from surrogate.runs.folder import RunFolder
-    from surrogate.runs.shelf import find_run
-
-    remark = RunFolder(find_run(folder)).unsealed
-    if remark:
-        print(f"surrogate: warning: {remark}", file=sys.stderr)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN, warn_unsealed
+from surrogate.commands.options import RUN
 
 
 def add_to(commands: Commands) -> None:
@@ -38,8 +37,6 @@ def run(options: argparse.Namespace) -> None:
     """Write the page, and print its path."""
     import surrogate
 
-    require_writable(options.out)
-    warn_unsealed(options.run)
     published = surrogate.read_published(options.beside) if options.beside else None
     surrogate.write_report(options.run, options.out, nodal=options.nodal, published=published)
     print(options.out.resolve())

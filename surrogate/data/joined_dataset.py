@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics, digest_of
 from surrogate.data.body_check import BODY_KEYS, require_same_body
@@ -20,6 +21,7 @@ from surrogate.data.dataset import Dataset, read_single
 from surrogate.data.samples import Samples
 
 
+@checked_arguments
 def read_dataset(*folders: str | Path, on_disk: bool = False) -> Dataset:
     """Read a structured dataset, or join several of one body and case.
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError
 from shared_schema.common.text_table import laid_out
@@ -158,6 +159,7 @@ def default_counts(training: int) -> list[int]:
     return sorted(count for count in counts if count >= min(FEWEST, training))
 
 
+@checked_arguments
 def learning_curve(
     config: Config,
     dataset: str | Path,

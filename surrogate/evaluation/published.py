@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import Frozen, read_yaml, validate
 
 
@@ -31,7 +32,8 @@ class Published(Frozen):
     numbers: dict[str, str] = Field(default_factory=dict)
 
 
-def read_published(path: Path) -> Published:
+@checked_arguments
+def read_published(path: str | Path) -> Published:
     """Read published numbers from a YAML file.
 
     Raises
@@ -39,4 +41,4 @@ def read_published(path: Path) -> Published:
     InputError
         If the file is missing or a key or value in it is wrong.
     """
-    return validate(Published, read_yaml(path), str(path))
+    return validate(Published, read_yaml(Path(path)), str(path))

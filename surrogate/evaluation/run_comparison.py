@@ -10,6 +10,8 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.errors import InputError
 from shared_schema.common.text_table import laid_out
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.run_evaluation import evaluate
@@ -105,6 +107,7 @@ class Comparison:
         return comparison_figure(self.runs)
 
 
+@checked_arguments
 def compare(
     runs: Sequence[str | Path],
     *,
@@ -135,6 +138,8 @@ def compare(
         If a run is missing or damaged, is not evaluated (without `dataset`), or is of another body
         than the dataset.
     """
+    if not len(runs):
+        raise InputError("runs = []: expected one at least")
     names = [Path(run).name for run in runs]
     compared = []
     for run, name in zip(runs, names, strict=True):

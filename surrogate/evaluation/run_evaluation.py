@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from surrogate.certify.conformal import Intervals
 from surrogate.certify.fast_certificate import FastCertificate
@@ -139,8 +140,9 @@ class Evaluation:
         drawn = run_figures(self, RunFolder(self.run))
         if name not in drawn:
             raise InputError(f"figure '{name}': expected one of {', '.join(drawn)}")
-        return drawn[name]
+        return drawn[name]()
 
+    @checked_arguments
     def write(self, out: str | Path | None = None) -> Path:
         """Write measures and figures into the run folder, or into a new copy of it.
 
@@ -175,12 +177,13 @@ class Evaluation:
             files[run.intervals] = self.intervals.serialised()
         if self.fast_certificate is not None:
             files[run.fast_certificate] = self.fast_certificate.serialised()
-        for name, figure in run_figures(self, run).items():
-            files[run.figures / f"{name}.png"] = png(figure)
+        for name, draw in run_figures(self, run).items():
+            files[run.figures / f"{name}.png"] = png(draw())
         run.write_evaluation(files)
         return run.folder
 
 
+@checked_arguments
 def evaluate(
     run: str | Path,
     dataset: Dataset | str | Path,
@@ -238,7 +241,7 @@ def evaluate(
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
     if certify:
         fast = fit_fast_certificate(surrogate, data, passes, seed)
-    predicted = surrogate.predict_distribution(force, passes, seed)
+    predicted = surrogate.averaged_passes(force, passes, seed)
     if surrogate.is_probabilistic:
         calibration = measure_calibration(predicted.mean, predicted.std, reference, free)
     if loads is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from matplotlib.figure import Figure
 
 from surrogate.evaluation.run_evaluation import Evaluation
@@ -16,9 +19,11 @@ from surrogate.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.probabilistic.calibration import CalibrationMeasures
 from surrogate.runs.folder import RunFolder
 
+Drawings = dict[str, Callable[[], Figure]]
 
-def run_figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
-    """Draw all figures of an evaluation by their names.
+
+def run_figures(evaluation: Evaluation, run: RunFolder) -> Drawings:
+    """Return functions that draw the figures of an evaluation, by the figures' names.
 
     Parameters
     ----------
@@ -26,52 +31,51 @@ def run_figures(evaluation: Evaluation, run: RunFolder) -> dict[str, Figure]:
     run : RunFolder
         Folder whose measures of the epochs are drawn as well.
     """
-    drawn = _error_figures(evaluation, run.description().run.title)
+    drawings = _error_figures(evaluation, run.description().run.title)
     lines = run.metric_lines()
     if lines and lines[-1]["epoch"] > 0:  # a fitted model has no epochs
-        drawn["loss"] = loss_curves({run.description().run.objective: lines})
+        drawings["loss"] = lambda: loss_curves({run.description().run.objective: lines})
     if evaluation.calibration is not None:
         name = run.description().run.name
-        drawn |= _uncertainty_figures(evaluation, evaluation.calibration, name)
-    return drawn
+        drawings |= _uncertainty_figures(evaluation, evaluation.calibration, name)
+    return drawings
 
 
-def _error_figures(evaluation: Evaluation, title: str) -> dict[str, Figure]:
+def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     geometry, example = evaluation.surrogate.geometry, evaluation.example
     predicted, reference = evaluation.predicted[example], evaluation.reference[example]
     errors = sample_errors(evaluation.predicted, evaluation.reference)
     moved = displacement_at_load(evaluation.force, evaluation.reference)
     force = evaluation.force[example]
-    drawn = {
-        "deformed": deformed_meshes(geometry, predicted, reference, force, title),
-        "error_field": error_field(geometry, predicted, reference),
-        "errors": error_over_displacement(moved, errors, evaluation.measures),
+
+    def von_mises() -> Figure:
+        fields = (evaluation.surrogate.stresses(u)["von_mises"] for u in (predicted, reference))
+        ours, theirs = fields
+        return von_mises_beside_reference(geometry, predicted, reference, (ours, theirs))
+
+    drawings: Drawings = {
+        "deformed": partial(deformed_meshes, geometry, predicted, reference, force, title),
+        "error_field": partial(error_field, geometry, predicted, reference),
+        "errors": partial(error_over_displacement, moved, errors, evaluation.measures),
     }
-    if evaluation.stress is not None:
-        ours = evaluation.surrogate.stresses(predicted)["von_mises"]
-        theirs = evaluation.surrogate.stresses(reference)["von_mises"]
-        drawn["von_mises"] = von_mises_beside_reference(
-            geometry, predicted, reference, (ours, theirs)
-        )
-    return drawn
+    return drawings if evaluation.stress is None else drawings | {"von_mises": von_mises}
 
 
 def _uncertainty_figures(
     evaluation: Evaluation, calibration: CalibrationMeasures, name: str
-) -> dict[str, Figure]:
+) -> Drawings:
     geometry, distribution = evaluation.surrogate.geometry, evaluation.distribution
     free, example = ~geometry.clamped, evaluation.example
     error = evaluation.predicted - evaluation.reference
-    drawn = {
-        "calibration": calibration_curves({name: calibration}),
-        "error_against_uncertainty": error_over_uncertainty(
-            distribution.std[:, free], error[:, free]
+    mean, std = distribution.mean[example], distribution.std[example]
+    drawings: Drawings = {
+        "calibration": partial(calibration_curves, {name: calibration}),
+        "error_against_uncertainty": partial(
+            error_over_uncertainty, distribution.std[:, free], error[:, free]
         ),
-        "uncertainty_field": uncertainty_field(
-            geometry, distribution.mean[example], distribution.std[example]
-        ),
+        "uncertainty_field": partial(uncertainty_field, geometry, mean, std),
     }
     extrapolation = evaluation.extrapolation
     if extrapolation is not None and extrapolation.node is not None:
-        drawn["sweep"] = sweep_curves(extrapolation)
-    return drawn
+        drawings["sweep"] = partial(sweep_curves, extrapolation)
+    return drawings

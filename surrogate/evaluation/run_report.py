@@ -5,6 +5,7 @@ The text of the page stands in ``report.html.j2``; Jinja escapes every value in 
 
 from __future__ import annotations
 
+import logging
 from base64 import b64encode
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,8 @@ from typing import Any
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
 
-from shared_schema.common.atomic_file import write_text
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.published import Published
@@ -65,6 +67,7 @@ FIGURES = (
     ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
 )
 
+logger = logging.getLogger(__name__)
 PAGES = Environment(
     loader=FileSystemLoader(Path(__file__).parent),
     autoescape=True,
@@ -109,6 +112,7 @@ class Solving:
     software: dict[str, str]
 
 
+@checked_arguments
 def write_report(
     run: str | Path,
     out: str | Path,
@@ -136,11 +140,16 @@ def write_report(
         no row of the name of a published number.
     """
     folder, path = RunFolder(find_run(run)), Path(out)
+    if folder.unsealed:
+        logger.warning(folder.unsealed)
     published = published or Published()
     description = folder.description()
     evaluation = folder.read_evaluation()
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
+    if path.is_dir():
+        raise InputError(f"--out '{path}': a folder, expected a file")
+    require_writable(path)
     figures, trained_on = _figures(folder), folder.trained_on()
     solving = _solving(Path(nodal), description) if nodal is not None else None
     try:

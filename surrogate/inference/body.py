@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
 
 from shared_schema.common.errors import InputError
 from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
 from surrogate.data.geometry import Geometry
+from surrogate.inference.given_load import fields_at_nodes
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.networks.field_network import FieldNetwork
@@ -76,7 +78,7 @@ class TrainedBody:
         require_linear_elements(self.description.data.case, "stresses and reactions")
         return self.equilibrium.solid
 
-    def stresses(self, displacement: ArrayLike) -> dict[str, Array]:
+    def stresses(self, displacement: ArrayLike | Tensor) -> dict[str, Array]:
         """Compute stresses at the middle of every cell.
 
         Parameters
@@ -92,27 +94,40 @@ class TrainedBody:
         Raises
         ------
         InputError
-            If the material is none of the shipped ones.
+            If the shape is wrong, or the material is none of the shipped ones.
         """
         from surrogate.mechanics.stresses import cell_stresses
 
-        u = np.asarray(displacement, dtype=np.float64)
+        u = fields_at_nodes(self.geometry, displacement, "displacements")
         samples = u.reshape(-1, *self.geometry.coordinates.shape)
         fields = cell_stresses(self.stressed, self.geometry, samples)
         return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
 
-    def reactions(self, displacement: ArrayLike, pushed: ArrayLike | None = None) -> Array:
-        """Compute the forces of the supports on the body, (n_nodes, d) in N.
+    def reactions(
+        self, displacement: ArrayLike | Tensor, pushed: ArrayLike | Tensor | None = None
+    ) -> Array:
+        """Compute the forces of the supports on the body in N, of the displacements' shape.
 
         Parameters
         ----------
-        displacement : array, (n_nodes, d)
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
             In m.
-        pushed : array, (n_nodes, d), optional
+        pushed : array of the same shape, optional
             Forces in N of pressures on the deformed body; none by default.
+
+        Raises
+        ------
+        InputError
+            As `stresses`.
         """
         from surrogate.mechanics.stresses import reactions
 
-        u = np.asarray(displacement, dtype=np.float64)
-        forces = np.zeros(u.shape) if pushed is None else np.asarray(pushed, dtype=np.float64)
-        return np.asarray(reactions(self.stressed, self.geometry, u[None], forces[None])[0])
+        u = fields_at_nodes(self.geometry, displacement, "displacements")
+        forces = np.zeros(u.shape)
+        if pushed is not None:
+            forces = fields_at_nodes(self.geometry, pushed, "forces of pressures")
+        if forces.shape != u.shape:
+            raise InputError(f"forces of pressures have shape {forces.shape}, expected {u.shape}")
+        samples = (-1, *self.geometry.coordinates.shape)
+        found = reactions(self.stressed, self.geometry, u.reshape(samples), forces.reshape(samples))
+        return np.asarray(found.reshape(u.shape))

@@ -41,7 +41,7 @@ class HeldOut:
     ) -> HeldOut:
         """Predict some samples of the training split, by their rows in it."""
         samples = dataset.nodal_train(rows)
-        predicted = surrogate.predict_distribution(samples.force, passes, seed)
+        predicted = surrogate.averaged_passes(samples.force, passes, seed)
         return cls(samples.force, samples.displacement, predicted)
 
 

@@ -21,6 +21,7 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import complete_or_absent, require_writable
 from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
@@ -82,6 +83,7 @@ class NodalFunction(nn.Module):
         }
 
 
+@checked_arguments
 def export(
     run: str | Path,
     out: str | Path,

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
-from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 
 LARGEST_FORCE = float(np.finfo(np.float32).max)
@@ -19,21 +20,31 @@ Array = NDArray[np.float64]
 Load: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
 
 
-def checked_forces(geometry: Geometry, forces: ArrayLike) -> Array:
+def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -> Array:
+    """Return nodal fields in double precision, (n_nodes, d) or (N, n_nodes, d).
+
+    Raises
+    ------
+    InputError
+        If they are no array of real numbers, or have another shape.
+    """
+    fields = real_numbers(values, name)
+    expected = geometry.coordinates.shape
+    if fields.ndim not in (2, 3) or fields.shape[-2:] != expected:
+        raise InputError(f"{name} have shape {fields.shape}, expected {expected} or (N, *)")
+    return fields
+
+
+def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
     """Return nodal forces in N in double precision, (n_nodes, d) or (N, n_nodes, d).
 
     Raises
     ------
     InputError
-        If the shape is wrong, a force is not finite, or one acts on a held component.
+        If they are no real numbers, the shape is wrong, a force is not finite, or one acts on a
+        held component.
     """
-    try:
-        nodal = np.asarray(forces, dtype=np.float64)
-    except ValueError as error:
-        raise InputError(f"forces are no array of numbers ({first_line(error)})") from None
-    expected = geometry.coordinates.shape
-    if nodal.ndim not in (2, 3) or nodal.shape[-2:] != expected:
-        raise InputError(f"forces have shape {nodal.shape}, expected {expected} or (N, *)")
+    nodal = fields_at_nodes(geometry, forces, "forces")
     if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
         raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
     held = np.flatnonzero(geometry.held)  # degrees of freedom, node · d + component
@@ -45,7 +56,7 @@ def checked_forces(geometry: Geometry, forces: ArrayLike) -> Array:
     return nodal
 
 
-def checked_force(geometry: Geometry, forces: ArrayLike) -> Array:
+def checked_force(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
     """Return the nodal forces of one load case, (n_nodes, d) in N; InputError as above."""
     nodal = checked_forces(geometry, forces)
     if nodal.ndim != 2:
@@ -81,7 +92,6 @@ def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> Command
                 "--load: a pressure, expected forces; the network was trained on these"
             )
         return given
-    forces = load.numpy(force=True) if isinstance(load, Tensor) else load
     given = CommandLoads(body)
-    given.forces = checked_force(geometry, forces)  # type: ignore[arg-type]  # no texts are left
+    given.forces = checked_force(geometry, load)  # type: ignore[arg-type]  # no texts are left
     return given

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.elements_of_case import with_elements
 from surrogate.data.geometry import PREFIX, Geometry
@@ -41,6 +42,7 @@ def make_surrogate(
     return Surrogate(network.to(device), geometry, description)
 
 
+@checked_arguments
 def load(run: str | Path, device: str = "cpu") -> Surrogate:
     """Load a trained network; nothing is unpickled.
 

@@ -15,7 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
 from shared_schema.load_cases import LoadCases, write_load_cases
 from shared_schema.manifest import digest_of
@@ -52,6 +54,7 @@ class Proposal:
     among: int
     median: float
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write the load cases to a file that ends in .h5, for `datagen run`."""
         require_suffix(Path(path), (".h5",))
@@ -68,6 +71,7 @@ class Proposal:
         )
 
 
+@checked_arguments
 def propose(
     surrogate: Surrogate,
     count: int,
@@ -100,17 +104,20 @@ def propose(
         If the family or a number is wrong, or the run does not name its material.
     """
     geometry, data = surrogate.geometry, surrogate.description.data
+    if count < 1:
+        raise InputError(f"--count {count}: expected 1 at least")
     loads = random_loads(family, geometry, data.info.force.max_abs, data.load_numbers)
     among = DRAWN * count if among is None else among
     if among < count:
         raise InputError(f"--among {among}: expected {count} at least, the number proposed")
     require_passes(passes, seed)
+    require_memory(among * geometry.coordinates.nbytes, f"--among {among}: the forces")
     forces = loads.draw(among, np.random.default_rng(seed))
     fields = np.empty(forces.shape, dtype=np.float32)
     errors = np.empty(among)
     for start in range(0, among, AT_ONCE):
         some = slice(start, start + AT_ONCE)
-        predicted = surrogate.predict_distribution(forces[some], passes).mean
+        predicted = surrogate.averaged_passes(forces[some], passes).mean
         error = surrogate.fast_estimate(forces[some], predicted)
         errors[some] = np.abs(error).mean(axis=(1, 2))
         fields[some] = np.where(np.isfinite(error), error, predicted)  # all of it may be wrong

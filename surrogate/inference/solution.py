@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.solution_file import write_solution
 from surrogate.certify.certificate_protocol import ErrorCertificate, millimetres
 from surrogate.certify.correction import Correction
@@ -151,6 +152,7 @@ class Solution:
                 found["predicted"] = self.predicted
         return found
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write the fields of nodes and cells to a file that ends in .npz, .vtu or .xdmf.
 

@@ -11,6 +11,8 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.elements_of_case import require_linear_elements
@@ -145,7 +147,7 @@ class Surrogate(TrainedBody):
         return self._mean(nodal)
 
     def _predicted_tensor(self, forces: Tensor) -> Tensor:
-        nodal = checked_forces(self.geometry, forces.numpy(force=True))
+        nodal = checked_forces(self.geometry, forces)
         self.training_range.warn(nodal)
         kind = forces.dtype if forces.is_floating_point() else torch.float64
         if not (forces.requires_grad and torch.is_grad_enabled()):
@@ -158,7 +160,7 @@ class Surrogate(TrainedBody):
         """Predict without warnings."""
         if nodal.size == self.geometry.coordinates.size and self._one_load is not None:
             return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
-        return self._predicted(nodal, PASSES, 0).mean
+        return self._averaged(nodal, PASSES, 0).mean
 
     @cached_property
     def _one_load(self) -> OneLoad | None:
@@ -171,8 +173,9 @@ class Surrogate(TrainedBody):
         members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
         return None if members is None else OneLoad(self.nodal_network, members)
 
+    @checked_arguments
     def predict_distribution(
-        self, forces: ArrayLike, passes: int = PASSES, seed: int = 0
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
     ) -> Distribution:
         """Predict means and standard deviations of displacements.
 
@@ -189,13 +192,24 @@ class Surrogate(TrainedBody):
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite or acts at a clamped node, `passes` is
-            below 1 or `seed` below 0.
+            If the network predicts no standard deviations, the shape is wrong, a force is not
+            finite or acts at a clamped node, `passes` is below 1 or `seed` below 0.
         """
-        require_passes(passes, seed)
-        return self._predicted(checked_forces(self.geometry, forces), passes, seed)
+        if not self.is_probabilistic:
+            raise InputError(
+                f"likelihood '{self.description.run.likelihood}': the network predicts no standard "
+                "deviations, expected Surrogate.predict, or solve with certify='fast' or 'full'"
+            )
+        return self.averaged_passes(forces, passes, seed)
 
-    def _predicted(self, nodal: Array, passes: int, seed: int) -> Distribution:
+    def averaged_passes(
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
+        require_passes(passes, seed)
+        return self._averaged(checked_forces(self.geometry, forces), passes, seed)
+
+    def _averaged(self, nodal: Array, passes: int, seed: int) -> Distribution:
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
 
@@ -208,6 +222,7 @@ class Surrogate(TrainedBody):
                     "probabilistic weights or dropout"
                 )
 
+    @checked_arguments
     def solve(
         self,
         load: Load,
@@ -267,7 +282,7 @@ class Surrogate(TrainedBody):
         given = given_load(self.geometry, load, nearest)
         force = given.at_rest
         passes = PASSES if passes is None else passes
-        network = self.predict_distribution(force, passes, seed or 0)
+        network = self.averaged_passes(force, passes, seed or 0)
         self.training_range.log(force)
         interval = None
         if intervals is not None and conformal is not None:
@@ -351,7 +366,7 @@ class Surrogate(TrainedBody):
         """
         fast, nodal, std = self._fast_of_level(level), checked_forces(self.geometry, forces), None
         if predicted is None and self.is_probabilistic:
-            network = self._predicted(nodal, PASSES, 0)
+            network = self._averaged(nodal, PASSES, 0)
             predicted, std = network.mean, network.std
         return fast.certify(nodal, self._displacement(nodal, predicted), level, std)
 
@@ -416,7 +431,7 @@ class Surrogate(TrainedBody):
         """Return given displacements, checked; predict them if they are not given."""
         if predicted is None:
             return self._mean(nodal)
-        displacement = np.asarray(predicted, dtype=np.float64)
+        displacement = real_numbers(predicted, "predicted displacements")
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
         return displacement
@@ -473,5 +488,7 @@ def require_options_fit(certify: str | None, tolerance: float | None, level: flo
     """Raise InputError if an option of `Surrogate.solve` lacks one that it needs."""
     if tolerance is not None and not certify:
         raise InputError(f"--tolerance {tolerance}: expected beside --certify")
+    if tolerance is not None and not 0 < tolerance < np.inf:
+        raise InputError(f"--tolerance {tolerance}: expected a positive number")
     if level is not None and certify != "fast":
         raise InputError(f"--level {level}: expected beside --certify fast")

@@ -99,5 +99,5 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
         Body(dataset.manifest.case, {"coordinates": dataset.coordinates}),
         f"--loads '{nodal}': another body than the run's",
     )
-    predicted = surrogate.predict_distribution(dataset.samples.force, passes, seed)
+    predicted = surrogate.averaged_passes(dataset.samples.force, passes, seed)
     return Extrapolation(dataset.manifest.name, surrogate, dataset.samples, predicted)

@@ -166,15 +166,18 @@ def assembled(
 
 
 class _Response(torch.autograd.Function):
-    """The response of a large body, on the CPU; its derivative is the response to gradients."""
+    """The response of a large body, on the CPU; its derivative is the response to gradients.
+
+    That is a solve, since gradients act on all nodes, and can be differentiated again.
+    """
 
     @staticmethod
-    def forward(ctx: Any, force: Tensor, compliance: Compliance) -> Tensor:
+    def forward(ctx: Any, force: Tensor, compliance: Compliance, by_columns: bool = True) -> Tensor:
         ctx.compliance = compliance
-        return torch.from_numpy(compliance.respond(force.cpu().numpy())).to(force)
+        respond = compliance.respond if by_columns else compliance.solve
+        return torch.from_numpy(respond(force.cpu().numpy())).to(force)
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        (gradient,) = gradients
-        found = ctx.compliance.solve(gradient.cpu().numpy())
-        return torch.from_numpy(found).to(gradient), None
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        found = _Response.apply(gradients[0], ctx.compliance, False)  # type: ignore[no-untyped-call]
+        return found, None, None

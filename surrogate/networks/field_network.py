@@ -197,10 +197,7 @@ class FieldNetwork(nn.Module):
         the network's output, which vanishes with the load.
         """
         gradient = inputs[:, self.last_gradient].flatten(2)
-        square = gradient.square().sum(dim=1).amax(dim=1)
-        if square.requires_grad:  # the root has no derivative at 0, without a load
-            square = torch.where(square > 0, square, square.detach())
-        return square.sqrt().reshape(-1, *(1,) * (inputs.ndim - 1))
+        return root(gradient.square().sum(dim=1).amax(dim=1), inputs.ndim)
 
     def rounding(self, inputs: Tensor) -> Tensor:
         """Error of displacements in single precision, in m: (N, inputs, …) → (N, 1, …).
@@ -208,9 +205,7 @@ class FieldNetwork(nn.Module):
         It is relative to the linear response, in terms of its gradient.
         """
         square = inputs[:, self.channels["linear_gradient"]].square().flatten(1).mean(dim=1)
-        return (ROUNDING * self.displacement_rms * square.sqrt()).reshape(
-            -1, *(1,) * (inputs.ndim - 1)
-        )
+        return ROUNDING * self.displacement_rms * root(square, inputs.ndim)
 
     def unit(self, inputs: Tensor) -> Tensor | None:
         """Amplitude, with the rounding of displacements in its unit; None if there is none."""
@@ -229,7 +224,8 @@ class FieldNetwork(nn.Module):
         if self.last_gradient is None:
             return inputs
         start, stop = self.last_gradient.start, self.last_gradient.stop
-        direction = inputs[:, start:stop] / (self.amplitude(inputs) + TINY)
+        amplitude = self.amplitude(inputs)
+        direction = inputs[:, start:stop] / (amplitude + torch.where(amplitude > 0, TINY, 1.0))
         return torch.cat([inputs[:, :start], direction, inputs[:, stop:]], dim=1)
 
     def inputs_of(
@@ -287,6 +283,15 @@ class FieldNetwork(nn.Module):
             torch.cat([part.force for part in parts]),
             torch.cat([part.displacement for part in parts]),
         )
+
+
+def root(square: Tensor, dimensions: int) -> Tensor:
+    """Square roots of N numbers, (N, 1, …), whose derivative at 0, without a load, is 0."""
+    if square.requires_grad:
+        square = torch.where(square > 0, square, 1.0).sqrt() * (square > 0)
+    else:
+        square = square.sqrt()
+    return square.reshape(-1, *(1,) * (dimensions - 1))
 
 
 def root_mean_square(info: StructuredInfo) -> float:

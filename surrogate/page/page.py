@@ -15,6 +15,7 @@ from typing import Any
 import torch
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
@@ -60,6 +61,7 @@ class Written:
         return f"{self.size / 1e6:.1f} MB{passes}{estimates}"
 
 
+@checked_arguments
 def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> Written:
     """Write the page of a run: one HTML file, on which the body follows a dragged load.
 

@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 import yaml
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import available_memory
@@ -212,6 +213,7 @@ def has_material(dataset: Dataset) -> bool:
         return False
 
 
+@checked_arguments
 def first_config(
     dataset: Dataset | str | Path,
     *,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.text_table import laid_out
 from surrogate.device import choose_device
@@ -76,6 +77,7 @@ class DryRun:
         yield "the training", f"{self.epochs} epochs, {self.steps} steps: {self.minutes:.3g} min"
 
 
+@checked_arguments
 def dry_run(
     config: Config,
     dataset: Data,

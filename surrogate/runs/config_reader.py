@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import validate
 from surrogate.models.kinds import ADAPTER
@@ -15,6 +16,7 @@ from surrogate.runs.recipes import Data, case_of, named, read_recipe
 Config = Model | Mapping[str, Any] | str | Path
 
 
+@checked_arguments
 def read_config(config: Config, *, changes: Sequence[str] = (), data: Data | None = None) -> Model:
     """Read the configuration of a training.
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import torch
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import InputError
 from surrogate.runs.folder import RunFolder
@@ -77,6 +78,7 @@ def require_changeable(run: Path, copy: Path | None) -> None:
         require_writable(folder, "RUN")
 
 
+@checked_arguments
 def shelve(run: str | Path, name: str) -> Path:
     """Put a trained and evaluated run among the networks of the package, or replace one.
 

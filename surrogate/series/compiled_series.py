@@ -26,7 +26,7 @@ from surrogate.series.compiled_fields import (
     forces_of_cells,
     slopes_in_cells,
 )
-from surrogate.series.series_response import CellOperators
+from surrogate.series.series_response import NEGLIGIBLE, CellOperators
 from surrogate.series.stress_series import Factors
 
 Field = NDArray[Any]
@@ -135,6 +135,8 @@ def beyond_linear_of_one(
         Stresses in Pa to the displacements that balance them, (d, d, n_points) → (n_dofs,).
     """
     slope = gradient(first)
+    if np.abs(slope).max() <= NEGLIGIBLE * np.finfo(slope.dtype).eps:
+        return np.zeros_like(first), np.zeros_like(first)
     every = np.empty((order, len(first)), first.dtype)
     every[0], terms = first, Terms.zeros(order, slope)
     for k in range(2, order + 1):

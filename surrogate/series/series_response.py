@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 
 
@@ -239,6 +240,9 @@ def beyond_linear(
 ) -> tuple[Tensor, Tensor]:
     """Return Σₖ cₖ uₖ - u₁ and the last term cₙ uₙ in m, (…, n_dofs) each, of u₁.
 
+    Both are zero under loads so small that they are less than the rounding errors of u₁, where
+    products of the gradients could leave the range of numbers.
+
     Parameters
     ----------
     material : NeoHookean
@@ -254,6 +258,9 @@ def beyond_linear(
         Stresses in Pa to the displacements that balance them, (…, d, d, n_points) → (…, n_dofs).
     """
     slope = gradient(first)
+    largest = slope.abs().flatten(-3).amax(-1)
+    seen = (largest == 0) | (largest > NEGLIGIBLE * torch.finfo(slope.dtype).eps)
+    first, slope = first * seen[..., None], slope * seen[..., None, None, None]
     terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
     every = torch.stack([first, *terms], -2)
     c = least_energy(material, volumes, [slope, *slopes])

@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import WorkError
 from shared_schema.common.progress import Progress
@@ -52,6 +53,7 @@ from surrogate.training.warm_start import warm_start
 logger = logging.getLogger(__name__)
 
 
+@checked_arguments
 def train(
     config: Config,
     dataset: Data,

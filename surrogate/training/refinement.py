@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
@@ -45,6 +46,7 @@ Array = NDArray[np.float64]
 EPOCH = 100  # steps between two lines of measures
 
 
+@checked_arguments
 def refine(
     run: str | Path,
     out: str | Path,

@@ -107,7 +107,7 @@ def test_predict(trained: Path, out: Path, suffix: str, capsys: pytest.CaptureFi
             expected = np.zeros((32, 2))
             expected[31], expected[19] = (0.5, -1), (0, 1)
             np.testing.assert_array_equal(found["force"], expected)
-            predicted = surrogate.load(trained).predict_distribution(expected).mean
+            predicted = surrogate.load(trained).averaged_passes(expected).mean
             np.testing.assert_array_equal(found["displacement"], predicted)
 
 
@@ -257,7 +257,7 @@ def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFix
         *("coordinates", "displacement", "estimated_error", "force", "predicted")
     ]
     model = surrogate.load(trained)
-    predicted = model.predict_distribution(fields["force"]).mean
+    predicted = model.averaged_passes(fields["force"]).mean
     np.testing.assert_array_equal(fields["predicted"], predicted)
     assert model.certify(fields["force"], fields["displacement"]).max_error < 1e-6
     correction = model.correct(fields["force"])
@@ -454,7 +454,7 @@ def test_lack_of_memory_is_failed_work(
     for place in (
         "surrogate.inference.loading.make_surrogate",
         "surrogate.runs.tensor_file.safe_open",
-        "surrogate.inference.surrogate.Surrogate.predict_distribution",
+        "surrogate.inference.surrogate.Surrogate.averaged_passes",
     ):
         with monkeypatch.context() as patch:
             patch.setattr(place, fail)

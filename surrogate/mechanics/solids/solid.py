@@ -105,14 +105,14 @@ class Solid(nn.Module):
         count, points, corners, d = self.gradients.shape
         samples = at_corners.shape[1]
         slopes = self.gradients.transpose(1, 2).reshape(count, corners, points * d)
-        h = torch.bmm(at_corners.reshape(count, -1, corners), slopes)
+        h = torch.bmm(at_corners.reshape(count, samples * d, corners), slopes)
         h = h.reshape(count, samples, d, points, d)
         identity = torch.eye(d, dtype=h.dtype, device=h.device)
         return h.permute(2, 4, 0, 1, 3).contiguous() + identity[:, :, None, None, None]
 
     def sum_at_nodes(self, forces: Tensor) -> Tensor:
         """Sum what acts at the corners: (n_cells, N, d, n_corners) → (N, n_nodes, d)."""
-        at_nodes = forces.permute(1, 0, 3, 2).reshape(forces.shape[1], -1, forces.shape[2])
+        at_nodes = forces.permute(1, 0, 3, 2).flatten(1, 2)
         total = forces.new_zeros(forces.shape[1], self.nodes, forces.shape[2])
         return total.index_add(1, self.cells.flatten(), at_nodes)
 

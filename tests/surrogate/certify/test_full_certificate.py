@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from shared_schema.common.errors import InputError
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import Certificate, certify
 from surrogate.mechanics.out_of_balance import Equilibrium
@@ -70,6 +73,40 @@ def test_verdict(equilibrium: Equilibrium, truth: np.ndarray) -> None:
     assert found.refusal(1e-3) == "estimated error 2 mm > 1 mm"
     assert found.refusal(3e-3) is None
     assert found.certified(1e-3).tolist() is False
+
+
+def test_an_estimate_that_does_not_settle_says_so(
+    equilibrium: Equilibrium, truth: np.ndarray
+) -> None:
+    sound = certify(equilibrium, FORCE, truth + wrong_by(2e-3))
+    assert "settle" not in sound.summary()
+    found = replace(sound, settled=np.asarray(False))
+    assert found.summary() == f"{sound.summary()}, the estimate does not settle"
+    assert found.refusal(1.0) == "the estimate does not settle, no stable equilibrium is near"
+
+
+def test_several_predictions_have_one_summary(equilibrium: Equilibrium, truth: np.ndarray) -> None:
+    inverted = truth.copy()
+    inverted[-1] = -0.9
+    wrong = [truth, truth + wrong_by(2e-3), inverted]
+    found = certify(equilibrium, np.stack([FORCE] * 3), np.stack(wrong))
+    count = int(found.inverted[2])
+    assert found.summary().startswith("3 predictions, estimated error ")
+    assert ", 2 mm at most, " in found.summary()
+    ending = f", {count} inverted elements in 1 of them, no estimate of the error"
+    assert found.summary().endswith(ending)
+    said = "2 of 3 predictions; number 1: estimated error 2 mm > 1 mm"
+    assert found.refusal(1e-3) == said
+    assert found.refusal(3e-3) == f"1 of 3 predictions; number 2: {count} inverted elements"
+    with pytest.raises(InputError, match="tolerance = None: expected a number"):
+        found.refusal(None)  # type: ignore[arg-type]
+
+
+def test_no_predictions(equilibrium: Equilibrium) -> None:
+    none = np.zeros((0, *FORCE.shape))
+    found = certify(equilibrium, none, none)
+    assert (found.error.shape, found.max_error.shape) == (none.shape, (0,))
+    assert (found.summary(), found.refusal(1.0)) == ("0 predictions", None)
 
 
 def test_linear_response_is_certified_under_a_tiny_load(equilibrium: Equilibrium) -> None:

@@ -46,7 +46,7 @@ def test_scores_of_the_calibration_split(run: Path, data: Path, content: dict[st
         np.testing.assert_allclose(intervals.calibrations[kind].factor, calibration.factor)
     rows = split_training(dataset.train, surrogate.description.run).calibration_rows
     samples = dataset.nodal_train(rows)
-    predicted = surrogate.predict_distribution(samples.force, 10)
+    predicted = surrogate.averaged_passes(samples.force, 10)
     std = predicted.std if surrogate.is_probabilistic else np.ones_like(predicted.mean)
     free = ~surrogate.geometry.clamped
     scores = np.abs(samples.displacement - predicted.mean)[:, free] / std[:, free]
@@ -77,7 +77,7 @@ def test_predict_writes_the_ends(tmp_path: Path, run: Path, content: dict[str, A
     fields = np.load(out)
     surrogate = load(run)
     intervals = Intervals.read(run / "intervals.safetensors")
-    predicted = surrogate.predict_distribution(fields["force"])
+    predicted = surrogate.averaged_passes(fields["force"])
     lower, upper = intervals.bounds("marginal", predicted.mean, surrogate.score_scale(predicted))
     np.testing.assert_allclose(fields["lower"], lower)
     np.testing.assert_allclose(fields["upper"], upper)

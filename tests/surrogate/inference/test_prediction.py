@@ -113,9 +113,11 @@ def assert_equal(one: Distribution, other: Distribution) -> None:
 def test_deterministic_network_has_no_spread_and_one_pass(model: surrogate.Surrogate) -> None:
     assert not model.is_probabilistic
     assert not model.is_stochastic
-    found = model.predict_distribution(FORCES, passes=7, seed=1)
+    with pytest.raises(InputError, match=r"predicts no standard deviations, expected Surrogate\.p"):
+        model.predict_distribution(FORCES)
+    found = model.averaged_passes(FORCES, passes=7, seed=1)
     assert not found.std.any()
-    assert_equal(found, model.predict_distribution(FORCES))
+    assert_equal(found, model.averaged_passes(FORCES))
     np.testing.assert_array_equal(found.mean, model.predict(FORCES))
 
 

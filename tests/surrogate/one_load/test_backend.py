@@ -161,7 +161,7 @@ def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.Mon
 def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:
     model = load(trained)
     force = loads(dataset)[2]
-    found = model.predict_distribution(force)
+    found = model.averaged_passes(force)
     one = model.predict(force)
     np.testing.assert_allclose(found.mean, one, rtol=0, atol=3e-6 * np.abs(one).max())
     assert not found.std.any()

@@ -57,7 +57,7 @@ def test_page_predicts_what_the_program_does(
     assert set(np.flatnonzero(forces.any(axis=1))) == {nodes[0], nodes[-1]}
 
     passes = {} if written.passes is None else {"passes": written.passes}
-    expected = model.predict_distribution(forces, **passes)
+    expected = model.averaged_passes(forces, **passes)
     fields = {"displacement": expected.mean}
     if model.is_probabilistic:
         fields |= {"std": expected.std}
@@ -114,7 +114,7 @@ def assert_no_estimate(
     assert not write_page(run, path).estimates
     page = open_page(path)
     page.load(int(np.flatnonzero(dataset.geometry.loadable)[0]), 0.5, 0.5)
-    expected = load(run).predict_distribution(page.forces).mean
+    expected = load(run).averaged_passes(page.forces).mean
     assert np.abs(page.field("displacement") - expected).max() < RELATIVE * np.abs(expected).max()
     assert page.page.evaluate("surrogatePage.state.choices") == ["displacement"]
 

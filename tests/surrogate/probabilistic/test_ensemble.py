@@ -81,7 +81,7 @@ def test_mean_and_standard_deviations_of_two_by_hand(
     force = dataset.nodal_test.force
     found = whole.predict_distribution(force)
     a, b = (
-        member_of(tmp_path / "run", k, dataset, tmp_path / str(k)).predict_distribution(force)
+        member_of(tmp_path / "run", k, dataset, tmp_path / str(k)).averaged_passes(force)
         for k in range(2)
     )
     np.testing.assert_allclose(found.mean, (a.mean + b.mean) / 2, atol=1e-7)

@@ -1,0 +1,1 @@
+"""What a caller in Python gives to a public function, checked: types, and arrays of numbers."""

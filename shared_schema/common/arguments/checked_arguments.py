@@ -1,0 +1,145 @@
+"""Arguments of public functions: wrong ones are an InputError, not an error from deep inside."""
+
+from __future__ import annotations
+
+import errno
+import inspect
+import math
+import os
+import types
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+
+import numpy as np
+
+from shared_schema.common.errors import InputError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+SHOWN = 40  # characters of a wrong value
+WORDS = {str: "a text", Path: "a path", int: "a whole number", float: "a number", bool: "a bool"}
+
+
+def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function so that it raises InputError for arguments of another type.
+
+    Types are those of its annotations: texts, paths, numbers, sequences of these, literals, and
+    classes that its module imports. A number is not NaN, a path is one that a file may have.
+    Annotations of other kinds, such as arrays, are not looked at.
+    """
+    signature = inspect.signature(function)
+
+    @cache
+    def kinds() -> dict[str, Any]:
+        """Return the types of the arguments; they are evaluated at the first call."""
+        return {name: _evaluated(p.annotation, function) for name, p in named(signature).items()}
+
+    @wraps(function)
+    def checking(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            raise TypeError(f"{function.__qualname__}(): {error}") from None
+        for name, kind in kinds().items():
+            if name in given:
+                is_many = signature.parameters[name].kind is inspect.Parameter.VAR_POSITIONAL
+                for value in given[name] if is_many else (given[name],):
+                    require_type(name, value, kind)
+        return function(*args, **kwargs)
+
+    return checking
+
+
+def named(signature: inspect.Signature) -> dict[str, inspect.Parameter]:
+    """Return the parameters that have an annotation."""
+    parameters = signature.parameters.items()
+    return {name: p for name, p in parameters if p.annotation is not p.empty}
+
+
+def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
+    """Return the type that an annotation means; object if its module does not import it."""
+    while isinstance(annotation, str):
+        try:
+            annotation = eval(annotation, function.__globals__)  # as typing.get_type_hints does
+        except (NameError, TypeError):  # TypeError: of an alias that is a text itself
+            return object
+    return annotation
+
+
+def require_type(name: str, value: Any, kind: Any) -> None:
+    """Raise InputError, naming the argument, if a value is not of a type."""
+    if not _is_of(value, kind):
+        shown = repr(value).replace("\n", " ")
+        shown = shown if len(shown) <= SHOWN else f"{shown[:SHOWN]}…"
+        raise InputError(f"{name} = {shown}: expected {_in_words(kind)}")
+    for path in _paths(value, kind):
+        try:
+            path.stat()
+        except ValueError as error:
+            raise InputError(f"{name} = {str(path)!r}: expected a path ({error})") from None
+        except OSError as error:
+            if error.errno == errno.ENAMETOOLONG:
+                raise InputError(f"{name} = '{str(path)[:SHOWN]}…': too long a path") from None
+
+
+def _paths(value: Any, kind: Any) -> list[Path]:
+    """Return the paths that a value of a type is or holds."""
+    if isinstance(value, str | os.PathLike):
+        return [Path(value)] if Path in _alternatives(kind) else []
+    if not isinstance(value, list | tuple):
+        return []
+    parts = [get_args(one)[0] for one in _alternatives(kind) if get_origin(one) is Sequence]
+    return [path for part in parts for one in value for path in _paths(one, part)]
+
+
+def _alternatives(kind: Any) -> tuple[Any, ...]:
+    return get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type, as far as the type can be checked."""
+    alternatives = _alternatives(kind)
+    if len(alternatives) > 1:
+        return any(_is_of(value, one) for one in alternatives)
+    if kind is Any:
+        return True
+    if kind is None or kind is type(None):
+        return value is None
+    if kind is int:
+        return isinstance(value, Integral) and not isinstance(value, bool)
+    if kind is float:
+        return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind is Path:
+        return isinstance(value, os.PathLike)
+    origin = get_origin(kind)
+    if origin is Literal:
+        return any(type(value) is type(one) and value == one for one in get_args(kind))
+    if origin is Sequence:
+        is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(
+            value, str | bytes
+        )
+        return is_sequence and all(_is_of(one, get_args(kind)[0]) for one in value)
+    if origin is Mapping:
+        return isinstance(value, Mapping)
+    is_class = isinstance(kind, type) and not getattr(kind, "_is_protocol", False)
+    return isinstance(value, kind) if is_class else True
+
+
+def _in_words(kind: Any) -> str:
+    """Say what values a type has."""
+    alternatives = _alternatives(kind)
+    if len(alternatives) > 1:
+        words = [_in_words(one) for one in alternatives if one not in (None, type(None))]
+        return " or ".join(dict.fromkeys(words))
+    if get_origin(kind) is Literal:
+        return " or ".join(map(repr, get_args(kind)))
+    if get_origin(kind) is Sequence:
+        return f"a sequence, each {_in_words(get_args(kind)[0])}"
+    if get_origin(kind) is Mapping:
+        return "a mapping"
+    return WORDS.get(kind) or f"a {getattr(kind, '__name__', kind)}"

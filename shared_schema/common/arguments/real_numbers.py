@@ -1,0 +1,35 @@
+"""Arrays of real numbers, from what a caller in Python gives as one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError, first_line
+
+
+def real_numbers(value: Any, name: str) -> NDArray[np.float64]:
+    """Return real numbers in double precision: an array, a tensor, or nested sequences.
+
+    Raises
+    ------
+    InputError
+        If they are complex, masked, or no numbers.
+    """
+    if hasattr(value, "detach"):  # a tensor, which may require gradients
+        value = value.detach().cpu()
+        value = (value if value.is_complex() else value.double()).numpy()
+    if np.ma.isMaskedArray(value):
+        raise InputError(f"{name} are a masked array, expected an array without a mask")
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind == "O":
+            found = found.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} are no array of numbers ({first_line(error)})") from None
+    if found.dtype.kind not in "biuf":
+        kind = "complex" if found.dtype.kind == "c" else f"of type {found.dtype}"
+        raise InputError(f"{name} are {kind}, expected real numbers")
+    return found.astype(np.float64, copy=False)
