@@ -34,6 +34,13 @@ def add_to(commands: Commands) -> None:
         metavar="NX,NY[,NZ]",
         help="embed a grid of this many points (default: the mesh's own, or as fine as the mesh)",
     )
+    parser.add_argument(
+        "--error",
+        type=float,
+        metavar="E",
+        help="embed the coarsest grid to which and back displacements differ by no more in the "
+        "mean, such as 0.01",
+    )
     parser.set_defaults(command=run)
 
 
@@ -49,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
     """Make the structured dataset, and say how large it is."""
     from datagen import structure
 
-    names = "order", "order_seed", "grid"
+    names = "order", "order_seed", "grid", "error"
     given = {name: getattr(options, name) for name in names}
     info = structure(options.nodal, options.out, **given).structured
     assert info is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,21 @@ from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.quantities import LARGEST_SEED
 from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
-from datagen.transforms.embedding import embed
+from datagen.transforms.grid_choice import (
+    embedded,
+    embedded_within,
+    log_finer,
+    mesh_of,
+    require_grid_memory,
+    round_trip_errors,
+)
 from shared_schema.checker import require_intact
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import require_memory
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
@@ -54,6 +58,7 @@ def structure(
     order: NodeOrder = "preferred",
     order_seed: int = 0,
     grid: Sequence[int] | None = None,
+    error: float | None = None,
 ) -> Manifest:
     """Lay a nodal dataset on the grid of its mesh, or on a grid embedded on the mesh.
 
@@ -75,12 +80,15 @@ def structure(
     grid : sequence of d ints, optional
         Number of grid points along each axis; it embeds a grid on any mesh, even on one that
         has a structured order.
+    error : float, optional
+        Takes the coarsest embedded grid to which and back displacements differ by no more, relative
+        and in the mean over the samples; a grid whose points are the nodes has no error.
 
     Raises
     ------
     InputError
-        If the source is not an intact nodal dataset, order or shape do not fit its mesh, or the
-        folder holds something else.
+        If the source is not an intact nodal dataset, order, shape or error do not fit its mesh, or
+        the folder holds something else.
     """
     if not 0 <= order_seed <= LARGEST_SEED:
         raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
@@ -90,13 +98,14 @@ def structure(
     settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    points = _grid_of(reader, None if grid is None else tuple(grid), order, order_seed)
+    points = _grid_of(reader, None if grid is None else tuple(grid), error, order, order_seed)
     made = _already_made(folder, manifest, points, order, order_seed)
     if made is not None:
         return made
     with locked(folder):
         made = _already_made(folder, manifest, points, order, order_seed)  # by a run just before
-        return made or _make(reader, folder, points, order, order_seed, settings)
+        chosen = error is not None
+        return made or _make(reader, folder, points, order, order_seed, settings, chosen)
 
 
 def _settings(manifest: Manifest, source: str) -> DatasetSettings:
@@ -111,8 +120,9 @@ def _make(
     order: NodeOrder,
     order_seed: int,
     settings: DatasetSettings,
+    chosen: bool,
 ) -> Manifest:
-    """Write the structured dataset into its locked folder."""
+    """Write the structured dataset into its locked folder; the grid is `chosen` by its error."""
     manifest, cell_type = reader.manifest, reader.cell_type
     element: Element = manifest.case.get("element", "linear")
     stiffness: Stiffness | None = None
@@ -143,7 +153,7 @@ def _make(
         # written by a version whose `datagen run` did not assemble it
         source = f"{reader.folder / MANIFEST}: case.material"
         stiffness = stiffness_of(
-            _mesh(reader),
+            mesh_of(reader),
             materials_of(manifest.case.get("material"), source),
             element,
             reader.body.get("mesh/material"),
@@ -172,6 +182,8 @@ def _make(
         "structured": info,
         "stiffness": None,  # it is in `structured`
     }
+    if not grid.points_are_nodes and not chosen:
+        log_finer(reader, grid)
     remove_other_shards(folder, entries)
     return write_manifest(folder, manifest.model_copy(update=update))
 
@@ -192,28 +204,32 @@ def _already_made(
     return made if (*found, info.embedding is not None) == wanted else None
 
 
-def _mesh(reader: DatasetReader) -> RawMesh:
-    """Mesh of a dataset."""
-    return RawMesh(reader.body["mesh/coordinates"], reader.body["mesh/cells"], reader.cell_type)
-
-
 def _grid_of(
-    reader: DatasetReader, shape: tuple[int, ...] | None, order: NodeOrder, order_seed: int
+    reader: DatasetReader,
+    shape: tuple[int, ...] | None,
+    error: float | None,
+    order: NodeOrder,
+    order_seed: int,
 ) -> Grid:
     """Grid of the mesh with its nodes in the given order, or an embedded one."""
-    mesh = _mesh(reader)
-    x = mesh.coordinates
+    if shape is not None and error is not None:
+        raise InputError(f"--error {error:g}: expected without --grid, which chooses a grid itself")
+    if error is not None and not 0 < error < 1:
+        raise InputError(f"--error {error:g}: expected a number between 0 and 1, such as 0.01")
     if shape is None:
         try:
-            return in_order(Grid.from_coordinates(x), order, order_seed)
-        except ValueError as error:
+            exact = Grid.from_coordinates(reader.body["mesh/coordinates"])
+            return in_order(exact, order, order_seed)
+        except ValueError as reason:
             if order != "preferred":
-                raise InputError(f"--order {order}: {error}") from None
+                raise InputError(f"--order {order}: {reason}") from None
+        if error is not None:
+            return embedded_within(reader, error)
     elif order != "preferred":
         raise InputError(f"--order {order}: an embedded grid (--grid) has no other order")
     else:
         _require_sensible(shape, reader)
-    return embed(x, mesh.cells, mesh.cell_type, shape)
+    return embedded(reader, shape)
 
 
 def _require_sensible(shape: tuple[int, ...], reader: DatasetReader) -> None:
@@ -221,10 +237,7 @@ def _require_sensible(shape: tuple[int, ...], reader: DatasetReader) -> None:
     text, dimension = ",".join(str(count) for count in shape), reader.manifest.dimension
     if len(shape) != dimension or min(shape) < 2:
         raise InputError(f"--grid {text}: expected {dimension} numbers of grid points, at least 2")
-    corners = reader.body["mesh/cells"].shape[1]
-    samples = max(entry.samples for entry in reader.manifest.shards)
-    numbers = 4 * corners + 4 * dimension * samples  # 8 bytes each: both operators, both fields
-    require_memory(8.0 * numbers * math.prod(shape), f"--grid {text}")
+    require_grid_memory(shape, reader, f"--grid {text}")
 
 
 def in_order(grid: Grid, order: NodeOrder, seed: int) -> Grid:
@@ -303,13 +316,6 @@ def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> 
         arrays["samples/nodal_force"] = nodal["samples/force"].astype(np.float32)
         arrays["samples/nodal_displacement"] = displacement.astype(np.float32)
     return arrays
-
-
-def round_trip_errors(grid: Grid, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """‖u_grid→nodes − u‖₂ / ‖u‖₂ of every sample: (N, n_nodes, d) → (N,)."""
-    back = grid.to_nodes(grid.to_grid(displacement))
-    size = np.linalg.norm(displacement, axis=(1, 2))
-    return np.linalg.norm(back - displacement, axis=(1, 2)) / np.where(size > 0, size, 1.0)
 
 
 def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:

@@ -189,6 +189,7 @@ def _rows(evaluation: dict[str, Any], trained_on: str) -> list[tuple[str, str]]:
     minutes = evaluation["training_seconds"] / 60
     return [
         ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
+        *_grid_rows(evaluation.get("embedding_error")),
         ("standard deviation σ(e) [10⁻³ m]", f"{test['std_error'] * 1e3:.3f}"),
         ("slope of e_m over displacement", f"{test['slope']:.5f}"),
         (
@@ -226,6 +227,12 @@ def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:
         "relative_node_error_median": "largest nodal error of a sample, of the same, median",
     }
     return [(text, f"{test[name]:.2%}") for name, text in names.items() if name in test]
+
+
+def _grid_rows(error: float | None) -> list[tuple[str, str]]:
+    """The part of an embedded grid."""
+    name = "part of ē of the embedded grid, without an error at its points [10⁻³ m]"
+    return [] if error is None else [(name, f"{error * 1e3:.3f}")]
 
 
 def _stress_rows(stress: dict[str, Any] | None) -> list[tuple[str, str]]:

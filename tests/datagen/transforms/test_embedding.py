@@ -17,11 +17,14 @@ from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.transforms.embedding import element_size, embed, locate, multilinear, shape_functions
+from datagen.transforms.grid_choice import finer
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
+from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid, grid_of
+from shared_schema.manifest import StructuredInfo
 from shared_schema.shard import read_shard
 
 CUBE = """SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 2, 1, 1}};
@@ -203,12 +206,51 @@ def test_a_grid_of_ones_own(plate_dataset: Path, tmp_path: Path) -> None:
     assert check_dataset(tmp_path / "grid") == []
 
 
+def test_a_grid_by_its_error(
+    plate_dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first of 27 × 11, 33 × 13, 41 × 16, … points that is within the bound; it is said."""
+    with logged("datagen"):
+        default = structure(plate_dataset, tmp_path / "default").structured
+    said = capsys.readouterr().err
+    assert default is not None
+    assert default.embedding is not None
+    bound = 0.4 * default.embedding.mean_error
+    chosen = structure(plate_dataset, tmp_path / "chosen", error=bound).structured
+    assert chosen is not None
+    assert chosen.embedding is not None
+    assert chosen.embedding.mean_error <= bound
+    tried: list[StructuredInfo | None] = [default]
+    shape = finer(default.grid_shape)
+    while shape != chosen.grid_shape:
+        tried.append(structure(plate_dataset, tmp_path / str(shape), grid=shape).structured)
+        shape = finer(shape)
+    for coarser in tried:
+        assert coarser is not None
+        assert coarser.embedding is not None
+        assert coarser.embedding.mean_error > bound
+    assert tried[1] is not None
+    assert tried[1].embedding is not None
+    assert f"by {100 * tried[1].embedding.mean_error:.2f}% in the mean (--grid 33,13)" in said
+
+
+def test_a_mesh_with_an_order_needs_no_grid(tmp_path: Path) -> None:
+    """Its own has no error at all."""
+    run(read_case("beam2d", samples=2), tmp_path / "nodal", comm=MPI.COMM_SELF)
+    info = structure(tmp_path / "nodal", tmp_path / "grid", error=0.01).structured
+    assert info is not None
+    assert info.embedding is None
+
+
 def test_what_fits_no_embedded_grid(plate_dataset: Path, tmp_path: Path) -> None:
     for wrong, words in (
         ({"order": "random"}, "--order random: 302 nodes on a grid of"),
         ({"order": "gmsh", "grid": (20, 9)}, "an embedded grid"),
         ({"grid": (20,)}, "expected 2 numbers of grid points"),
         ({"grid": (20, 1)}, "at least 2"),
+        ({"grid": (20, 9), "error": 0.01}, "--error 0.01: expected without --grid"),
+        ({"error": 0.0}, "--error 0: expected a number between 0 and 1"),
+        ({"error": 1e-9}, "points for each node at most, still has"),
     ):
         with pytest.raises(InputError, match=words):
             structure(plate_dataset, tmp_path / "grid", **wrong)

@@ -16,6 +16,7 @@ from shared_schema.shard import read_shard, write_shard
 from surrogate.data import read_dataset
 from surrogate.data.body_check import differing_array
 from surrogate.evaluation.run_evaluation import evaluate
+from surrogate.evaluation.run_report import write_report
 from surrogate.inference.loading import load
 from surrogate.models.model import Model
 from surrogate.models.unet_model import UNetModel
@@ -120,6 +121,13 @@ def test_the_error_of_the_embedding_itself(
     after = nodes[np.flatnonzero(nodes == BETWEEN)[0] + 1]
     expected = np.abs(u[:, after] - u[:, BETWEEN]).mean() / 2 / 32
     assert content["embedding_error"] == pytest.approx(expected, rel=1e-5)
+    evaluation = evaluate(tmp_path / "run", folder)
+    assert f"of the embedded grid it would be {expected:.3e} m" in str(evaluation)
+    evaluation.write()
+    write_report(tmp_path / "run", tmp_path / "report.html")
+    row = f"without an error at its points [10⁻³ m]</td><td>{expected * 1e3:.3f}"
+    page = (tmp_path / "report.html").read_text()
+    assert row in page.replace("\n", "").replace("> ", ">")
 
 
 def test_a_run_on_another_grid_is_refused(
