@@ -113,7 +113,7 @@ class FastEstimate:
             Estimate of the predicted minus the true displacement in m.
         softest : array, (N,)
             θ, which is 1 for the undeformed body; −∞ if a cell is inverted. If it is not positive,
-            K(u) is not positive definite.
+            K(u) is not positive definite; its size then means nothing.
         """
         return self._in_parts(forces, predicted, judged=True)
 
