@@ -20,7 +20,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.stability.inertia import negative_eigenvalues
+from datagen.stability.inertia import unstable_modes
 
 REDUCTION = 1e-3  # of the residual, in the norm of the preconditioner
 ITERATIONS = 60
@@ -37,7 +37,7 @@ def is_stable(problem: EquilibriumProblem) -> bool:
         found = _by_conjugate_gradients(problem, tangent)
         if found is not None:
             return found
-    return negative_eigenvalues(problem) == 0
+    return unstable_modes(problem) == 0
 
 
 def _by_conjugate_gradients(problem: EquilibriumProblem, tangent: PETSc.Mat) -> bool | None:

@@ -31,11 +31,10 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.solver.equilibrium import Drag, EquilibriumProblem
-from datagen.stability.inertia import SymmetricFactor, negative_eigenvalues
+from datagen.stability.inertia import GROWTH, metric_of, shifted, unstable_modes
 from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
 
-LEAST, GROWTH = 1e-8, 4.0  # first c, and its factor
 INVERSE_ITERATIONS = 30
 AMPLITUDE = 0.1  # of the disturbance over the size of a cell
 STEPS = 400
@@ -74,7 +73,7 @@ def relaxed(problem: EquilibriumProblem, seed: int) -> Relaxation:
         Of the imperfection.
     """
     unstable = problem.state()
-    metric = _metric(problem)
+    metric = metric_of(problem)
     try:
         found = _moved_on(problem, metric, seed)
     finally:
@@ -93,7 +92,7 @@ def _moved_on(problem: EquilibriumProblem, metric: PETSc.Vec, seed: int) -> Rela
         problem.drag = Drag(factor, metric, here[: problem.unknowns.owned].copy())
         step = problem.solve(1.0, direct=True)
         iterations += step.iterations
-        convex = step.converged and negative_eigenvalues(problem) == 0
+        convex = step.converged and unstable_modes(problem, metric) == 0
         problem.drag = None
         if not convex:
             problem.restore(here)
@@ -101,13 +100,13 @@ def _moved_on(problem: EquilibriumProblem, metric: PETSc.Vec, seed: int) -> Rela
             continue
         if step.iterations <= FEW:
             factor /= GROWTH
-        if negative_eigenvalues(problem) > 0:
+        if unstable_modes(problem, metric) > 0:
             continue
         here, energy = problem.state(), _potential(problem)
         last = problem.solve(1.0, direct=True)
         iterations += last.iterations
         falls = last.converged and _potential(problem) <= energy + ROUNDING * abs(energy)
-        if falls and negative_eigenvalues(problem) == 0:
+        if falls and unstable_modes(problem, metric) == 0:
             return Relaxation(True, iterations, last.residual_norm)
         problem.restore(here)
     return Relaxation(False, iterations, step.residual_norm)
@@ -115,10 +114,7 @@ def _moved_on(problem: EquilibriumProblem, metric: PETSc.Vec, seed: int) -> Rela
 
 def _disturb(problem: EquilibriumProblem, metric: PETSc.Vec, seed: int) -> float:
     """Move the state along its lowest mode; return a first c, with which K + c D is definite."""
-    factor = LEAST
-    while (held := _dragged(problem, metric, factor)).excess:
-        held.close()
-        factor *= GROWTH
+    factor, held = shifted(problem, metric)
     mode, weighted = problem.residual.duplicate(), problem.residual.duplicate()
     mode.array_w[:] = _imperfection(problem, seed)
     for _ in range(INVERSE_ITERATIONS):
@@ -139,30 +135,6 @@ def _disturb(problem: EquilibriumProblem, metric: PETSc.Vec, seed: int) -> float
         problem.restore(start)
         change /= 2
     return GROWTH * factor
-
-
-def _dragged(problem: EquilibriumProblem, metric: PETSc.Vec, factor: float) -> SymmetricFactor:
-    """Factors of K + c D at the present state."""
-    problem.drag = Drag(factor, metric, problem.state()[: problem.unknowns.owned])
-    found = SymmetricFactor(problem)
-    problem.drag = None
-    return found
-
-
-def _metric(problem: EquilibriumProblem) -> PETSc.Vec:
-    """Diagonal of D: that of the stiffness at rest for free displacements, else zero."""
-    state = problem.state()
-    problem.reset()
-    problem.load_factor = 0.0
-    diagonal = problem.tangent().getDiagonal()
-    problem.restore(state)
-    problem.load_factor = 1.0
-    unknowns = problem.unknowns
-    free = np.zeros(unknowns.owned, dtype=bool)
-    free[unknowns.point_dofs[unknowns.point_dofs < unknowns.owned]] = True
-    free[problem.supports.owned_fixed] = False
-    diagonal.array_w[~free] = 0.0
-    return diagonal
 
 
 def _imperfection(problem: EquilibriumProblem, seed: int) -> NDArray[np.float64]:
