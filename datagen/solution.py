@@ -139,6 +139,7 @@ def solve(
     *,
     forces: Sequence[Path | str] = (),
     move: Sequence[str] = (),
+    body_force: str | Sequence[float] | None = None,
     nearest: bool = False,
     start: Path | str | Array | None = None,
     stresses: bool = False,
@@ -159,6 +160,8 @@ def solve(
         Files of forces, ``.npz`` or ``.csv``, which act as well.
     move : sequence of str
         Prescribed displacements of groups, such as ``tip:0,-0.1``; ``-`` is a free component.
+    body_force : str or sequence of d floats, optional
+        A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
     nearest : bool
         Let forces beside a node act at the nearest one; the solution's `notes` say which.
     start : path or array (n_nodes, d), optional
@@ -180,7 +183,8 @@ def solve(
     def driven(mesh: Mesh, held: NDArray[np.bool_]) -> CommandLoads:
         nonlocal given
         body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, held, mesh.node_sets)
-        given = command_loads(body, load, [Path(path) for path in forces], move, nearest)
+        files = [Path(path) for path in forces]
+        given = command_loads(body, load, files, move, nearest, body_force)
         return given
 
     body = make_body(found, MPI.COMM_SELF, driven)

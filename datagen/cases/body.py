@@ -169,9 +169,10 @@ def _material_of_cells(case: Case, mesh: Mesh) -> NDArray[np.int64] | None:
 def _loadable(
     case: Case, key: str, family: LoadFamily, mesh: Mesh, held: NDArray[np.bool_]
 ) -> LoadableNodes:
-    """Nodes of a family; InputError if they are clamped, unless it loads facets or cells."""
+    """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
     region, clamped = _select(case, key, family.region, mesh), held.all(axis=1)
-    if (region & clamped).any() and not (family.integrates and (region & ~clamped).any()):
+    may_touch = family.integrates or family.is_everywhere
+    if (region & clamped).any() and not (may_touch and (region & ~clamped).any()):
         at = ",".join(f"{value:g}" for value in mesh.coordinates[region & clamped][0])
         raise InputError(
             f"case '{case.name}': key '{key}' holds the clamped node at {at}, "

@@ -195,8 +195,9 @@ def read_case(
         count = len(read_load_cases(Path(loads)))
         if samples is not None:
             raise InputError(f"--samples {samples}: --loads '{loads}' has {count}, expected one")
-        region = content["load"].get("region") if isinstance(content.get("load"), dict) else None
-        given = {"family": "given", "file": str(Path(loads).resolve()), "region": region}
+        load = content["load"] if isinstance(content.get("load"), dict) else {}
+        region = {"region": load["region"]} if "region" in load else {}
+        given = {"family": "given", "file": str(Path(loads).resolve()), **region}
         dataset = {**dict(content.get("dataset") or {}), "samples": count}
         content = {**content, "load": given, "dataset": dataset}
     found = validate(Case, content, source, context=folder)

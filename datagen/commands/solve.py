@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
 
     require_suffix(options.out)
     require_writable(options.out)
-    names = ("load", "forces", "move", "nearest", "start", "stresses")
+    names = ("load", "forces", "move", "body_force", "nearest", "start", "stresses")
     given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
     solution = solve(options.case, **given)
     solution.save(options.out)

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, field_validator
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
+from datagen.mesh.regions import Region
 from datagen.quantities import Length
 
 Axis = Literal["x", "y", "z"]
@@ -23,12 +24,14 @@ class Displacement(LoadFamily):
 
     Attributes
     ----------
+    region : Region
     range : tuple of 2 floats
         (low, high) of each prescribed component, in m.
     components : tuple of "x", "y", "z"
         Components that are prescribed, all by default; the others are free.
     """
 
+    region: Region
     range: LengthRange
     components: tuple[Axis, ...] = Field(("x", "y", "z"), min_length=1)
 

@@ -133,8 +133,8 @@ class LoadFamily(Frozen, ABC):
     family : str
         Name of the family in the case file.
     region : Region
-        Region of the loadable nodes; none of them may be clamped, unless the family loads facets or
-        cells (`integrates`).
+        Region of the loadable nodes, by default everywhere, without the clamped ones. None of a
+        given region may be clamped, unless the family loads facets or cells (`integrates`).
     family_sha256 : str, optional
         Checksum of the file of a user's own family. It is filled in when a case is read, so that a
         dataset belongs to one version of the file.
@@ -144,8 +144,13 @@ class LoadFamily(Frozen, ABC):
     presses: ClassVar[bool] = False
 
     family: str
-    region: Region
+    region: Region = Region()
     family_sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude_if=absent)
+
+    @property
+    def is_everywhere(self) -> bool:
+        """True if the region is the one that a case need not name."""
+        return bool(self.region == type(self).model_fields["region"].default)
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError, which names the key, if the family does not fit the mesh."""

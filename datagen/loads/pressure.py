@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.mesh.regions import Region
 
 
 class Pressure(LoadFamily):
@@ -18,6 +19,8 @@ class Pressure(LoadFamily):
 
     Attributes
     ----------
+    region : Region
+        The whole surface by default.
     range : tuple of 2 floats
         (low, high) of the pressure in Pa; positive ones push into the body.
     """
@@ -25,6 +28,7 @@ class Pressure(LoadFamily):
     integrates: ClassVar[bool] = True
     presses: ClassVar[bool] = True
 
+    region: Region = Region(boundary=True)
     range: ForceRange
 
     def check(self, loadable: LoadableNodes) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.mesh.regions import Region
 from shared_schema.common.bodies.facet_quadrature import facet_shares
 
 
@@ -22,12 +23,15 @@ class Traction(LoadFamily):
 
     Attributes
     ----------
+    region : Region
+        The whole surface by default.
     range : tuple of 2 floats
         (low, high) of each component of the traction, in Pa.
     """
 
     integrates: ClassVar[bool] = True
 
+    region: Region = Region(boundary=True)
     range: ForceRange
 
     def check(self, loadable: LoadableNodes) -> None:

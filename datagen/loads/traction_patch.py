@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.mesh.regions import Region
 from datagen.quantities import Size
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.facet_quadrature import facet_points
@@ -66,12 +67,15 @@ class TractionPatch(LoadFamily):
 
     Attributes
     ----------
+    region : Region
+        The whole surface by default.
     range : tuple of 2 floats
         (low, high) of each component of the largest traction, in Pa.
     radius : float
         R in m.
     """
 
+    region: Region = Region(boundary=True)
     range: ForceRange
     radius: Size
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ COMPLETE = {  # function that completes names and paths: its name, the names
     "bash": '{0}() {{ compgen -W "{1}" -- "$1"; compgen -f -- "$1"; }}',
     "zsh": "{0}() {{ compadd -- {1}; _files }}",
 }
+NEGATIVE = re.compile(r"-\.?\d")  # beginning of numbers and lists of numbers
 Parser: TypeAlias = argparse.ArgumentParser
 Commands: TypeAlias = (
     "argparse._SubParsersAction[argparse.ArgumentParser]"  # argparse gives this type no public name
@@ -112,13 +114,15 @@ def add_command(commands: Commands, name: str, what: str, *examples: str) -> Par
     examples : str
         Command lines that show its use.
     """
-    return commands.add_parser(
+    parser = commands.add_parser(
         name,
         help=what,
         description=f"{what[:1].upper()}{what[1:]}.",
         epilog="\n  ".join(["example:" if len(examples) == 1 else "examples:", *examples]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser._negative_number_matcher = NEGATIVE  # a vector such as -1,0 is no option
+    return parser
 
 
 def add_set(parser: Parser, file: str, example: str) -> None:

@@ -60,6 +60,7 @@ def run(options: argparse.Namespace) -> None:
     require_writable(options.out)
     solution = surrogate.load(options.run, options.device).solve(
         [*options.load, *options.forces],
+        body_force=options.body_force,
         certify=options.certify,
         correct=options.correct,
         tolerance=options.tolerance,

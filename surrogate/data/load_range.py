@@ -1,18 +1,29 @@
-"""What the load cases of a training had in common: numbers of loaded nodes, and resultants."""
+"""What the load cases of a training had in common: numbers of loaded nodes, and resultants.
+
+Where a case has pressures, all nodes of their surfaces are loaded in every sample. What then counts
+is the number of other forces: those that no pressure there explains.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.facet_quadrature import area_vectors
 from shared_schema.common.configuration import Frozen
 
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
+    from surrogate.data.geometry import Geometry
 
+Array = NDArray[np.float64]
+ALONG = 1e-6  # of a force, the part across the normal that is rounding
 AT_ONCE = 2**20  # grid points of all samples that are held at once
 
 
@@ -30,6 +41,50 @@ class LoadRange(Frozen):
     fewest: int
     most: int
     resultant: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PressedNodes:
+    """Nodes under pressures, and the number of nodes with other forces.
+
+    Attributes
+    ----------
+    areas : array, (n_nodes, d)
+        Area times normal that belongs to each node, in m²; zero at held components and elsewhere.
+    others : float
+        Largest number of nodes with other forces in a sample; infinite if it is not known.
+    """
+
+    areas: Array
+    others: float
+
+    @classmethod
+    def of(cls, geometry: Geometry, case: Mapping[str, Any]) -> PressedNodes | None:
+        """Take them from a body and the load families of its case; None without pressures."""
+        if geometry.pressed is None:
+            return None
+        areas = area_vectors(geometry.coordinates, geometry.pressed)
+        families = case.get("load", ())
+        several = families if isinstance(families, list | tuple) else [families]
+        others = sum(_single_forces(family) for family in several)
+        return cls(np.where(geometry.held, 0.0, areas), others)
+
+    def count_others(self, forces: Array) -> NDArray[np.int64]:
+        """Count the nodes whose force is not along the normal there: (N, n_nodes, d) → (N,)."""
+        squares = (self.areas**2).sum(axis=1)
+        pressure = (forces * self.areas).sum(axis=2) / np.where(squares > 0, squares, 1.0)
+        left = np.linalg.norm(forces - pressure[..., None] * self.areas, axis=2)
+        return np.count_nonzero(left > ALONG * np.linalg.norm(forces, axis=2), axis=1)
+
+
+def _single_forces(family: Mapping[str, Any]) -> float:
+    """Largest number of nodes with forces of a load family; infinite if it is not known."""
+    name = family.get("family")
+    if name == "random_nodes":
+        return float(family["count"][1])
+    return {"pressure": 0.0, "random_node": 1.0, "each_node": 1.0, "sweep": 1.0}.get(
+        str(name), float("inf")
+    )
 
 
 def load_range(dataset: Dataset) -> LoadRange:

@@ -64,7 +64,12 @@ def checked_force(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
     return nodal
 
 
-def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> CommandLoads:
+def given_load(
+    geometry: Geometry,
+    load: Load,
+    nearest: bool = False,
+    body_force: str | Sequence[float] | None = None,
+) -> CommandLoads:
     """Return a load as forces and pressures on the body.
 
     Parameters
@@ -75,6 +80,8 @@ def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> Command
         (`shared_schema.common.bodies.command_loads`).
     nearest : bool
         Let forces at other places act at the nearest node.
+    body_force : str or sequence of d floats, optional
+        A force in N per m³ that acts everywhere as well.
 
     Raises
     ------
@@ -86,7 +93,7 @@ def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> Command
     if isinstance(parts, list | tuple) and all(isinstance(part, str | Path) for part in parts):
         texts = [part for part in parts if isinstance(part, str)]
         files = [part for part in parts if isinstance(part, Path)]
-        given = command_loads(body, texts, files, nearest=nearest)
+        given = command_loads(body, texts, files, nearest=nearest, body_force=body_force)
         if given.surfaces and geometry.pressed is None:
             raise InputError(
                 "--load: a pressure, expected forces; the network was trained on these"
@@ -94,4 +101,6 @@ def given_load(geometry: Geometry, load: Load, nearest: bool = False) -> Command
         return given
     given = CommandLoads(body)
     given.forces = checked_force(geometry, load)  # type: ignore[arg-type]  # no texts are left
+    if body_force is not None:
+        given.add_body_force(body_force)
     return given

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
@@ -17,6 +18,7 @@ from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.elements_of_case import require_linear_elements
 from surrogate.data.geometry import Geometry
+from surrogate.data.load_range import PressedNodes
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
 from surrogate.inference.given_load import Load, checked_force, checked_forces, given_load
@@ -78,7 +80,11 @@ class Surrogate(TrainedBody):
         self.nodal_network = nodal.to(network.free.device)
         data = description.data
         self.training_range = TrainingRange(
-            data.info.force.max_abs, geometry.loadable, data.loads, geometry.grid
+            data.info.force.max_abs,
+            geometry.loadable,
+            data.loads,
+            geometry.grid,
+            PressedNodes.of(geometry, data.case),
         )
         self.passes = Passes(network)
         self._batched = BatchedPrediction(
@@ -225,8 +231,9 @@ class Surrogate(TrainedBody):
     @checked_arguments
     def solve(
         self,
-        load: Load,
+        load: Load = (),
         *,
+        body_force: str | Sequence[float] | None = None,
         certify: Literal["fast", "full"] | None = None,
         correct: bool = False,
         tolerance: float | None = None,
@@ -245,6 +252,8 @@ class Surrogate(TrainedBody):
             Nodal forces in N; or texts as ``--load`` takes them, such as "4,1:0,-1.5" (a force in N
             at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a pressure in Pa),
             and files as ``--forces`` takes them. All act together.
+        body_force : str or sequence of d floats, optional
+            A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
         certify : {"full", "fast"}, optional
             Estimate the error: by Newton steps; or in real time, with bounds that hold with some
             probability, which `surrogate evaluate --certify` calibrates. A load or state unlike
@@ -279,7 +288,7 @@ class Surrogate(TrainedBody):
         intervals = self.intervals if conformal else None
         fast = self._fast_of_level(level) if certify == "fast" else None
         self.require_stochastic(passes=passes, seed=seed)
-        given = given_load(self.geometry, load, nearest)
+        given = given_load(self.geometry, load, nearest, body_force)
         force = given.at_rest
         passes = PASSES if passes is None else passes
         network = self.averaged_passes(force, passes, seed or 0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.grid import Grid
-from surrogate.data.load_range import LoadRange
+from surrogate.data.load_range import LoadRange, PressedNodes
 
 logger = logging.getLogger(__name__)
 MARGIN = 1 + 1e-6  # of rounding
@@ -34,6 +34,8 @@ class TrainingRange:
         Numbers of loaded nodes and resultants; None if the run does not have them.
     grid : Grid, optional
         Grid whose points `limit` is that of, if they are no nodes.
+    pressed : PressedNodes, optional
+        Nodes under the pressures of the training, whose number is no number of single forces.
     """
 
     def __init__(
@@ -42,7 +44,9 @@ class TrainingRange:
         loadable: NDArray[np.bool_],
         loads: LoadRange | None,
         grid: Grid | None = None,
+        pressed: PressedNodes | None = None,
     ) -> None:
+        self._pressed = pressed
         self._grid = None if grid is None or grid.points_are_nodes else grid
         self._limit = np.array(limit)
         self._largest = self._limit * MARGIN
@@ -89,12 +93,16 @@ class TrainingRange:
         if self._loads is None:
             return
         fewest, most = self._loads.fewest, self._loads.most
-        several = len(forces) > 1
+        several, loaded = len(forces) > 1, "loaded nodes"
         counts = np.count_nonzero(at_some.any(axis=2), axis=1) if several else [len(some)]
+        if self._pressed is not None:
+            most = int(min(self._pressed.others, most))
+            fewest, loaded = 0, "nodes with other forces"
+            counts = self._pressed.count_others(forces)
         unusual = [n for n in counts if n and not fewest <= n <= most]
         if unusual:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
-            yield "number", f"number of loaded nodes {unusual[0]}, {numbers} in the training data"
+            yield "number", f"number of {loaded} {unusual[0]}, {numbers} in the training data"
         if (np.abs(at_some.sum(axis=1)) > self._largest_resultant).any():
             limit = np.array(self._loads.resultant)
             yield "resultant", f"the resultant is beyond that of the training data ({_pm(limit)})"

@@ -152,5 +152,49 @@ def test_solution_of_another_mesh(body: LoadedBody, tmp_path: Path) -> None:
 
 
 def test_no_load_at_all(body: LoadedBody) -> None:
-    with pytest.raises(InputError, match="expected --load or --forces"):
+    with pytest.raises(InputError, match="expected --load, --forces or --body-force"):
         command_loads(body, [])
+
+
+def test_body_force(body: LoadedBody) -> None:
+    """The cells are 2 and 3 m long: a quarter of each cell's volume belongs to each corner of it.
+
+    What acts on node 0 and along the slide's support of node 3 is borne by them.
+    """
+    forces = command_loads(body, ["5,1:0,1"], body_force="4,-8").forces
+    at_nodes = np.array([[0, 0], [5, -10], [3, -6], [0, -4], [5, -10], [3, -5]])
+    assert forces == pytest.approx(at_nodes)
+    alone = command_loads(body, [], body_force=(4, -8)).forces
+    assert alone[5] == pytest.approx([3, -6])
+
+
+@pytest.mark.parametrize("text", ["1", "1,2,3", "x,1", "nan,0", "1e300,0", ""])
+def test_wrong_body_forces(body: LoadedBody, text: str) -> None:
+    with pytest.raises(InputError, match=f"--body-force '{text}': expected "):
+        command_loads(body, [], body_force=text)
+
+
+@pytest.mark.parametrize("left", [1, 4, 7])
+def test_force_on_a_volume_does_not_depend_on_its_cells(left: int) -> None:
+    """10 N on a square of 2 × 2 m: of each half 5 N, and their moment about x = 0 is 10 N · 1 m.
+
+    The left half is divided into more cells than the right one, so that it has more nodes.
+    """
+    along = np.concatenate([np.linspace(0, 1, left + 1), [1.5, 2.0, 3.0]])
+    x = np.array([[a, b] for b in (0.0, 1.0, 2.0) for a in along])
+    row = len(along)
+    first = np.array([i + j * row for j in range(2) for i in range(row - 1)])
+    cells = np.stack([first, first + 1, first + row + 1, first + row], axis=1)
+    volume = x[:, 0] < 2.1
+    body = LoadedBody(x, cells, "quad", np.zeros(x.shape, dtype=bool), {"block": volume})
+    forces = given(body, "block:0,10").forces[:, 1]
+    assert forces.sum() == pytest.approx(10.0)
+    assert forces @ x[:, 0] == pytest.approx(10.0 * 1.0)
+    assert not forces[~volume].any()
+
+
+def test_groups_of_mixed_nodes_are_refused(body: LoadedBody) -> None:
+    """A facet and a node beside it have no share that would not depend on the mesh."""
+    body.groups["mixed"] = marked(2, 3, 5)  # type: ignore[index]
+    with pytest.raises(InputError, match="group 'mixed' has nodes beside its cells and facets"):
+        given(body, "mixed:0,1")

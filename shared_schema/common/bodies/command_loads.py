@@ -1,12 +1,16 @@
-r"""The load that a command is given: ``--load``, ``--forces``, and ``--move`` of `datagen`.
+r"""The load that a command is given: ``--load``, ``--forces``, ``--body-force``, and ``--move``.
 
 ===========================  ======================================================================
 text                         meaning
 ===========================  ======================================================================
 ``X,Y[,Z]:FX,FY[,FZ]``       a force in N at the node there, or at the nearest one (``--nearest``)
 ``GROUP:FX,FY[,FZ]``         a force in N on a named group of the mesh, distributed as a uniform
-                             traction over its facets, or equally over its nodes if it has none
+                             body force over its cells if it consists of cells, as a uniform
+                             traction over its facets if it consists of these, or equally over its
+                             nodes if it has neither
 ``GROUP:P``                  a pressure in Pa on the facets of the group, which follows the surface
+``BX,BY[,BZ]``               with ``--body-force``: a force in N per m³ of the undeformed body,
+                             everywhere
 ``GROUP:UX,UY[,UZ]``         with ``--move``: a displacement in m of the group; ``-`` leaves a
                              component free
 ===========================  ======================================================================
@@ -26,6 +30,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
 from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces
@@ -150,6 +155,20 @@ class CommandLoads:
         total = np.outer(self._shares(name), numbers)
         self.forces += np.where(self.body.held, 0.0, total)
 
+    def add_body_force(self, density: str | Sequence[float]) -> None:
+        """Add a force in N per m³ everywhere; what acts on held components the supports bear.
+
+        Raises
+        ------
+        InputError
+            If it is not d finite numbers.
+        """
+        d = self.body.coordinates.shape[1]
+        text = density if isinstance(density, str) else ",".join(map(str, density))
+        numbers = _numbers(text, f"--body-force '{text}'", f"{d} numbers (N/m³)", (d,))
+        total = np.outer(nodal_volumes(self.body.coordinates, self.body.cells), numbers)
+        self.forces += np.where(self.body.held, 0.0, total)
+
     def add_forces(self, forces: Array) -> None:
         """Add nodal forces, (n_nodes, d) in N; InputError if the shape is wrong, or one is held."""
         if forces.shape != self.forces.shape:
@@ -187,13 +206,21 @@ class CommandLoads:
 
     def _shares(self, name: str) -> Array:
         """Part of the force on a group that each node takes, (n_nodes,), of sum 1."""
-        facets = self.body.facets_of(name)
-        members = self.body.groups[name]
-        if not np.isin(np.flatnonzero(members), facets).all():
-            return np.asarray(members / members.sum())
+        x, cells, members = self.body.coordinates, self.body.cells, self.body.groups[name]
+        cells, facets = cells[members[cells].all(axis=1)], self.body.facets_of(name)
         shares = np.zeros(len(members))
-        np.add.at(shares, facets, facet_shares(self.body.coordinates[facets]))
-        return np.asarray(shares / shares.sum())
+        if _are(members, cells):
+            shares = nodal_volumes(x, cells)
+        elif _are(members, facets):
+            np.add.at(shares, facets, facet_shares(x[facets]))
+        elif len(cells) or len(facets):
+            raise InputError(
+                f"--load: group '{name}' has nodes beside its cells and facets, expected cells, "
+                "facets of the surface, or nodes alone"
+            )
+        else:
+            shares[members] = 1.0
+        return shares / shares.sum()
 
     def _csv_forces(self, path: Path, nearest: bool) -> Array:
         d = self.body.coordinates.shape[1]
@@ -232,6 +259,7 @@ def command_loads(
     files: Sequence[Path] = (),
     moves: Sequence[str] = (),
     nearest: bool = False,
+    body_force: str | Sequence[float] | None = None,
 ) -> CommandLoads:
     """Collect the loads of a command, or of a call.
 
@@ -244,6 +272,8 @@ def command_loads(
         Files of ``--forces``, texts of ``--move``.
     nearest : bool
         Let a force beside a node act at the nearest one.
+    body_force : str or sequence of d floats, optional
+        What ``--body-force`` says, in N/m³.
 
     Raises
     ------
@@ -251,8 +281,8 @@ def command_loads(
         If one is wrong, or there is none at all.
     """
     given, texts = CommandLoads(body), [loads] if isinstance(loads, str) else loads
-    if len(texts) + len(files) + len(moves) == 0:
-        raise InputError("no load, expected --load or --forces")
+    if len(texts) + len(files) + len(moves) == 0 and body_force is None:
+        raise InputError("no load, expected --load, --forces or --body-force")
     if isinstance(texts, np.ndarray):
         given.add_forces(texts)
     else:
@@ -260,6 +290,8 @@ def command_loads(
             given.add(text, nearest)
     for path in files:
         given.add_file(path, nearest)
+    if body_force is not None:
+        given.add_body_force(body_force)
     for text in moves:
         given.move(text)
     if (given.forces[given.moved] != 0).any():
@@ -267,6 +299,11 @@ def command_loads(
     if not np.abs(given.forces).max() <= MOST:
         raise InputError(f"a force component is beyond {MOST:g} N")
     return given
+
+
+def _are(members: NDArray[np.bool_], parts: NDArray[np.int64]) -> bool:
+    """True if the nodes of a group are those of some cells or facets of it."""
+    return len(parts) > 0 and bool(np.isin(np.flatnonzero(members), parts).all())
 
 
 def _is_position(text: str, count: int) -> bool:

@@ -9,14 +9,14 @@ STRESSES = "add stresses, strain energy and reactions"
 
 
 def add_loads(parser: argparse.ArgumentParser) -> None:
-    """Add ``--load``, ``--forces`` and ``--nearest``."""
+    """Add ``--load``, ``--forces``, ``--body-force`` and ``--nearest``."""
     parser.add_argument(
         "--load",
         action="append",
         default=[],
         metavar="X,Y[,Z]|GROUP:FX,FY[,FZ]",
-        help="force in N at the node at X,Y[,Z] in m, or on a group of the mesh; GROUP:P is a "
-        "pressure in Pa; repeatable",
+        help="force in N at the node at X,Y[,Z] in m, or on a group of the mesh, uniform over its "
+        "cells or facets; GROUP:P is a pressure in Pa; repeatable",
     )
     parser.add_argument(
         "--forces",
@@ -25,6 +25,11 @@ def add_loads(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE.(npz|csv)",
         help="forces of a solution file, or lines X,Y[,Z],FX,FY[,FZ]; repeatable",
+    )
+    parser.add_argument(
+        "--body-force",
+        metavar="BX,BY[,BZ]",
+        help="force in N per m³ of the undeformed body, such as its weight 0,0,-9810",
     )
     parser.add_argument(
         "--nearest", action="store_true", help="let forces act at the nearest node, and say which"

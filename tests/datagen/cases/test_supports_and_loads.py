@@ -11,12 +11,16 @@ import yaml
 from mpi4py import MPI
 from scipy.integrate import trapezoid
 
+from datagen import solve
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
+from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.loads import Load
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
+from shared_schema.common.bodies.cell_volumes import cell_shares
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
@@ -121,10 +125,57 @@ def test_weight_of_a_hanging_bar(tmp_path: Path) -> None:
     assert u[end, 0] == pytest.approx(expected, rel=1e-4)
 
 
+def test_solve_takes_a_body_force(tmp_path: Path) -> None:
+    """Of b times the area 4 × 1 m; a load family of the same b gives the same displacement."""
+    case = case_of(
+        tmp_path,
+        supports=[{"x": 0}],
+        load={"family": "body_force", "range": [-2.0, -2.0 + 1e-12]},
+    )
+    body = make_body(case, MPI.COMM_SELF)
+    expected = solved(body, case, body.loads[0])
+    found = solve(case, body_force=(-2.0, -2.0))
+    assert found.displacement == pytest.approx(expected, abs=1e-9)
+    edge = np.unique(found.coordinates[:, 0])[1]  # half of its column of cells hangs on supports
+    acting = np.array([-2.0, -2.0]) * (4.0 - edge / 2) * 1.0
+    assert found.force.sum(axis=0) == pytest.approx(acting, rel=1e-12)
+    assert found.reactions.sum(axis=0) == pytest.approx(-acting, abs=1e-6)
+    out = tmp_path / "out.npz"
+    words = ["solve", str(tmp_path / "case.yaml"), "--body-force", "-2,-2", "--out", str(out)]
+    assert main(words) == 0
+    assert np.load(out)["displacement"] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("load", "count"),
+    [
+        ({"family": "random_node", "range": [-1, 1]}, "free"),
+        ({"family": "random_nodes", "range": [-1, 1], "count": [1, 3]}, "free"),
+        ({"family": "body_force", "range": [-1, 1]}, "free"),
+        ({"family": "traction", "range": [-1, 1]}, "surface"),
+        ({"family": "pressure", "range": [0, 1]}, "surface"),
+        ({"family": "traction_patch", "range": [-1, 1], "radius": 0.5}, "surface"),
+    ],
+)
+def test_without_a_region_loads_act_everywhere(
+    load: dict[str, Any], count: str, tmp_path: Path
+) -> None:
+    """On all free nodes, or those of the surface."""
+    case = case_of(tmp_path, supports=[{"x": 0}], load=load)
+    body = make_body(case, MPI.COMM_SELF)
+    surface = np.zeros(len(body.mesh.coordinates), dtype=bool)
+    surface[boundary_facets(body.mesh.cells, body.mesh.cell_type)] = True
+    expected = ~body.clamped & (surface if count == "surface" else True)
+    assert np.array_equal(body.loadable, expected)
+
+
+def test_a_displacement_needs_a_region(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"key 'load\.region' is missing"):
+        case_of(tmp_path, supports=[{"x": 0}], load={"family": "displacement", "range": [0, 1]})
+
+
 def test_body_force_in_space_is_weight() -> None:
     """Sum of the nodal forces on all cells: b times the volume, in every kind of cell."""
-    from datagen.loads.body_force import cell_shares
-
     cube = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
     hexahedron = cube * [2.0, 1.0, 3.0] + 0.2 * cube[:, [1, 2, 0]]
     matrix = np.diag([2.0, 1.0, 3.0]) + 0.2 * np.eye(3)[:, [2, 0, 1]].T

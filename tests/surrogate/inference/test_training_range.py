@@ -13,6 +13,7 @@ import surrogate
 from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
+from surrogate.inference.given_load import given_load
 from surrogate.inference.training_range import TrainingRange
 from surrogate.runs.folder import RunFolder
 
@@ -58,6 +59,37 @@ def test_one_node_on_a_network_of_tractions() -> None:
     assert found.exceeded(np.eye(12)[:, :1] * [0.5, 0.5]) == {
         "number": "number of loaded nodes 1, 4 to 9 in the training data"
     }
+
+
+def test_a_pressure_and_a_single_force() -> None:
+    """`finger3d` learned one force, and a pressure of 0 to 1500 Pa on its notches, 330 nodes.
+
+    Each alone and both together are in range; a second force is not, nor is a pressure of 2000 Pa.
+    """
+    finger = surrogate.load("finger3d")
+    coordinates, loadable = finger.geometry.coordinates, finger.geometry.loadable
+    nodes = np.flatnonzero(loadable & ~finger.geometry.groups["notches"])[[3, 90]]
+    on_notch = np.flatnonzero(loadable & finger.geometry.groups["notches"])[7]
+    force = {
+        node: f"{','.join(repr(float(x)) for x in coordinates[node])}:0.05,0.05,0.02"
+        for node in (*nodes, on_notch)
+    }
+
+    def unusual(*loads: str) -> list[str]:
+        given = given_load(finger.geometry, loads)
+        return list(finger.training_range.exceeded(given.at_rest))
+
+    assert unusual(force[nodes[0]]) == []
+    assert unusual(force[on_notch]) == []
+    assert unusual("notches:900") == []
+    assert unusual("notches:900", force[nodes[0]]) == []
+    assert unusual("notches:900", force[on_notch]) == []
+    assert unusual("notches:2000") == ["resultant"]
+    assert unusual(force[nodes[0]], force[nodes[1]]) == ["number"]
+    assert unusual("notches:900", force[on_notch], force[nodes[1]]) == ["number"]
+    assert finger.training_range.exceeded(
+        given_load(finger.geometry, [force[nodes[0]], force[nodes[1]]]).at_rest
+    ) == {"number": "number of nodes with other forces 2, 0 to 1 in the training data"}
 
 
 def test_predict_warns_once_a_kind(model: surrogate.Surrogate) -> None:
