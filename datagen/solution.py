@@ -27,6 +27,7 @@ from shared_schema.common.bodies.command_loads import (
     Loads,
     command_loads,
 )
+from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.solution_file import write_solution
 from shared_schema.material import Volumetric
@@ -231,6 +232,9 @@ def _solved(
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
     displacement, tolerance = problem.displacement(), problem.tolerance()
+    warning = size_warning(displacement, mesh.coordinates, "the largest displacement")
+    if warning is not None:
+        logger.warning(warning)
     grip = np.where(given.moved, problem.reactions(), 0.0)
     return Solution(
         case=case.name,

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.memory import require_memory
 from shared_schema.layout import (
     SCHEMA_VERSION,
@@ -40,7 +41,12 @@ Lengths = dict[str, tuple[int, ...]]  # of axes
 
 
 def write_shard(
-    path: Path, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+    path: Path,
+    kind: FileKind,
+    arrays: Mapping[str, Any],
+    case_digest: str,
+    cell_type: str,
+    units: Units = SI,
 ) -> str:
     """Write a shard atomically.
 
@@ -55,6 +61,8 @@ def write_shard(
         SHA-256 of the case configuration.
     cell_type : str
         meshio's name of the cells.
+    units : Units
+        Those of the case, for the attributes `units`.
 
     Returns
     -------
@@ -68,14 +76,19 @@ def write_shard(
     OSError
         If the file cannot be written.
     """
-    content = shard_content(path.name, kind, arrays, case_digest, cell_type)
+    content = shard_content(path.name, kind, arrays, case_digest, cell_type, units)
     with complete_or_absent(path) as partial:
         partial.write_bytes(content)
     return hashlib.sha256(content).hexdigest()
 
 
 def shard_content(
-    name: str, kind: FileKind, arrays: Mapping[str, Any], case_digest: str, cell_type: str
+    name: str,
+    kind: FileKind,
+    arrays: Mapping[str, Any],
+    case_digest: str,
+    cell_type: str,
+    units: Units = SI,
 ) -> bytes:
     """Return the bytes of a shard, whose arguments are those of `write_shard`."""
     problems = array_problems(kind, {path: np.asarray(a) for path, a in arrays.items()}, {})
@@ -89,15 +102,17 @@ def shard_content(
     }
     with h5py.File(name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(attributes)
+        if units != SI:
+            file.attrs.update({"length_unit": units.length, "force_unit": units.force})
         for layout in layout_for(kind, arrays):
             if layout.path in arrays:
-                _create(file, layout, arrays[layout.path])
+                _create(file, layout, arrays[layout.path], units)
         file.flush()
         content: bytes = file.id.get_file_image()
     return content
 
 
-def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
+def _create(file: h5py.File, layout: ArrayLayout, values: Any, units: Units) -> None:
     if layout.dtype == "str":
         data, dtype = np.asarray(values, dtype=object), h5py.string_dtype()
     else:
@@ -105,7 +120,7 @@ def _create(file: h5py.File, layout: ArrayLayout, values: Any) -> None:
     compressed = layout.sparse and data.size > 0
     options: dict[str, Any] = {"compression": "gzip", "compression_opts": 1} if compressed else {}
     dataset = file.create_dataset(layout.path, data=data, dtype=dtype, **options)
-    dataset.attrs["units"] = layout.units
+    dataset.attrs["units"] = units.named(layout.units)
     dataset.attrs["description"] = layout.description
 
 
@@ -301,6 +316,10 @@ def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
             )
         if plain(file.attrs["kind"]) != kind:
             problems.append(f"attribute 'kind' is {file.attrs['kind']!r}, expected '{kind}'")
+    try:
+        units = units_of(file)
+    except ValueError:
+        return [*problems, "attributes 'length_unit' and 'force_unit' are no units"]
     layouts = layout_for(kind, dataset_paths(file))
     known = {layout.path for layout in layouts}
     groups = {path.partition("/")[0] for path in known}
@@ -322,7 +341,10 @@ def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
         elif dataset.external or dataset.is_virtual:
             problems.append(f"dataset '{layout.path}' is stored outside the file")
         else:
-            for attribute, expected in (("units", layout.units), ("description", None)):
+            for attribute, expected in (
+                ("units", units.named(layout.units)),
+                ("description", None),
+            ):
                 if attribute not in dataset.attrs:
                     problems.append(f"dataset '{layout.path}': attribute '{attribute}' is missing")
                 elif expected is not None and dataset.attrs[attribute] != expected:
@@ -331,6 +353,13 @@ def structure_problems(file: h5py.File, kind: FileKind) -> list[str]:
                         f"{dataset.attrs[attribute]!r}, expected '{expected}'"
                     )
     return problems
+
+
+def units_of(file: h5py.File) -> Units:
+    """Units of a shard, metres and newtons unless it names others; ValueError if they are none."""
+    names = {"length": "length_unit", "force": "force_unit"}
+    given = {key: plain(file.attrs[name]) for key, name in names.items() if name in file.attrs}
+    return Units.model_validate(given)
 
 
 def dataset_paths(file: h5py.File) -> set[str]:

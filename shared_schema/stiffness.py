@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.shard import read_shard, write_shard
 
 STIFFNESS_FILE = "stiffness.h5"
@@ -36,14 +37,17 @@ class Stiffness:
     indptr: NDArray[np.int64]
 
 
-def write_stiffness(folder: Path, stiffness: Stiffness, case_digest: str, cell_type: str) -> str:
+def write_stiffness(
+    folder: Path, stiffness: Stiffness, case_digest: str, cell_type: str, units: Units = SI
+) -> str:
     """Write the stiffness into a dataset's folder; return the SHA-256 of the file."""
     arrays = {
         "stiffness/data": stiffness.data,
         "stiffness/indices": stiffness.indices,
         "stiffness/indptr": stiffness.indptr,
     }
-    return write_shard(folder / STIFFNESS_FILE, "stiffness", arrays, case_digest, cell_type)
+    path = folder / STIFFNESS_FILE
+    return write_shard(path, "stiffness", arrays, case_digest, cell_type, units)
 
 
 def read_stiffness(folder: Path) -> Stiffness:

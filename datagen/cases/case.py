@@ -20,6 +20,7 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.changed_keys import changed, source_of
 from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.load_cases import read_load_cases
 from shared_schema.manifest import digest_of
 from shared_schema.material import Material, Volumetric
@@ -48,6 +49,8 @@ class Case(Frozen):
         Newton's method, linear solver and load stepping.
     dataset : DatasetSettings
         Number of samples, seed, shards and split.
+    units : Units
+        Labels of the units that all numbers are in; nothing is converted.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
@@ -58,6 +61,7 @@ class Case(Frozen):
     load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...]
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
+    units: Units = Field(SI, exclude_if=lambda units: units == SI)
 
     @field_validator("load", mode="before")
     @classmethod

@@ -38,6 +38,7 @@ from shared_schema.shard import read_attributes, read_shard, write_shard
 from shared_schema.stiffness import write_stiffness
 
 logger = logging.getLogger(__name__)
+FIRST = 10  # samples, after which displacements of an unusual size are warned of
 
 
 class NothingSolvedError(WorkError):
@@ -239,6 +240,9 @@ def _make_piece(
             count(job.solve_next())
         except InputError as error:
             wrong = error
+        is_first = group.is_leader and piece.numbers[0] == 0
+        if is_first and (job.done == FIRST or job.is_complete) and (text := job.size_warning()):
+            logger.warning(text)
     if group.is_leader:
         _keep(case, journal, body.mesh.cell_type, piece, job, is_last)
     return wrong
@@ -266,7 +270,7 @@ def _keep(
 def _write(case: Case, journal: Journal, shard: int, arrays: Arrays, cell_type: str) -> None:
     """Write a shard that holds all its samples, and record it as finished."""
     path = journal.folder / shard_name(shard)
-    digest = write_shard(path, "nodal", arrays, case.digest(), cell_type)
+    digest = write_shard(path, "nodal", arrays, case.digest(), cell_type, case.units)
     journal.record(
         ShardEntry(
             file=path.name,
@@ -333,13 +337,15 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
         parts = first.get("mesh/material")
         stiffness = stiffness_of(mesh, case.material, case.element, parts)
         first_digest = history[0].case_digest if history else case.digest()
-        checksum = write_stiffness(journal.folder, stiffness, first_digest, cell_type)
+        folder, units = journal.folder, case.units
+        checksum = write_stiffness(folder, stiffness, first_digest, cell_type, units)
     return Manifest(
         kind="nodal",
         name=case.name,
         case=case.plain(),
         case_digest=case.digest(),
         seed=case.dataset.seed,
+        units=case.units.labels,
         software=software_versions(),
         dimension=first["mesh/coordinates"].shape[1],
         samples=sum(entry.samples for entry in shards),

@@ -198,7 +198,7 @@ class Journal:
         """Write the solved part of an unfinished shard, and then its checksum."""
         first = min([*arrays["samples/number"], *arrays["failed/number"]])
         path = self._journal / f"part-{shard:05d}-{first:08d}.h5"
-        digest = write_shard(path, "nodal", arrays, case.digest(), cell_type)
+        digest = write_shard(path, "nodal", arrays, case.digest(), cell_type, case.units)
         write_text(path.with_suffix(".sha256"), digest)
 
     def parts(self, shard: int) -> list[Arrays]:

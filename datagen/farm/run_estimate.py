@@ -6,6 +6,7 @@ share the machine's memory.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from datagen.solver.undeformed_stiffness import stiffness_of
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.material import Volumetric
 
+logger = logging.getLogger(__name__)
 SECONDS = 10.0  # of solving, if the samples are fast
 MOST = 20  # samples of a group
 FEWEST = 2
@@ -121,7 +123,9 @@ def dry_run(
         times.append(time.perf_counter() - began)
         if group.agree(lambda: job.done >= FEWEST and sum(times) > SECONDS):
             break
-    arrays = job.arrays()
+    arrays, warning = job.arrays(), job.size_warning()
+    if comm.rank == 0 and warning is not None:
+        logger.warning(warning)
     of_samples = sum(array.nbytes for name, array in arrays.items() if name.startswith("samples/"))
     of_mesh = sum(array.nbytes for array in body.shard_arrays().values())
     counted = times[1:] or times  # the first one allocates and compiles

@@ -16,6 +16,7 @@ from datagen.loads import Load
 from datagen.ranks import on_rank_zero
 from datagen.solver.load_stepping import solve_load_case
 from datagen.stability import with_stability
+from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.layout import NO_NODE, Arrays
 
 Forces = tuple[NDArray[np.int64], NDArray[np.float64]]  # loaded nodes, and forces in N
@@ -115,6 +116,12 @@ class ShardJob:
                 Failed(number, load, reactions, report.load_factor, report.explanation)
             )
         return report.solved
+
+    def size_warning(self) -> str | None:
+        """What is unusual about the size of the displacements so far, if anything is."""
+        displacement = np.array([solved.displacement for solved in self.solved])
+        what = f"the largest displacement of the first {len(self.solved)} samples"
+        return size_warning(displacement, self.body.mesh.coordinates, what)
 
     def arrays(self) -> dict[str, Any]:
         """Results so far as arrays, by their paths in the schema of a nodal shard."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -29,7 +30,7 @@ UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wron
 
 
 class MeshFile(Frozen):
-    """Mesh file, in metres: triangles or quadrilaterals in the plane, tetrahedra or hexahedra.
+    """Mesh file: triangles or quadrilaterals in the plane, tetrahedra or hexahedra.
 
     Attributes
     ----------
@@ -41,11 +42,15 @@ class MeshFile(Frozen):
     sha256 : str, optional
         Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
         mesh.
+    scale : float
+        Factor on all coordinates of the file, such as 0.001 from mm to m. The lengths of the other
+        kinds stand in the case itself.
     """
 
     kind: Literal["file"]
     path: str = Field(min_length=1)
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
+    scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
     _folder: Path = PrivateAttr(default=Path())
 
     def found_from(self, folder: Path, trust: bool = False) -> MeshFile:
@@ -100,7 +105,8 @@ class MeshFile(Frozen):
                 check=False,
             )
             if done.returncode == 0 and result.is_file():
-                return read_raw_mesh(result)
+                mesh = read_raw_mesh(result)
+                return replace(mesh, coordinates=self.scale * mesh.coordinates)
         problem = done.stdout.strip()
         if done.returncode != UNFIT or not problem:
             problem = f"reading it ended with {_ending(done.returncode)}"

@@ -19,8 +19,7 @@ class SolverSettings(Frozen):
     Attributes
     ----------
     tolerance : float, optional
-        Absolute tolerance on the 2-norm of the residual, in N, instead of a relative one; it counts
-        as 1e-6 of the norm of the external forces at most.
+        Absolute tolerance on the 2-norm of the residual, in N; at most 1e-6 of the load counts.
     relative_tolerance : float
         Tolerance on the 2-norm of the residual, as a fraction of that of the external forces. The
         residual need not fall below what rounding leaves of it

@@ -16,6 +16,7 @@ from datagen.quantities import LARGEST_SEED
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
@@ -82,13 +83,12 @@ def _make(reader: DatasetReader, folder: Path, noisy: Manifest, step: dict[str, 
     settings = step["seed"], step["relative"], step["threshold"]
     claim_folder(folder, noisy)
     progress = Progress(manifest.samples, 0, "samples", f"datagen noise {manifest.name}")
-    entries, done = [], 0
+    entries, done, units = [], 0, Units.of_case(manifest.case)
     for entry, arrays in reader:
         factor = noise_factor(arrays, *settings)
         arrays["samples/displacement"] = arrays["samples/displacement"] * factor[:, None, None]
-        digest = write_shard(
-            folder / entry.file, "nodal", arrays, manifest.case_digest, reader.cell_type
-        )
+        path, case_digest = folder / entry.file, manifest.case_digest
+        digest = write_shard(path, "nodal", arrays, case_digest, reader.cell_type, units)
         entries.append(entry.model_copy(update={"sha256": digest}))
         done += entry.samples
         progress.update(done)
@@ -97,7 +97,7 @@ def _make(reader: DatasetReader, folder: Path, noisy: Manifest, step: dict[str, 
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
         update["stiffness"] = write_stiffness(
-            folder, stiffness, manifest.case_digest, reader.cell_type
+            folder, stiffness, manifest.case_digest, reader.cell_type, units
         )
     remove_other_shards(folder, entries)
     return write_manifest(folder, noisy.model_copy(update=update))

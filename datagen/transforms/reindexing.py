@@ -26,6 +26,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.common.progress import Progress
 from shared_schema.dataset_reader import DatasetReader
@@ -132,7 +133,7 @@ def _make(
     force, displacement = RunningStatistics(), RunningStatistics()
     round_trips: list[NDArray[np.float64]] = []
     entries: list[ShardEntry] = []
-    start = 0
+    start, units = 0, Units.of_case(manifest.case)
     for entry, nodal in reader:
         stop = start + entry.samples
         arrays = structured_arrays(nodal, grid, is_test[start:stop])
@@ -141,9 +142,8 @@ def _make(
         force.add(arrays["samples/force"][train][..., grid.mask])
         displacement.add(arrays["samples/displacement"][train][..., grid.mask])
         round_trips.append(round_trip_errors(grid, nodal["samples/displacement"]))
-        digest = write_shard(
-            folder / entry.file, "structured", arrays, manifest.case_digest, cell_type
-        )
+        path, case_digest = folder / entry.file, manifest.case_digest
+        digest = write_shard(path, "structured", arrays, case_digest, cell_type, units)
         entries.append(entry.model_copy(update={"sha256": digest}))
         progress.update(stop)
     progress.close()
@@ -174,7 +174,7 @@ def _make(
         else None,
         stiffness=None
         if stiffness is None
-        else write_stiffness(folder, stiffness, manifest.case_digest, cell_type),
+        else write_stiffness(folder, stiffness, manifest.case_digest, cell_type, units),
     )
     update: dict[str, Any] = {
         "kind": "structured",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.elements_of_case import require_linear_elements
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from surrogate.one_load.backend import OneLoad
 
 Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
 LEVEL = 0.95  # probability of fast bounds
 
 
@@ -298,6 +301,10 @@ class Surrogate(TrainedBody):
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
         correction = self.correct(force, network.mean) if correct else None
         displacement = network.mean if correction is None else correction.displacement
+        what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
+        unusual = size_warning(displacement, self.geometry.coordinates, what)
+        if unusual is not None:
+            logger.warning(unusual)
         certificate: ErrorCertificate | None = None
         half_width = None
         if fast is not None:

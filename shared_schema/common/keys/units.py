@@ -1,12 +1,98 @@
-"""What the units of a case and a dataset are, and when another set may stand for them."""
+"""Units of a case, as labels: numbers are kept as they are given, and written with their unit.
+
+All numbers of a case are in one consistent set, a stress in force over length squared. Its labels
+are metres and newtons unless the case has others under ``units``; nothing is converted by them.
+Lengths are written with the prefix that leaves digits before the point: a node that moves by 2e-7 m
+moves by 0.2 µm.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import Field
+
+from shared_schema.common.configuration import Frozen
 
 GUIDANCE = """\
 Units are SI: m, N, Pa, s. In two dimensions the body is 1 m thick, so forces are per metre of
 thickness. Any other consistent set of units works too, since nothing is converted: a mesh in mm
 needs stresses in MPa; forces are then in N, displacements and errors in mm, `--tolerance` is in mm,
-and a plane body is 1 mm thick. All labels in files, figures and messages still say m and Pa. Use
-the same set for a case and all its networks. A mesh in mm with stresses in Pa describes a body that
-is a thousand times too large: its displacements are far too small.
+and a plane body is 1 mm thick. `units: {length: mm, force: N}` in the case labels datasets,
+figures, pages and messages; without it they say m, N and Pa. Use the same set for a case and all
+its networks. A mesh in mm with stresses in Pa describes a body that is a thousand times too large,
+whose displacements are far too small, which is warned of; `mesh.scale: 0.001` makes it metres.
 """
+PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
+LENGTHS = {**{p + "m": PREFIXES[p] for p in ("n", "µ", "m", "", "k")}, "um": 1e-6, "cm": 1e-2}
+FORCES = {**{p + "N": PREFIXES[p] for p in ("n", "µ", "m", "", "k", "M")}, "uN": 1e-6}
+LENGTHS_SHOWN = ("nm", "µm", "mm", "m", "km")
+FEWEST, MOST = 1e-3, 1e3  # numbers that are written in the usual unit
+PATTERN = r"^[^\s\"'<>&{}$\\%#_^~,;:|`]{1,12}$"
+
+
+class Units(Frozen):
+    """Labels of the units of a case; nothing is converted.
+
+    Attributes
+    ----------
+    length : str
+        Unit of coordinates and displacements, such as mm.
+    force : str
+        Unit of forces, such as N; stresses are in force over length squared, such as MPa.
+    """
+
+    length: str = Field("m", pattern=PATTERN)
+    force: str = Field("N", pattern=PATTERN)
+
+    @classmethod
+    def of_case(cls, case: Mapping[str, Any]) -> Units:
+        """Take those of a case configuration; metres and newtons, if it names none."""
+        return cls.model_validate(case.get("units") or {})
+
+    @property
+    def stress(self) -> str:
+        """Unit of stresses, stiffnesses and pressures."""
+        return self._product("Pa", -2) or f"{self.force}/{self.length}²"
+
+    @property
+    def energy(self) -> str:
+        """Unit of energies."""
+        return self._product("J", 1) or f"{self.force}·{self.length}"
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Units by quantity, as a manifest has them."""
+        return {"length": self.length, "force": self.force, "stress": self.stress, "time": "s"}
+
+    def named(self, unit: str) -> str:
+        """Label of the SI unit m, N, Pa, J or N/m; others stay."""
+        labels = {"m": self.length, "N": self.force, "Pa": self.stress, "J": self.energy}
+        return labels.get(unit, f"{self.force}/{self.length}" if unit == "N/m" else unit)
+
+    def written(self, length: float) -> str:
+        """Write a length with its unit, such as 0.2 µm; metres from 0.001 to 999 mm in mm."""
+        usual = "mm" if self.length == "m" else self.length
+        if self.length not in LENGTHS:
+            return f"{length:.3g} {self.length}"
+        metres = length * LENGTHS[self.length]
+        size = abs(metres)
+        if not FEWEST <= size / LENGTHS[usual] < MOST and 0 < size < float("inf"):
+            fit = [unit for unit in LENGTHS_SHOWN if size >= LENGTHS[unit]]
+            usual = fit[-1] if fit else LENGTHS_SHOWN[0]
+        factor = LENGTHS[self.length] / LENGTHS[usual]
+        return f"{length * factor:.3g} {usual}"
+
+    def _product(self, unit: str, exponent: int) -> str | None:
+        """Unit of force times a power of length, with a prefix; None if there is none."""
+        if self.length not in LENGTHS or self.force not in FORCES:
+            return None
+        factor = FORCES[self.force] * LENGTHS[self.length] ** exponent
+        for prefix, value in PREFIXES.items():
+            if abs(factor / value - 1) < 1e-9:
+                return prefix + unit
+        return None
+
+
+SI = Units()

@@ -399,3 +399,24 @@ def test_two_ranks_share_a_mesh_from_a_file(cell_type: str, tmp_path: Path) -> N
     result = execute(2, Path(path), tmp_path / "two", "--ranks-per-solve", "2")
     assert result.returncode == 0, result.stderr
     assert_near(tmp_path / "one", tmp_path / "two")
+
+
+def test_coordinates_of_a_file_are_scaled(tmp_path: Path) -> None:
+    """A script in mm becomes a body in m; a factor of 1 leaves the case's digest alone."""
+    mesh = {"kind": "file", "path": "own.geo"}
+    plain = read_case(write_case(tmp_path, SQUARE))
+    scaled = read_case(write_case(tmp_path, SQUARE, mesh=mesh | {"scale": 1e-3}))
+    found, expected = scaled.mesh.raw_mesh(), plain.mesh.raw_mesh()
+    np.testing.assert_array_equal(found.coordinates, 1e-3 * expected.coordinates)
+    np.testing.assert_array_equal(found.cells, expected.cells)
+    assert scaled.plain()["mesh"]["scale"] == 1e-3
+    assert "scale" not in plain.plain()["mesh"]
+    unit = read_case(write_case(tmp_path, SQUARE, mesh=mesh | {"scale": 1}))
+    assert unit.digest() == plain.digest()
+
+
+@pytest.mark.parametrize("scale", [0, -1, "mm"])
+def test_a_scale_is_a_positive_number(tmp_path: Path, scale: Any) -> None:
+    mesh = {"kind": "file", "path": "own.geo", "scale": scale}
+    with pytest.raises(InputError, match=r"mesh.*scale"):
+        read_case(write_case(tmp_path, SQUARE, mesh=mesh))

@@ -1,0 +1,65 @@
+"""Labels of units, and lengths that can be read at any size."""
+
+from __future__ import annotations
+
+import pytest
+
+from shared_schema.common.configuration import validate
+from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
+
+
+@pytest.mark.parametrize(
+    ("length", "force", "stress", "energy"),
+    [
+        ("m", "N", "Pa", "J"),
+        ("mm", "N", "MPa", "mJ"),
+        ("mm", "kN", "GPa", "J"),
+        ("µm", "µN", "MPa", "µN·µm"),
+        ("µm", "nN", "kPa", "nN·µm"),
+        ("cm", "N", "N/cm²", "N·cm"),
+        ("in", "lbf", "lbf/in²", "lbf·in"),
+    ],
+)
+def test_stresses_are_in_force_over_length_squared(
+    length: str, force: str, stress: str, energy: str
+) -> None:
+    units = Units(length=length, force=force)
+    assert (units.stress, units.energy) == (stress, energy)
+    assert units.named("Pa") == stress
+    assert units.named("s") == "s"
+
+
+@pytest.mark.parametrize(
+    ("unit", "length", "text"),
+    [
+        ("m", 0.000267, "0.267 mm"),
+        ("m", 0.123456, "123 mm"),
+        ("m", 0.0, "0 mm"),
+        ("m", 2.67e-7, "267 nm"),
+        ("m", 1.09e-5, "0.0109 mm"),
+        ("m", 3e-11, "0.03 nm"),
+        ("m", 0.9, "900 mm"),
+        ("m", 36.5, "36.5 m"),
+        ("m", 4321.0, "4.32 km"),
+        ("m", float("inf"), "inf mm"),
+        ("mm", 0.267, "0.267 mm"),
+        ("mm", 2.67e-4, "267 nm"),
+        ("µm", 10.9, "10.9 µm"),
+        ("in", 2.67e-4, "0.000267 in"),
+    ],
+)
+def test_lengths_are_written_in_a_unit_that_fits(unit: str, length: float, text: str) -> None:
+    assert Units(length=unit).written(length) == text
+
+
+def test_cases_without_units_are_in_metres_and_newtons() -> None:
+    assert Units.of_case({}) == Units()
+    assert Units.of_case({"units": {"length": "mm"}}).force == "N"
+    assert Units().labels == {"length": "m", "force": "N", "stress": "Pa", "time": "s"}
+
+
+@pytest.mark.parametrize("label", ["", "a b", "<b>", "x" * 13, "$m$"])
+def test_a_label_is_a_word(label: str) -> None:
+    with pytest.raises(InputError, match="length"):
+        validate(Units, {"length": label}, "case")
