@@ -7,6 +7,7 @@ import pytest
 
 from shared_schema.common.errors import WorkError
 from surrogate.certify.correction import correct, safest_start
+from surrogate.certify.smoothed_prediction import smoothed
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
@@ -86,3 +87,37 @@ def test_failure_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     force = end_load(geometry, 3.0, -9.0)
     with pytest.raises(WorkError, match="no equilibrium after 1 Newton iterations, residual"):
         correct(Equilibrium(geometry, MATERIAL), force, 0 * force)
+
+
+@pytest.mark.parametrize("cell_type", FORCES)
+def test_a_few_inverted_cells_do_not_cost_the_prediction(cell_type: str) -> None:
+    """One inner node of the exact field is moved by two edges; the rest of it is kept."""
+    geometry = box(cell_type)
+    equilibrium = Equilibrium(geometry, MATERIAL)
+    force, x = end_load(geometry, *FORCES[cell_type]), geometry.coordinates
+    expected = correct(equilibrium, force, np.zeros_like(x))
+    wrong, tip = expected.displacement.copy(), geometry.tip
+    wrong[tip, 0] -= 2 * np.ptp(x[geometry.cells], axis=1).max()
+    assert equilibrium.inverted(wrong[None]) > 0
+    start, u = safest_start(equilibrium, force[None], wrong[None])
+    assert start == "smoothed prediction"
+    moved = np.abs(u[0] - wrong).max(axis=1) > 1e-12
+    assert 0 < np.count_nonzero(moved) < len(x) / 2
+    found = correct(equilibrium, force, wrong)
+    assert found.start == "smoothed prediction"
+    assert found.iterations <= expected.iterations
+    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-8)
+
+
+def test_smoothing_keeps_turned_and_stretched_patches() -> None:
+    """Of u = A x one inner node is moved across its cells; it comes back to A x."""
+    geometry = box("tetra")
+    equilibrium = Equilibrium(geometry, MATERIAL)
+    x = geometry.coordinates
+    turned = x @ np.random.default_rng(0).normal(scale=0.2, size=(3, 3))
+    inside = np.all((x > x.min(axis=0)) & (x < x.max(axis=0)), axis=1)
+    wrong = turned.copy()
+    wrong[np.flatnonzero(inside)[0], 0] += 2 * np.ptp(x[geometry.cells], axis=1).max()
+    found = smoothed(equilibrium, wrong[None])
+    assert found is not None
+    np.testing.assert_allclose(found[0], turned, atol=1e-12)

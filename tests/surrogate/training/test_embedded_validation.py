@@ -53,7 +53,7 @@ def test_validation_errors_are_those_at_the_nodes(
     train(config, dataset, tmp_path / "run", device="cpu")
     last = RunFolder(tmp_path / "run").metric_lines()[-1]
     held_out = dataset.nodal_train(split_training(dataset.train, config).validation_rows)
-    predicted = load(tmp_path / "run").predict_distribution(held_out.force).mean
+    predicted = load(tmp_path / "run").predict(held_out.force)
     tip = dataset.geometry.tip
     expected = measure(held_out.force, predicted, held_out.displacement, tip)
     assert last["validation_error"] == pytest.approx(expected.mean_error, rel=1e-4)

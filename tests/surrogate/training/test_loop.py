@@ -349,7 +349,7 @@ def test_progress_says_loss_and_validation_error(
     assert f"epoch 6, loss {last['train_loss']:.3g}, validation error" in said
     rows = split_training(dataset.train, make_config()).validation_rows
     held_out = dataset.nodal_train(rows)
-    predicted = load(run.folder).predict_distribution(held_out.force).mean
+    predicted = load(run.folder).predict(held_out.force)
     measured = measure(held_out.force, predicted, held_out.displacement, dataset.geometry.tip)
     relative = measured.relative_error_mean  # as `surrogate evaluate` has it
     assert last["validation_relative_error"] == pytest.approx(relative, rel=1e-4)
