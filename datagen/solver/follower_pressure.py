@@ -1,18 +1,9 @@
-r"""Pressure that follows the deformed surface: its nodal forces, and their derivative.
+r"""Pressure that follows the deformed surface: its part in residual and tangent.
 
-.. math::
-    f_a(u) = -p \int_{Γ(u)} N_a \, n \, dS = -p \sum_q w_q N_a \; t_1 × t_2, \qquad
-    t_k = \sum_b \frac{∂N_b}{∂ξ_k} (x_b + u_b),
+.. math:: f_a(u) = -p \int_{Γ(u)} N_a \, n \, dS
 
-with the tangents t of a facet (in the plane, n dS is its tangent turned by 90°). The derivative
-with respect to the position of corner b, which the tangent of the body lacks, is
-
-.. math::
-    \frac{∂f_a}{∂u_b} e = -p \sum_q w_q N_a \left(
-    \frac{∂N_b}{∂ξ_1} \, e × t_2 + \frac{∂N_b}{∂ξ_2} \, t_1 × e \right).
-
-It is not symmetric (Bonet and Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*,
-Section 8.5.2).
+and its derivative with respect to u, which the tangent of the body lacks, are those of
+`shared_schema.common.bodies.facet_quadrature`.
 """
 
 from __future__ import annotations
@@ -24,7 +15,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.mesh.node_numbering import NodeNumbering
-from shared_schema.common.bodies.facet_quadrature import facet_tangents, normals_of, pressure_forces
+from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
 
 Array = NDArray[np.float64]
 
@@ -87,28 +78,3 @@ class FollowerPressure:
                     rows, columns = self._rows[corners].ravel(), self._columns[corners].ravel()
                     matrix.setValues(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
-
-
-def facet_derivatives(positions: Array, facets: NDArray[np.int64], pressure: float) -> Array:
-    """Derivatives of the nodal forces of every facet: (n_facets, corners · d, corners · d) in N/m.
-
-    Parameters
-    ----------
-    positions : array, (n_nodes, d)
-        Positions of the nodes on the deformed body in m.
-    facets : array of int, (n_facets, corners)
-    pressure : float
-        In Pa.
-    """
-    tangents, weighted, gradients = facet_tangents(positions[facets])
-    count, points, _, d = tangents.shape
-    change = np.zeros((count, points, facets.shape[1], d, d))  # of n dS, by corner and component
-    for along in range(d - 1):
-        for component in range(d):
-            moved = tangents.copy()
-            moved[:, :, along] = np.eye(d)[component]
-            by_unit = normals_of(moved)  # linear in each tangent
-            change[..., component] += gradients[None, :, :, along, None] * by_unit[:, :, None]
-    blocks = -pressure * np.einsum("qa,fqbij->faibj", weighted, change)
-    size = facets.shape[1] * d
-    return blocks.reshape(count, size, size)

@@ -19,11 +19,19 @@ in a stable equilibrium. A body may have several of them.
 The iteration ends by the rule of the finite elements
 (`shared_schema.common.bodies.force_tolerance`). Under a load that is hidden by rounding errors it
 is one step from the undeformed body.
+
+Where the volumes of the cells change as a whole, the prediction's are made right first
+(`surrogate.mechanics.solids.mean_dilation`).
+
+Under pressures that follow the surface there is no Π. The start is then the prediction, unless the
+undeformed body has the shorter step, and steps are those of `Equilibrium.damped_step`. These can
+stall, or end where the body is not stable. Then the load is increased from nothing, in steps that
+are halved where no stable equilibrium is found, as `datagen` does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +48,7 @@ SUFFICIENT = 1e-4  # c
 LAST_STEP = 1e-3  # of the displacement: largest step after which the tangent before it will do
 SMALL_SHIFT = 1e-6  # first τ beside an unstable equilibrium, which may be so nearly stable
 AMPLITUDE = 0.1  # of a step along a mode, over the size of a cell
+SMALLEST_STEP, STEP_ITERATIONS = 1e-3, 15  # of a load that is increased
 
 
 @dataclass(frozen=True)
@@ -52,7 +61,7 @@ class Correction:
         In m.
     start : str
         Start with the lowest energy: "prediction", "smoothed prediction", "linear response" or
-        "undeformed body".
+        "undeformed body"; or "undeformed body by load steps".
     iterations : int
         Number of Newton iterations.
     residual_norm : float
@@ -99,12 +108,52 @@ def correct(
         If 200 iterations do not lead to an equilibrium.
     """
     f = forces[None]
-    if 0 < LOOSEST * np.linalg.norm(f) < equilibrium.round_off.at_rest:  # Π does not feel the load
-        u = equilibrium.linear_response(f)
+    load = equilibrium.at_rest(f)
+    if 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:  # Π does not feel it
+        u = equilibrium.linear_response(load)
         residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
         return Correction(u[0], "undeformed body", 1, residual)
     start, u = safest_start(equilibrium, f, predicted[None])
-    return iterated(equilibrium, f, u, start, tolerance)
+    if equilibrium.pressure is None:
+        return iterated(equilibrium, f, u, start, tolerance)
+    try:
+        found = iterated(equilibrium, f, u, start, tolerance)
+        if equilibrium.response_at(found.displacement) is not None:
+            return found
+    except WorkError:
+        pass
+    return increased(equilibrium, f, tolerance)
+
+
+def increased(
+    equilibrium: Equilibrium, f: Array, tolerance: ForceTolerance | float = DEFAULT
+) -> Correction:
+    """Increase a load, dead forces f (1, n_nodes, d) and pressures, from nothing.
+
+    Raises
+    ------
+    WorkError
+        If a thousandth of the load has no stable equilibrium next to the last one.
+    """
+    pressure = equilibrium.pressure
+    assert pressure is not None
+    u, iterations, reached, step = np.zeros_like(f), 0, 0.0, 0.25
+    while reached < 1:
+        part = min(1.0, reached + step)
+        under, start = equilibrium.under(pressure.scaled(part)), "undeformed body by load steps"
+        try:
+            found = iterated(under, part * f, u, start, tolerance, STEP_ITERATIONS)
+        except WorkError:
+            stable = False
+        else:
+            stable = under.response_at(found.displacement) is not None
+        if stable:
+            u, reached, iterations = found.displacement[None], part, iterations + found.iterations
+        else:
+            step /= 2
+        if step < SMALLEST_STEP:
+            raise WorkError(f"no stable equilibrium beyond {reached:.3g} of the load")
+    return replace(found, iterations=iterations)
 
 
 def iterated(
@@ -113,23 +162,33 @@ def iterated(
     u: Array,
     start: str,
     tolerance: ForceTolerance | float = DEFAULT,
+    most: int | None = None,
 ) -> Correction:
-    """Iterate from a start without inverted cells, f and u (1, n_nodes, d); WorkError as above."""
+    """Iterate from a start without inverted cells, f and u (1, n_nodes, d).
+
+    Raises
+    ------
+    WorkError
+        If `most` iterations, 200 by default, do not lead to an equilibrium.
+    """
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
-    r, load = equilibrium.out_of_balance(u, f), float(np.linalg.norm(f * equilibrium.free))
+    load = float(np.linalg.norm(equilibrium.at_rest(f) * equilibrium.free))
+    r, dead = equilibrium.out_of_balance(u, f), equilibrium.pressure is None
     left, stable = 0, False  # stable is what the last tangent says of u
-    for iteration in range(ITERATIONS + 1):
+    for iteration in range((most or ITERATIONS) + 1):
         norm, size = float(np.linalg.norm(r)), float(np.linalg.norm(u))
         if norm <= tolerance.under(load, equilibrium.round_off, size):
-            mode = None if stable else equilibrium.unstable_mode(u)
+            mode = None if stable or not dead else equilibrium.unstable_mode(u)
             if mode is None:
                 return Correction(u[0], start, iteration, norm, left)
             advanced, left = _beside(equilibrium, f, u, mode), left + 1
-        else:
+        elif dead:
             step, definite = equilibrium.newton_step(u, r, SMALL_SHIFT if left else FIRST_SHIFT)
             advanced = searched(equilibrium, f, u, r, step)
             stable = definite and float(np.linalg.norm(step)) <= LAST_STEP * size
+        else:
+            advanced = equilibrium.damped_step(u, f, r, HALVINGS)
         if advanced is None:
             break
         u, r = advanced
@@ -175,7 +234,9 @@ def _beside(
 
 
 def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[str, Array]:
-    """Choose the start of lowest potential energy: its name, and the displacement.
+    """Choose the start of lowest potential energy, or nearest to equilibrium under pressures.
+
+    Its name, and the displacement.
 
     Parameters
     ----------
@@ -183,11 +244,17 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
     f, predicted : array, (1, n_nodes, d)
         In N and m.
     """
-    linear = equilibrium.linear_response(f)
+    linear = equilibrium.linear_response(equilibrium.at_rest(f))
+    held = np.where(equilibrium.free, predicted, 0.0)
+    if np.isfinite(held).all() and not equilibrium.inverted(held).any():
+        held = equilibrium.relaxed(held, f)
+    if equilibrium.pressure is not None:
+        distance, farthest = equilibrium.distance(held, f), np.linalg.norm(linear)
+        return ("prediction", held) if distance <= farthest else ("undeformed body", 0 * f)
     while equilibrium.inverted(linear).any():
         linear = linear / 2
     starts = {
-        "prediction": np.where(equilibrium.free, predicted, 0.0),
+        "prediction": held,
         "linear response": linear,
         "undeformed body": np.zeros_like(f),
     }

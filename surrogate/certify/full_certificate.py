@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from surrogate.certify.certificate_protocol import millimetres
-from surrogate.certify.correction import searched
+from surrogate.certify.correction import HALVINGS, searched
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -135,8 +135,9 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
     error = np.full(u.shape, np.inf)
     error[sound] = u[sound] - truth[sound]
+    load = norms(equilibrium.at_rest(f) * equilibrium.free)
     return Certificate(
-        out_of_balance=_ratio(residual, norms(f * equilibrium.free)).reshape(shape[:-2]),
+        out_of_balance=_ratio(residual, load).reshape(shape[:-2]),
         error=error.reshape(shape),
         relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),
@@ -146,11 +147,16 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
 
 def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Step from predictions until Newton's method contracts: the estimates of the truth."""
-    truth, settled, going = u.copy(), np.zeros(len(u), dtype=bool), np.arange(len(u))
-    for round_number in range(ROUNDS):
+    truth, settled, going = (
+        equilibrium.relaxed(u, f),
+        np.zeros(len(u), dtype=bool),
+        np.arange(len(u)),
+    )
+    improved = equilibrium.mean_dilation
+    for _ in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
         # Improved states must be closer: their first step counts as the last part, not the second.
-        last = norms(found.steps if round_number else found.simplified)
+        last = norms(found.steps if improved else found.simplified)
         error = norms(u[going] - truth[going] - found.steps)
         small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
         contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
@@ -159,10 +165,13 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
             one = slice(row, row + 1)
             r = equilibrium.out_of_balance(truth[one], f[one])
-            advanced = searched(equilibrium, f[one], truth[one], r, step[None])
+            if equilibrium.pressure is None:
+                advanced = searched(equilibrium, f[one], truth[one], r, step[None])
+            else:
+                advanced = equilibrium.damped_step(truth[one], f[one], r, HALVINGS)
             if advanced is not None:
                 truth[one] = advanced[0]
-        going = going[~contracts]
+        going, improved = going[~contracts], True
         if len(going) == 0:
             break
     return truth, settled

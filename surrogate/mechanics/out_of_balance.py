@@ -12,11 +12,20 @@ A second step with the same factorisation, the simplified Newton step
 :math:`\bar δ = -K(u)^{-1} r(u + δ)`, tells what δ leaves:
 :math:`Θ = ‖\bar δ‖_2 / ‖δ‖_2` is the contraction of Newton's method (Deuflhard, *Newton Methods for
 Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small.
+
+Under pressures that follow the surface (`surrogate.mechanics.follower_pressure`),
+
+.. math:: r(u) = f_{int}(u) - f - f_p(u), \qquad K = \frac{∂f_{int}}{∂u} - \frac{∂f_p}{∂u}.
+
+K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
+counts as stable where the symmetric part of K is positive definite: then every small displacement
+takes work.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -28,7 +37,8 @@ from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.band_matrix import BandCholesky, BandLayout, BandLU, unfolded
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 
@@ -50,7 +60,7 @@ class NewtonSteps:
     simplified : array, (N, n_nodes, d)
         Simplified steps from u + δ in m; not finite if a cell is inverted there.
     stable : array of bool, (N,)
-        True where K(u) is positive definite.
+        True where K(u), or its symmetric part, is positive definite.
     """
 
     steps: Array
@@ -88,7 +98,11 @@ class Equilibrium:
         Mean length in m of one edge of the cells.
     rounding : float
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
+    pressure : FollowerPressure or None
+        Pressures of one load case, which act on all displacements (`under`).
     """
+
+    pressure: FollowerPressure | None = None
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells
@@ -104,12 +118,23 @@ class Equilibrium:
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
 
+    def under(self, pressure: FollowerPressure) -> Equilibrium:
+        """Return equilibria of the same body, under the pressures of one load case as well."""
+        body, _ = copy(self), self.undeformed  # whose factor both have
+        body.pressure = pressure if pressure.pressures.any() else None
+        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
+        return body
+
+    def at_rest(self, f: Array) -> Array:
+        """Forces on the undeformed body, those of pressures too: (N, n_nodes, d) in N → same."""
+        return f if self.pressure is None else f + self.pressure.at_rest
+
     def inverted(self, u: Array) -> NDArray[np.int64]:
         """Number of inverted cells, (N,); a cell with a NaN counts as well."""
         return self.solid.inverted(torch.from_numpy(u)).numpy()
 
     def potential(self, u: Array, f: Array) -> Array:
-        """Π(u) in J, (N,); +∞ if a cell is inverted."""
+        """Π(u) under dead forces in J, (N,); +∞ if a cell is inverted."""
         energy = self.solid.energy(torch.from_numpy(u)).numpy()
         potential: Array = energy - (u * f).sum((1, 2))
         potential[np.isnan(potential)] = np.inf
@@ -118,6 +143,8 @@ class Equilibrium:
     def out_of_balance(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
         r: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy() - f
+        if self.pressure is not None:
+            r -= self._pressures_of(u).forces(u)
         r *= self.free
         return r
 
@@ -154,6 +181,62 @@ class Equilibrium:
         mode[0, self.layout.dofs] = found
         return mode.reshape(u.shape)
 
+    def distance(self, u: Array, f: Array) -> float:
+        """‖δ‖ in m of a single displacement (1, n_nodes, d), infinite if a cell is inverted."""
+        if not np.isfinite(u).all() or self.inverted(u)[0]:
+            return np.inf
+        return float(norms(self.newton_step(u, self.out_of_balance(u, f))[0])[0])
+
+    def damped_step(
+        self, u: Array, f: Array, r: Array, halvings: int
+    ) -> tuple[Array, Array] | None:
+        r"""Step to a state that is closer to equilibrium, by the simplified step from there.
+
+        With the largest :math:`α = 2^{-m}` for which :math:`‖K(u)^{-1} r(u + α δ)‖ \le (1 -
+        α / 4) \, ‖δ‖` (Deuflhard 2004, Section 3.3). It needs no Π.
+
+        Parameters
+        ----------
+        u, f, r : array, (1, n_nodes, d)
+            Displacement without inverted cells in m, dead forces and r(u) in N.
+        halvings : int
+            Largest m.
+
+        Returns
+        -------
+        tuple of array, or None
+            The next displacement, and r there; None if there is no such step.
+        """
+        factor, _ = self._factors(u)[0]
+        step = self._solved([factor], r)
+        for halving in range(halvings):
+            part = 0.5**halving
+            trial = u + part * step
+            if self.inverted(trial)[0]:
+                continue
+            new = self.out_of_balance(trial, f)
+            if norms(self._solved([factor], new))[0] <= (1 - part / 4) * norms(step)[0]:
+                return trial, new
+        return None
+
+    def relaxed(self, u: Array, f: Array) -> Array:
+        """Make the volumes of the cells right by a step, if they change as a whole.
+
+        Where that leads to inverted cells, or the relaxed tangent is not positive definite,
+        displacements stay as they are: (N, n_nodes, d) in m, without inverted cells → same.
+        """
+        if not isinstance(self.solid, MeanDilationSolid):
+            return u
+        found, r = u.copy(), self.out_of_balance(u, f)
+        for row in range(len(u)):
+            one = slice(row, row + 1)
+            cells = self.solid.cell_tangents(torch.from_numpy(u[one]), relaxed=True)
+            factor = BandCholesky.of(self.layout.assembled(cells)[0])
+            if factor is not None:
+                trial = u[one] + self._solved([factor], r[one])
+                found[one] = trial if self.inverted(trial)[0] == 0 else u[one]
+        return found
+
     def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
         """Return δ, and the simplified step after it, at displacements without inverted cells."""
         steps, simplified = np.zeros(u.shape), np.full(u.shape, np.nan)
@@ -179,10 +262,10 @@ class Equilibrium:
         It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
         d).
         """
-        factor = BandCholesky.of(self._bands(u[None])[0])
-        return None if factor is None else partial(self._response, factor)
+        factor, stable = self._factors(u[None])[0]
+        return partial(self._response, factor) if stable else None
 
-    def _response(self, factor: BandCholesky, f: Array) -> Array:
+    def _response(self, factor: BandCholesky | BandLU, f: Array) -> Array:
         response = np.zeros((len(f), self._size))
         forces = f.reshape(response.shape)[:, self.layout.dofs]
         response[:, self.layout.dofs] = factor.solve(forces.T).T
@@ -205,16 +288,34 @@ class Equilibrium:
 
     def _factors(
         self, u: Array, first_shift: float = FIRST_SHIFT
-    ) -> list[tuple[BandCholesky, bool]]:
-        """Factorise every K(u), or K(u) + τ K(0); say whether it was K(u)."""
-        found = []
+    ) -> list[tuple[BandCholesky | BandLU, bool]]:
+        """Factorise every K(u), or K(u) + τ K(0); say whether K(u) is stable."""
+        found: list[tuple[BandCholesky | BandLU, bool]] = []
+        if self.pressure is not None:
+            return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
         for row, band in enumerate(self._bands(u)):
             factor = BandCholesky.of(band)
             shifted = factor or self._shifted(u[row : row + 1], first_shift)
             found.append((shifted, factor is not None))
         return found
 
-    def _solved(self, factors: Sequence[BandCholesky], r: Array) -> Array:
+    def _factor_under_pressure(self, u: Array) -> tuple[BandCholesky | BandLU, bool]:
+        """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
+        (band,), parts = self._bands(u), list(self._pressures_of(u).tangents(u))
+        for _, facets, blocks in parts:
+            self.layout.add(band, facets, blocks)
+        full = unfolded(band)
+        for _, facets, blocks in parts:
+            self.layout.add_skew(full, facets, blocks)
+        factor = BandLU.of(full)
+        return factor or self.undeformed, BandCholesky.of(band) is not None
+
+    def _pressures_of(self, u: Array) -> FollowerPressure:
+        """Pressures on every displacement."""
+        assert self.pressure is not None
+        return self.pressure[np.zeros(len(u), dtype=np.int64)]
+
+    def _solved(self, factors: Sequence[BandCholesky | BandLU], r: Array) -> Array:
         """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
         flat = r.reshape(len(r), self._size)
         found = np.zeros_like(flat)

@@ -4,8 +4,17 @@ A pressure p on the facets Γ, whose outward normal is n, has the nodal forces
 
 .. math:: f_a = -p \int_{Γ} N_a \, n \, dS,
 
-in N if Γ is that of the present (deformed or undeformed) body. Facets are edges, triangles and
-quadrilaterals. In two dimensions the body is 1 m thick.
+in N if Γ is that of the present (deformed or undeformed) body. With the tangents
+:math:`t_k = \sum_b ∂N_b/∂ξ_k \, x_b` of a facet, n dS is :math:`t_1 × t_2` (in the plane, the tangent
+turned by 90°), and the derivative of the forces with respect to the position of corner b is
+
+.. math::
+    \frac{∂f_a}{∂x_b} e = -p \sum_q w_q N_a \left(
+    \frac{∂N_b}{∂ξ_1} \, e × t_2 + \frac{∂N_b}{∂ξ_2} \, t_1 × e \right).
+
+It is not symmetric (Bonet and Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*,
+Section 8.5.2). Facets are edges, triangles and quadrilaterals. In two dimensions the body is 1 m
+thick.
 """
 
 from __future__ import annotations
@@ -135,6 +144,31 @@ def area_vectors(positions: Array, facets: NDArray[np.int64]) -> Array:
 def pressure_forces(positions: Array, facets: NDArray[np.int64], pressure: float) -> Array:
     """Nodal forces of a pressure in Pa on facets of the present body: (n_nodes, d) in N."""
     return -pressure * area_vectors(positions, facets)
+
+
+def facet_derivatives(positions: Array, facets: NDArray[np.int64], pressure: float) -> Array:
+    """Derivatives of the nodal forces of every facet: (n_facets, corners · d, corners · d) in N/m.
+
+    Parameters
+    ----------
+    positions : array, (n_nodes, d)
+        Positions of the nodes on the present body in m.
+    facets : array of int, (n_facets, corners)
+    pressure : float
+        In Pa.
+    """
+    tangents, weighted, gradients = facet_tangents(positions[facets])
+    count, points, _, d = tangents.shape
+    change = np.zeros((count, points, facets.shape[1], d, d))  # of n dS, by corner and component
+    for along in range(d - 1):
+        for component in range(d):
+            moved = tangents.copy()
+            moved[:, :, along] = np.eye(d)[component]
+            by_unit = normals_of(moved)  # linear in each tangent
+            change[..., component] += gradients[None, :, :, along, None] * by_unit[:, :, None]
+    blocks = -pressure * np.einsum("qa,fqbij->faibj", weighted, change)
+    size = facets.shape[1] * d
+    return blocks.reshape(count, size, size)
 
 
 def facet_shares(corners: Array) -> Array:

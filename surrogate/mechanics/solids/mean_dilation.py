@@ -10,6 +10,10 @@ volume:
 
 Internal forces and tangents are its derivatives, by automatic differentiation. The same equations,
 in UFL, are those of `datagen.discretisation.element`; a test compares the two.
+
+A displacement that is slightly wrong has pressures :math:`∂W/∂θ` that are very wrong, since a small
+change of the volume makes a large one. The tangent without their part,
+:math:`∂E/∂θ \; ∂^2 θ / ∂u^2`, is called relaxed; a step with it makes the volumes right.
 """
 
 from __future__ import annotations
@@ -36,15 +40,16 @@ class MeanDilationSolid(Solid):
             (forces,) = torch.autograd.grad(self._cell_energies(variable).sum(), variable)
         return self.sum_at_nodes(forces)
 
-    def cell_tangents(self, u: Tensor) -> Tensor:
+    def cell_tangents(self, u: Tensor, relaxed: bool = False) -> Tensor:
         """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).
 
-        Rows and columns are numbered corner · d + component.
+        Rows and columns are numbered corner · d + component. A relaxed tangent lacks the part of
+        the cells' pressures, as if these were unknown.
         """
         count, _, corners, d = self.gradients.shape
         with torch.inference_mode(False), torch.enable_grad():
             variable = self.at_corners(u).clone().requires_grad_()
-            energy = self._cell_energies(variable).sum()
+            energy = self._cell_energies(variable, relaxed).sum()
             (forces,) = torch.autograd.grad(energy, variable, create_graph=True)
             rows = [
                 torch.autograd.grad(forces[:, :, i, a].sum(), variable, retain_graph=True)[0]
@@ -54,12 +59,25 @@ class MeanDilationSolid(Solid):
         k = torch.stack(rows, dim=2).transpose(-1, -2)  # (n_cells, N, rows, n_corners, d)
         return k.reshape(count, len(u), corners * d, corners * d).transpose(0, 1)
 
-    def _cell_energies(self, at_corners: Tensor) -> Tensor:
-        """Strain energy of every cell in J: (n_cells, N, d, n_corners) → (n_cells, N)."""
+    def _cell_energies(self, at_corners: Tensor, relaxed: bool = False) -> Tensor:
+        """Strain energy of every cell in J: (n_cells, N, d, n_corners) → (n_cells, N).
+
+        A relaxed one has another gradient, and that second derivative which lacks the pressure.
+        """
         f = self.gradient_of(at_corners)
         j, weights = determinant(f), self.volumes[:, None]
         dilation = (weights * j).sum(-1, keepdim=True) / weights.sum(-1, keepdim=True)
+        energies = self._energies_of(f, j, dilation)
+        if relaxed:
+            fixed = dilation.detach().requires_grad_()
+            energy = self._energies_of(f.detach(), j.detach(), fixed).sum()
+            (pull,) = torch.autograd.grad(energy, fixed)
+            energies = energies - (pull * dilation).squeeze(-1)
+        return energies
+
+    def _energies_of(self, f: Tensor, j: Tensor, dilation: Tensor) -> Tensor:
+        """Strain energy of every cell by F and J at its points and its θ: → (n_cells, N)."""
         inside = (j > 0).all(-1, keepdim=True)
         ratio = torch.where(inside, dilation / j, torch.ones_like(j))
         density = self.by_material(energy_density, ratio ** (1 / len(f)) * f)
-        return (weights * torch.where(inside, density, torch.inf)).sum(-1)
+        return (self.volumes[:, None] * torch.where(inside, density, torch.inf)).sum(-1)

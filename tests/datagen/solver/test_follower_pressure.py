@@ -11,11 +11,14 @@ from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed, make_mesh
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.follower_pressure import facet_derivatives
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.facet_quadrature import area_vectors, pressure_forces
+from shared_schema.common.bodies.facet_quadrature import (
+    area_vectors,
+    facet_derivatives,
+    pressure_forces,
+)
 from shared_schema.material import MooneyRivlin
 
 MATERIAL = MooneyRivlin(c10=60, c01=25, bulk_modulus=300)
