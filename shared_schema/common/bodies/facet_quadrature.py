@@ -5,8 +5,8 @@ A pressure p on the facets Γ, whose outward normal is n, has the nodal forces
 .. math:: f_a = -p \int_{Γ} N_a \, n \, dS,
 
 in N if Γ is that of the present (deformed or undeformed) body. With the tangents
-:math:`t_k = \sum_b ∂N_b/∂ξ_k \, x_b` of a facet, n dS is :math:`t_1 × t_2` (in the plane, the tangent
-turned by 90°), and the derivative of the forces with respect to the position of corner b is
+:math:`t_k = \sum_b ∂N_b/∂ξ_k \, x_b` of a facet, n dS is :math:`t_1 × t_2` (in the plane, the
+tangent turned by 90°), and the derivative of the forces with respect to the position of corner b is
 
 .. math::
     \frac{∂f_a}{∂x_b} e = -p \sum_q w_q N_a \left(
