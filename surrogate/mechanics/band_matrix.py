@@ -108,8 +108,10 @@ class BandLayout:
         dofs = (parts[:, :, None] * self._dimension + np.arange(self._dimension)).reshape(
             len(parts), -1
         )
-        row, column = self._place[dofs][:, :, None], self._place[dofs][:, None, :]
-        return np.broadcast_arrays(row, column)
+        row, column = np.broadcast_arrays(
+            self._place[dofs][:, :, None], self._place[dofs][:, None, :]
+        )
+        return row, column
 
 
 def _narrow_order(
