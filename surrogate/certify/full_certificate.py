@@ -18,6 +18,7 @@ which there is no estimate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import fields as fields_of
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.correction import HALVINGS, searched
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
 
 Array = NDArray[np.float64]
@@ -143,6 +145,33 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
         inverted=inverted.reshape(shape[:-2]),
         settled=settled.reshape(shape[:-2]),
     )
+
+
+def certify_each(
+    equilibrium: Equilibrium, pressure: FollowerPressure, forces: Array, predicted: Array
+) -> Certificate:
+    """Estimate the errors of predictions under pressures that follow the surface.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        Of the body under dead forces.
+    pressure : FollowerPressure
+        Pressures of every load case.
+    forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
+        Dead nodal forces in N, and predicted displacements in m.
+    """
+    f, u = (fields.reshape(-1, *predicted.shape[-2:]) for fields in (forces, predicted))
+    each = [
+        certify(equilibrium.under(pressure[one]), f[one], u[one])
+        for one in (slice(row, row + 1) for row in range(len(u)))
+    ]
+    shape = predicted.shape[:-2]
+    joined = {
+        field.name: np.concatenate([getattr(found, field.name) for found in each])
+        for field in fields_of(Certificate)
+    }
+    return Certificate(**{k: v.reshape((*shape, *v.shape[1:])) for k, v in joined.items()})
 
 
 def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -40,7 +40,9 @@ class Geometry:
     groups : mapping of str to array of bool, (n_nodes,)
         Nodes of the named groups of the mesh.
     pressed : array of int, (n_facets, n_corners), or None
-        Facets that a pressure of the case follows.
+        Facets that a pressure of the case follows, seen from outside.
+    pressed_surface : array of int, (n_facets,), or None
+        Number of the surface that each of them belongs to; None in runs of earlier versions.
     mean_dilation : bool
         True if the volume of a cell changes as a whole
         (`surrogate.mechanics.solids.mean_dilation`). Not among the arrays: the case says it
@@ -57,6 +59,7 @@ class Geometry:
     parts: NDArray[np.int64] | None = None
     groups: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     pressed: NDArray[np.int64] | None = None
+    pressed_surface: NDArray[np.int64] | None = None
     mean_dilation: bool = False
 
     @classmethod
@@ -73,6 +76,7 @@ class Geometry:
             arrays.get("mesh/material"),
             groups_of(arrays),
             arrays.get("mesh/pressed"),
+            arrays.get("mesh/pressed_surface"),
         )
 
     @classmethod
@@ -95,6 +99,7 @@ class Geometry:
             arrays.get("parts"),
             groups,
             arrays.get("pressed"),
+            arrays.get("pressed_surface"),
         )
 
     def arrays(self) -> Arrays:
@@ -106,8 +111,9 @@ class Geometry:
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
         others: Arrays = {GROUP + name: members for name, members in self.groups.items()}
-        if self.pressed is not None:
-            others["pressed"] = self.pressed
+        for name in ("pressed", "pressed_surface"):
+            if (values := getattr(self, name)) is not None:
+                others[name] = values
         return {
             PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
             for name, array in (*self.arrays().items(), *others.items())
@@ -129,6 +135,16 @@ class Geometry:
     def free(self) -> NDArray[np.bool_]:
         """Components of displacement that are not held, (n_nodes, d)."""
         return ~self.held
+
+    @property
+    def surfaces(self) -> tuple[NDArray[np.int64], ...]:
+        """Facets of every surface under a pressure of the case; one surface in earlier runs."""
+        if self.pressed is None:
+            return ()
+        if self.pressed_surface is None:
+            return (self.pressed,)
+        of = self.pressed_surface
+        return tuple(self.pressed[of == number] for number in range(int(of.max()) + 1))
 
     @property
     def loaded_body(self) -> LoadedBody:

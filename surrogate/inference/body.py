@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.data.elements_of_case import require_known_elements, require_linear_elements
+from surrogate.data.elements_of_case import require_known_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import fields_at_nodes
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.runs.description import RunDescription
@@ -66,16 +67,13 @@ class TrainedBody:
             )
         return self.equilibrium
 
+    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
+        """Equilibrium under dead loads, and under the pressures of one load case if there are."""
+        return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
+
     @property
     def stressed(self) -> Solid:
-        """The solid whose stresses are known.
-
-        Raises
-        ------
-        InputError
-            If its material is none of the shipped ones, or its elements are not linear.
-        """
-        require_linear_elements(self.description.data.case, "stresses and reactions")
+        """The solid whose stresses are known; InputError as `equilibrium`."""
         return self.equilibrium.solid
 
     def stresses(self, displacement: ArrayLike | Tensor) -> dict[str, Array]:

@@ -14,6 +14,7 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.follower_pressure import FollowerPressure
 
 LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
@@ -62,6 +63,57 @@ def checked_force(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
     if nodal.ndim != 2:
         raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
     return nodal
+
+
+def checked_pressure(
+    geometry: Geometry, pressure: ArrayLike | None, forces: Array
+) -> FollowerPressure | None:
+    """Return the pressures that are a part of nodal forces, (n_nodes, d) or (N, n_nodes, d).
+
+    Parameters
+    ----------
+    geometry : Geometry
+    pressure : array, (n_surfaces,) or (N, n_surfaces), or None
+        In Pa; a number if there is one surface. None for a body without such surfaces.
+
+    Raises
+    ------
+    InputError
+        If it is missing, its shape is wrong, or a number is not finite.
+    """
+    surfaces = geometry.surfaces
+    if pressure is None and surfaces:
+        raise InputError(
+            "pressure is missing: the loads of the case have one that follows the surface, "
+            "expected its value in Pa beside the forces, 0 if forces act alone"
+        )
+    if pressure is None:
+        return None
+    if not surfaces:
+        raise InputError("pressure: the case has none, expected forces only")
+    values = real_numbers(pressure, "pressure")
+    cases = len(forces) if forces.ndim == 3 else 1
+    if values.ndim < 2 and values.size == len(surfaces):
+        values = np.broadcast_to(values.reshape(1, -1), (cases, len(surfaces)))
+    if values.shape != (cases, len(surfaces)) or not np.isfinite(values).all():
+        raise InputError(
+            f"pressure has shape {np.shape(pressure)}, expected {len(surfaces)} finite "
+            f"{'number' if len(surfaces) == 1 else 'numbers'} in Pa for each load case"
+        )
+    return FollowerPressure(geometry.coordinates, surfaces, values)
+
+
+def dead_part(forces: Array, pressure: FollowerPressure | None) -> Array:
+    """Forces in N without those of pressures on the undeformed body, of the same shape."""
+    return forces if pressure is None else forces - pressure.at_rest.reshape(forces.shape)
+
+
+def following(given: CommandLoads) -> FollowerPressure | None:
+    """Pressures of a load as those of one load case; None if it has none."""
+    if not given.surfaces:
+        return None
+    pressures = np.array([given.pressures])
+    return FollowerPressure(given.body.coordinates, tuple(given.surfaces), pressures)
 
 
 def given_load(

@@ -23,8 +23,17 @@ from surrogate.data.geometry import Geometry
 from surrogate.data.load_range import PressedNodes
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
-from surrogate.inference.given_load import Load, checked_force, checked_forces, given_load
+from surrogate.inference.given_load import (
+    Load,
+    checked_force,
+    checked_forces,
+    checked_pressure,
+    dead_part,
+    following,
+    given_load,
+)
 from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.held_nodes import HeldNodes
 from surrogate.networks.nodal_network import NodalNetwork
@@ -299,7 +308,8 @@ class Surrogate(TrainedBody):
         interval = None
         if intervals is not None and conformal is not None:
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
-        correction = self.correct(force, network.mean) if correct else None
+        dead, pressure = given.forces, following(given)
+        correction = self._corrected(dead, pressure, network.mean) if correct else None
         displacement = network.mean if correction is None else correction.displacement
         what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
         unusual = size_warning(displacement, self.geometry.coordinates, what)
@@ -312,7 +322,7 @@ class Surrogate(TrainedBody):
             certificate = bounds = fast.certify(force, displacement, level, std)
             half_width = bounds.half_width
         elif certify:
-            certificate = self.certify(force, displacement)
+            certificate = self._certified(dead, pressure, displacement)
         return Solution(
             geometry=self.geometry,
             case=self.description.run.case,
@@ -333,26 +343,35 @@ class Surrogate(TrainedBody):
 
     # --- certificates and corrections -------------------------------------------------------------
 
-    def certify(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Certificate:
+    def certify(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> Certificate:
         """Estimate the errors of predictions from their out-of-balance forces.
 
         Parameters
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N.
+            Nodal forces in N, with those that pressures have on the undeformed body, as in a
+            dataset.
         predicted : array of the same shape, optional
             Displacements in m; by default those of `predict`.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            Pressures in Pa on the surfaces of the case, which follow the deformed body: expected if
+            and only if the case has such surfaces; 0 if forces act alone.
 
         Raises
         ------
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        from surrogate.certify.full_certificate import certify
-
-        equilibrium = self.balanced()
         nodal = checked_forces(self.geometry, forces)
-        return certify(equilibrium, nodal, self._displacement(nodal, predicted))
+        follows = checked_pressure(self.geometry, pressure, nodal)
+        displacement = self._displacement(nodal, predicted)
+        return self._certified(dead_part(nodal, follows), follows, displacement)
 
     def bounds(
         self, forces: ArrayLike, predicted: ArrayLike | None = None, level: float = LEVEL
@@ -386,15 +405,32 @@ class Surrogate(TrainedBody):
             predicted, std = network.mean, network.std
         return fast.certify(nodal, self._displacement(nodal, predicted), level, std)
 
-    def correct(self, forces: ArrayLike, predicted: ArrayLike | None = None) -> Correction:
+    def _certified(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Certificate:
+        from surrogate.certify.full_certificate import certify, certify_each
+
+        if pressure is None:
+            return certify(self.equilibrium, dead, displacement)
+        return certify_each(self.equilibrium, pressure, dead, displacement)
+
+    def correct(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> Correction:
         """Go on from a prediction to the finite elements' equilibrium.
 
         Parameters
         ----------
         forces : array, (n_nodes, d)
-            Nodal forces in N.
+            Nodal forces in N, as those of `certify`.
         predicted : array of the same shape, optional
             Displacements in m, which may be wrong; by default those of `predict`.
+        pressure : array, (n_surfaces,)
+            As that of `certify`.
 
         Raises
         ------
@@ -404,10 +440,16 @@ class Surrogate(TrainedBody):
             If no equilibrium is found.
         """
         nodal = checked_force(self.geometry, forces)
-        return self._corrected(nodal, self._displacement(nodal, predicted))
+        follows = checked_pressure(self.geometry, pressure, nodal)
+        displacement = self._displacement(nodal, predicted)
+        return self._corrected(dead_part(nodal, follows), follows, displacement)
 
     def correct_each(
-        self, forces: ArrayLike, predicted: ArrayLike | None = None
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
     ) -> list[Correction]:
         """Go on from many predictions to their equilibria, one after the other.
 
@@ -415,6 +457,8 @@ class Surrogate(TrainedBody):
         ----------
         forces, predicted : array, (N, n_nodes, d)
             As in `correct`.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `certify`.
 
         Raises
         ------
@@ -427,21 +471,23 @@ class Surrogate(TrainedBody):
         nodal = checked_forces(self.geometry, forces)
         if nodal.ndim != 3:
             raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
-        found = []
-        for number, load in enumerate(
-            zip(nodal, self._displacement(nodal, predicted), strict=True)
-        ):
+        follows = checked_pressure(self.geometry, pressure, nodal)
+        displacement, found = self._displacement(nodal, predicted), []
+        for number, dead in enumerate(dead_part(nodal, follows)):
+            one = None if follows is None else follows[slice(number, number + 1)]
             try:
-                found.append(self._corrected(*load))
+                found.append(self._corrected(dead, one, displacement[number]))
             except WorkError as error:
                 raise WorkError(f"load {number}: {error}") from None
         return found
 
-    def _corrected(self, force: Array, predicted: Array) -> Correction:
+    def _corrected(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Correction:
         from surrogate.certify.correction import correct
 
         tolerance = ForceTolerance.of_case(self.description.data.case)
-        return correct(self.balanced(), force, predicted, tolerance)
+        return correct(self.under(pressure), dead, displacement, tolerance)
 
     def _displacement(self, nodal: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""

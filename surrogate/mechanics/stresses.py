@@ -11,13 +11,15 @@ from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.neo_hookean import determinant
 from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
 
 
 def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict[str, Array]:
-    """Fields of stress at the middle of every cell.
+    """Fields of stress at the middle of every cell, where the volumes of cells change: of F̄.
 
     Parameters
     ----------
@@ -36,7 +38,11 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     gradients = gradients_at(*mesh, middle)[0][:, 0]
     h = np.einsum("ncbi,cbj->ijcn", displacement[:, geometry.cells], gradients)
     identity = np.eye(geometry.dimension)[:, :, None, None]
-    f = completed(torch.from_numpy(h + identity)[..., None])
+    gradient = torch.from_numpy(h + identity)
+    if isinstance(solid, MeanDilationSolid):  # F̄ of the cell's dilation
+        ratio = solid.dilation(torch.from_numpy(displacement)) / determinant(gradient)
+        gradient = ratio ** (1 / geometry.dimension) * gradient
+    f = completed(gradient[..., None])
     p, w = solid.by_material(stress, f), solid.by_material(energy_density, f)
     of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
     first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()

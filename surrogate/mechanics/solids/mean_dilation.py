@@ -65,8 +65,8 @@ class MeanDilationSolid(Solid):
         A relaxed one has another gradient, and that second derivative which lacks the pressure.
         """
         f = self.gradient_of(at_corners)
-        j, weights = determinant(f), self.volumes[:, None]
-        dilation = (weights * j).sum(-1, keepdim=True) / weights.sum(-1, keepdim=True)
+        j = determinant(f)
+        dilation = self._dilation_of(j)
         energies = self._energies_of(f, j, dilation)
         if relaxed:
             fixed = dilation.detach().requires_grad_()
@@ -74,6 +74,15 @@ class MeanDilationSolid(Solid):
             (pull,) = torch.autograd.grad(energy, fixed)
             energies = energies - (pull * dilation).squeeze(-1)
         return energies
+
+    def dilation(self, u: Tensor) -> Tensor:
+        """θ of every cell: (N, n_nodes, d) in m → (n_cells, N)."""
+        return self._dilation_of(determinant(self.deformation_gradient(u))).squeeze(-1)
+
+    def _dilation_of(self, j: Tensor) -> Tensor:
+        """Mean of J over a cell: (n_cells, N, n_points) → (n_cells, N, 1)."""
+        weights = self.volumes[:, None]
+        return (weights * j).sum(-1, keepdim=True) / weights.sum(-1, keepdim=True)
 
     def _energies_of(self, f: Tensor, j: Tensor, dilation: Tensor) -> Tensor:
         """Strain energy of every cell by F and J at its points and its θ: → (n_cells, N)."""

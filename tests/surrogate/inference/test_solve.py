@@ -13,7 +13,9 @@ import torch
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
+from surrogate.mechanics.follower_pressure import FollowerPressure
 
+FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
 LOAD = "4,1:0,-1.5"  # at the upper right corner, in N
 
 
@@ -161,3 +163,43 @@ def test_plot(name: str) -> None:
     if name == "beam2d_any":
         figure = model.solve(force, certify="full").plot()
         assert figure.axes[1].get_ylabel() == "estimated error of a node [mm]"
+
+
+def test_pressure_is_certified_and_corrected() -> None:
+    """The soft finger under a pressure and a force beside `datagen solve` of the same load.
+
+    The estimate is exact within a thousandth of the error of the network, which is 0.03 mm or more.
+    """
+    model = surrogate.load("finger3d")
+    loads = ["notches:1000", "0.0879998235442,0,0.00794686562931:0,0.02,0"]
+    certified = model.solve(loads, certify="full", nearest=True)
+    corrected = model.solve(loads, correct=True, stresses=True, nearest=True)
+    assert corrected.correction is not None
+    found = corrected.displacement
+    tip = found[model.geometry.tip]
+    assert tip == pytest.approx(FINGER_TIP, rel=1e-6)
+    wrong = certified.displacement - found
+    assert 3e-5 < np.linalg.norm(wrong, axis=1).max() < 1e-3
+    assert certified.estimated_error == pytest.approx(wrong, abs=1e-3 * np.abs(wrong).max())
+    forces = certified.force
+    by_array = model.correct(forces, pressure=1000)
+    assert by_array.displacement == pytest.approx(found, abs=1e-9)
+    two = model.certify(np.stack([forces] * 2), np.stack([found] * 2), pressure=[[1000], [990]])
+    assert two.max_error[0] < 1e-9 < 1e-5 < two.max_error[1]
+    with pytest.raises(InputError, match="pressure is missing"):
+        model.certify(forces)
+    with pytest.raises(InputError, match=r"pressure has shape \(2,\), expected 1 finite number"):
+        model.correct(forces, pressure=[1, 2])
+    beam = surrogate.load("beam2d_any")
+    with pytest.raises(InputError, match="the case has none"):
+        beam.certify(np.zeros_like(beam.geometry.coordinates), pressure=1)
+    assert corrected.reaction is not None
+    pushed = model.equilibrium.under(_pressure(model, 1000)).pressure
+    assert pushed is not None
+    balance = corrected.reaction + pushed.forces(found[None])[0]
+    assert balance.sum(axis=0) == pytest.approx([0, -0.02, 0], abs=1e-9)
+
+
+def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowerPressure:
+    body = model.geometry
+    return FollowerPressure(body.coordinates, body.surfaces, np.array([[pressure]]))
