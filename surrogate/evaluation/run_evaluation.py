@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ from surrogate.runs.shelf import copy_run, find_run, require_changeable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 AT_ONCE = 64  # samples
 
@@ -217,7 +219,8 @@ def evaluate(
         split.
     certify : bool
         Calibrate the fast certificate on the run's held-out samples, and measure its coverage on
-        the test split and, not promised there, on the other loads.
+        the test split and, not promised there, on the other loads. A body that has no fast
+        certificate is evaluated without, with a warning.
     example_displacement : float, optional
         Tip displacement in m of the test sample to show, among those loaded at the tip; by default
         three quarters of the largest.
@@ -242,7 +245,7 @@ def evaluate(
     intervals, fast, others, calibration = None, None, None, None
     if conformal is not None:
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
-    if certify:
+    if certify and has_estimate(surrogate):
         fast = fit_fast_certificate(surrogate, data, passes, seed)
     predicted = surrogate.averaged_passes(force, passes, seed)
     if surrogate.is_probabilistic:
@@ -294,6 +297,16 @@ def evaluate(
         stress=stress,
         content=content,
     )
+
+
+def has_estimate(surrogate: Surrogate) -> bool:
+    """Whether there are fast estimates for the body of a run; if not, log a warning why."""
+    try:
+        surrogate.fast_estimate  # noqa: B018
+    except InputError as error:
+        logger.warning("no fast certificate: %s", error)
+        return False
+    return True
 
 
 def require_tested(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> None:

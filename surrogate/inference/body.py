@@ -62,8 +62,9 @@ class TrainedBody:
         """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
         if self.geometry.pressed is not None:
             raise InputError(
-                "the loads of the case have a pressure that follows the surface, so that the "
-                "forces of a prediction cannot be balanced; expected dead loads"
+                "the loads of the case have a pressure that follows the surface: bounds, proposed "
+                "loads, refinement and estimates on a page are for dead loads; full certificates "
+                "and corrections are there"
             )
         return self.equilibrium
 

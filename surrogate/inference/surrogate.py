@@ -519,9 +519,9 @@ class Surrogate(TrainedBody):
         """The calibrated bounds of the run; InputError if it has none."""
         from surrogate.certify.fast_certificate import FastCertificate, read_calibration
 
-        run = self.run
+        estimate, run = self.fast_estimate, self.run
         run.seal.require_intact(run.fast_certificate)
-        return FastCertificate(self.fast_estimate, *read_calibration(run.fast_certificate))
+        return FastCertificate(estimate, *read_calibration(run.fast_certificate))
 
     def _fast_of_level(self, level: float) -> FastCertificate:
         """Return the calibrated bounds; InputError if they have no such level."""

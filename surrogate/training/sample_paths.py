@@ -20,6 +20,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.memory import require_memory
+from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import require_linear_elements
@@ -176,9 +177,14 @@ def compute_missing(dataset: Dataset, rows: Tensor, count: int) -> None:
     Raises
     ------
     InputError
-        If the elements of the case are not linear.
+        If the elements of the case are not linear, or its loads have a pressure.
     """
     require_linear_elements(dataset.manifest.case, "load paths")
+    if dataset.geometry.pressed is not None:
+        raise InputError(
+            "key 'training.load_paths': the loads of the case have a pressure that follows the "
+            "surface, expected 0; load paths are for dead loads"
+        )
     missing = [n for n in files_of(rows) if not path_file(dataset, n, count).is_file()]
     if not missing:
         return

@@ -89,7 +89,7 @@ def test_from_mesh_to_prediction(tmp_path: Path) -> None:
 
         # The correction is the factory's equilibrium, and the certificate knows the error before.
         corrected = tmp_path / "corrected.npz"
-        options = ["--certify", "--out", corrected]
+        options = ("--certify", "--out", str(corrected))
         execute(SURROGATE, "predict", run, *loads, *options)
         with np.load(corrected) as certified:
             wrong = certified["displacement"] - u

@@ -203,3 +203,12 @@ def test_pressure_is_certified_and_corrected() -> None:
 def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowerPressure:
     body = model.geometry
     return FollowerPressure(body.coordinates, body.surfaces, np.array([[pressure]]))
+
+
+def test_what_has_no_fast_bound_says_so() -> None:
+    """Not that a calibration is missing, which could not be made."""
+    finger = surrogate.load("finger3d")
+    with pytest.raises(InputError, match="'incompressible': bounds"):
+        finger.solve("notches:1000", certify="fast")
+    with pytest.raises(InputError, match="bounds, proposed loads, refinement and estimates"):
+        finger.balanced()
