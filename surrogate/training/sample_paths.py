@@ -19,8 +19,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shared_schema.common.memory import require_memory
 from shared_schema.common.errors import InputError
+from shared_schema.common.memory import require_memory
 from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import require_linear_elements
