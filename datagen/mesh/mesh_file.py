@@ -1,4 +1,4 @@
-"""Mesh from a file of the user: a gmsh script or mesh, or any file that meshio reads.
+"""Mesh from a file of the user: a gmsh script or mesh, a CAD file, or any file that meshio reads.
 
 The file is read by another process, so that gmsh or a library that meshio uses can end (they may
 crash, exit or ask a question) without ending this one.
@@ -15,14 +15,16 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, model_validator
 
+from datagen.mesh.cad_file import is_cad, mesh_of_cad
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
 from datagen.mesh.gmsh_script import require_harmless
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
+from datagen.quantities import Size
 from shared_schema.common.checksum import sha256
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError, first_line
 
 OF_GMSH = (".geo", ".msh")
@@ -37,8 +39,10 @@ class MeshFile(Frozen):
     kind : "file"
         Kind of the geometry.
     path : str
-        Path relative to the case file. gmsh meshes ``.geo`` and reads ``.msh``; meshio reads all
-        other files.
+        Path relative to the case file. gmsh meshes ``.geo`` and CAD files (``.step``, ``.iges``,
+        ``.brep``) and reads ``.msh``; meshio reads all other files.
+    size : float, optional
+        Size of the cells in m before `scale`, of a CAD file only.
     sha256 : str, optional
         Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
         mesh.
@@ -49,9 +53,17 @@ class MeshFile(Frozen):
 
     kind: Literal["file"]
     path: str = Field(min_length=1)
+    size: Size | None = Field(None, exclude_if=absent)
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
     _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _has_size_of_cad(self) -> MeshFile:
+        if is_cad(self.path) != (self.size is not None):
+            expected = "that of the cells in m" if is_cad(self.path) else "none, it is no CAD file"
+            raise ValueError(f"'size' of '{self.path}': expected {expected}")
+        return self
 
     def found_from(self, folder: Path, trust: bool = False) -> MeshFile:
         """Copy this mesh file with its path resolved against `folder` and its checksum filled in.
@@ -97,7 +109,7 @@ class MeshFile(Frozen):
         with TemporaryDirectory() as folder:
             result = Path(folder) / "mesh.npz"
             done = subprocess.run(
-                [sys.executable, "-m", __name__, str(path.absolute()), str(result)],
+                [sys.executable, "-m", __name__, str(path.absolute()), str(result), str(self.size)],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 text=True,
@@ -107,7 +119,7 @@ class MeshFile(Frozen):
             if done.returncode == 0 and result.is_file():
                 mesh = read_raw_mesh(result)
                 return replace(mesh, coordinates=self.scale * mesh.coordinates)
-        problem = done.stdout.strip()
+        problem = (done.stdout.strip().splitlines() or [""])[-1]  # libraries print before
         if done.returncode != UNFIT or not problem:
             problem = f"reading it ended with {_ending(done.returncode)}"
         raise InputError(f"key 'mesh.path' = '{self.path}': {problem}")
@@ -117,10 +129,13 @@ def _ending(code: int) -> str:
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
-def main(path: Path, result: Path) -> int:
+def main(path: Path, result: Path, size: str) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        mesh = _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
+        if is_cad(path):
+            mesh = mesh_of_cad(path, float(size))
+        else:
+            mesh = _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
@@ -167,4 +182,4 @@ def _by_meshio(path: Path) -> RawMesh:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2])))
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]))
