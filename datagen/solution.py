@@ -204,11 +204,6 @@ def _solved(
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
     if start is not None and (given.surfaces or given.moved.any()):
         raise InputError(f"--start{said}: expected forces only, no pressure or --move")
-    if stresses and case.element != "linear":
-        raise InputError(
-            f"--stresses: key 'element' = '{case.element}': expected 'linear', the only elements "
-            "whose stresses are computed"
-        )
     if (warning := body.warning()) is not None:
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))

@@ -98,6 +98,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     """Make the function that computes the fields of a sample with stresses and reactions."""
     from mpi4py import MPI
 
+    from datagen.discretisation.element import element_kind
     from datagen.mesh.distributed_mesh import distributed
     from datagen.mesh.raw_mesh import RawMesh
     from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
@@ -105,10 +106,10 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     from datagen.solver.settings import SolverSettings
 
     element = dataset.manifest.case.get("element", "linear")
-    if element != "linear":
+    if not element_kind(element, dataset.cell_type).corners_only:
         raise InputError(
-            f"{folder}: key 'element' = '{element}': expected 'linear', the only elements whose "
-            "stresses are computed"
+            f"{folder}: key 'element' = '{element}': the dataset has no displacements between the "
+            "corners of the cells, which stresses need; expected `datagen solve --stresses`"
         )
     material = materials_of(dataset.manifest.case.get("material"), f"{folder}: case.material")
     count, parts = len(as_tuple(material)), dataset.parts
@@ -120,6 +121,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
         material,
         dataset.held,
         SolverSettings(tolerance=1.0, linear_solver="lu"),  # nothing is solved
+        element,
         parts=dataset.parts,
         surfaces=dataset.surfaces,
     )

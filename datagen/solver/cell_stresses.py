@@ -1,17 +1,32 @@
-"""Stresses and reactions of the current state of a body on one rank."""
+r"""Stresses and reactions of the current state of a body on one rank.
+
+Elements with a dilation θ (`datagen.discretisation.element`) have the stresses of
+:math:`\bar F = (θ/J)^{1/d} F`, the deformation gradient that their energy is that of.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import basix
+import dolfinx
 import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from datagen.dolfinx_versions import COMPILER_OPTIONS, evaluate, point_expression
+from datagen.discretisation.element_loop import ElementLoop
+from datagen.dolfinx_versions import (
+    COMPILER_OPTIONS,
+    evaluate,
+    form,
+    functionspace,
+    point_expression,
+)
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.strain_energy import completed, deformation_gradient, energy_density
+from datagen.solver.weak_form import cell_volumes, kernels_of
+from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.bodies.stress_fields import stress_fields
 from shared_schema.material import Material
 
@@ -36,10 +51,11 @@ class CellStresses:
         materials: Sequence[Material],
         parts: NDArray[np.int64] | None,
     ) -> None:
+        self._update_dilation: Callable[[], None]
         domain = problem.mesh.domain
         kind = getattr(basix.CellType, domain.topology.cell_type.name)
         middle = basix.geometry(kind).mean(axis=0)[None]
-        f = ufl.variable(completed(deformation_gradient(problem.u)))
+        f = ufl.variable(completed(self._gradient(problem)))
         self._mesh, self._pieces = problem.mesh, []
         count = len(problem.mesh.cells)
         of_cells = np.zeros(count, dtype=np.int64) if parts is None else parts
@@ -51,8 +67,37 @@ class CellStresses:
             expression = point_expression(ufl.as_vector([*values, w]), middle, COMPILER_OPTIONS)
             self._pieces.append((expression, np.flatnonzero(local == number).astype(np.int32)))
 
+    def _gradient(self, problem: EquilibriumProblem) -> Any:
+        """F, or F̄ of elements with a dilation, as a UFL expression of the current state."""
+        kind, mesh, state = problem.kind, problem.mesh, problem.u
+        self._update_dilation = lambda: None
+        if kind.dilation == "pointwise":
+            return deformation_gradient(state)
+        if kind.dilation == "continuous":
+            u, t, _ = ufl.split(state)
+            dilation = 1 + t / mean_edge(mesh.coordinates, mesh.cells)
+        else:
+            of_cells = dolfinx.fem.Function(functionspace(mesh.domain, ("DG", 0, (1,))))
+            u, dilation = state, of_cells[0]
+            degree = {"quadrature_degree": kind.quadrature_degree}
+            dx = ufl.Measure("dx", mesh.domain, metadata=degree)
+            deformed = form(ufl.det(deformation_gradient(u)) * dx, COMPILER_OPTIONS)
+            (kernel,) = kernels_of(deformed).values()
+            count, cell_dofs = len(problem.unknowns.cell_dofs), problem.unknowns.cell_dofs
+            places = np.arange(count, dtype=np.int32)[:, None]
+            loop = ElementLoop(kernel, state, cell_dofs, places, count)
+            volumes = cell_volumes(problem.unknowns, dx)
+
+            def update() -> None:
+                of_cells.x.array[:count] = loop.run() / volumes
+
+            self._update_dilation = update
+        f = deformation_gradient(u)
+        return (dilation / ufl.det(f)) ** (1 / problem.dimension) * f
+
     def fields(self) -> dict[str, Array]:
         """Fields of stress of the current state, (n_cells, …), in the order of the mesh's cells."""
+        self._update_dilation()
         found = np.empty((len(self._mesh.cells), 19))
         for expression, cells in self._pieces:
             if cells.size:
