@@ -259,7 +259,7 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
         "undeformed body": np.zeros_like(f),
     }
     if equilibrium.inverted(starts["prediction"]).any():
-        without = smoothed(equilibrium, starts["prediction"])
+        without = smoothed(equilibrium, f, starts["prediction"])
         starts |= {} if without is None else {"smoothed prediction": without}
     potentials = {
         name: float(equilibrium.potential(u, f)[0])

@@ -3,7 +3,8 @@ r"""A prediction without the few cells that it inverts: their nodes follow those
 .. math:: Δu = 0 \text{ in the patch}, \qquad u \text{ as predicted around it}, \qquad
     ∇u · n = \bar H · n \text{ on the surface of the body}
 
-The patch is the inverted cells; it grows by the cells around until none is inverted.
+The patch is the inverted cells, or these with the cells around, up to three times: that of lowest
+potential energy, which is infinite while a cell is inverted and large while one almost is.
 :math:`\bar H` is the median of ∇u over the cells next to it. Δ is that of the finite elements, so
 that a patch that is only turned and stretched is exact.
 """
@@ -24,14 +25,14 @@ FEW = 0.3  # of the cells, beyond which a prediction is wrong as a whole
 GROWTHS = 3  # of the patch
 
 
-def smoothed(equilibrium: Equilibrium, predicted: Array) -> Array | None:
+def smoothed(equilibrium: Equilibrium, load: Array, predicted: Array) -> Array | None:
     """Smooth a prediction where it inverts cells.
 
     Parameters
     ----------
     equilibrium : Equilibrium
-    predicted : array, (1, n_nodes, d)
-        In m, zero where it is held.
+    load, predicted : array, (1, n_nodes, d)
+        Nodal forces in N; displacements in m, zero where they are held.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def smoothed(equilibrium: Equilibrium, predicted: Array) -> Array | None:
     if patch.mean() > FEW or not np.isfinite(predicted).all():
         return None
     laplacian, outward = laplacian_of(equilibrium)
-    volumes, u = solid.volumes.numpy(), predicted.copy()
+    volumes, best, lowest = solid.volumes.numpy(), None, np.inf
     slopes = np.einsum("ijcq,cq->cij", f[:, :, :, 0].numpy(), volumes)
     slopes = slopes / volumes.sum(axis=1)[:, None, None] - np.eye(len(f))
     for _ in range(GROWTHS + 1):
@@ -54,6 +55,7 @@ def smoothed(equilibrium: Equilibrium, predicted: Array) -> Array | None:
         touching = np.asarray(np.isin(cells, nodes).any(axis=1))
         beside = slopes[touching & ~patch]
         slope = np.median(beside, axis=0) if len(beside) else np.zeros_like(slopes[0])
+        u = predicted.copy()
         for component, free in enumerate(equilibrium.free.T):
             inner = nodes[free[nodes]]
             outer = np.setdiff1d(np.arange(solid.nodes), inner)
@@ -62,10 +64,11 @@ def smoothed(equilibrium: Equilibrium, predicted: Array) -> Array | None:
                 sides -= laplacian[inner][:, outer] @ predicted[0, outer, component]
                 factor = splu(csc_array(laplacian[inner][:, inner]))
                 u[0, inner, component] = factor.solve(sides)
-        if not equilibrium.inverted(u).any():
-            return u
+        potential = float(equilibrium.potential(u, load)[0])
+        if potential < lowest:
+            best, lowest = u, potential
         patch = touching
-    return None
+    return best
 
 
 def laplacian_of(equilibrium: Equilibrium) -> tuple[csc_array, Array]:
