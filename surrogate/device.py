@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import Lock
 from typing import Literal
 
 import torch
@@ -76,12 +77,29 @@ def convolutions(precision: Precision) -> Iterator[None]:
 
     PyTorch lets tensor cores round the factors to 11 significant bits (TF32, a relative error of
     5e-4) unless it is told otherwise. Here only ``tensorfloat32`` does so. Gradients are computed
-    in the same context. Nothing changes on a CPU.
+    in the same context. Nothing changes on a CPU. The setting is that of all threads; the first
+    one to enter changes it, and the last one to leave restores it.
     """
-    cudnn = torch.backends.cudnn
-    before = cudnn.allow_tf32
-    cudnn.allow_tf32 = precision == "tensorfloat32"
+    with _LOCK:
+        if not _ENTERED:
+            _BEFORE[:] = [torch.backends.cudnn.allow_tf32]
+        _ENTERED.append(precision)
+        _set_precision()
     try:
         yield
     finally:
-        cudnn.allow_tf32 = before
+        with _LOCK:
+            _ENTERED.reverse()
+            _ENTERED.remove(precision)  # the last one of these
+            _ENTERED.reverse()
+            _set_precision()
+
+
+_LOCK = Lock()
+_ENTERED: list[Precision] = []  # by all threads, in their order
+_BEFORE = [True]
+
+
+def _set_precision() -> None:
+    allowed = _ENTERED[-1] == "tensorfloat32" if _ENTERED else _BEFORE[0]
+    torch.backends.cudnn.allow_tf32 = allowed

@@ -58,7 +58,7 @@ class GraphPrediction:
         on_gpu = self.device.type == "cuda"
         shape = (samples, *model.geometry.coordinates.shape)
         if passes is not None:
-            model.passes.draw(0, range(passes))
+            model.passes.fix(0, range(passes))
         function = NodalFunction(model.nodal_network, passes).eval()
         self.sent = torch.zeros(shape, pin_memory=on_gpu)
         self.received = torch.zeros(shape, pin_memory=on_gpu)

@@ -76,7 +76,7 @@ def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
     if passes is None:
         model.passes.forget()
     else:
-        model.passes.draw(0, range(passes))
+        model.passes.fix(0, range(passes))
     fast = torch.compile(function, mode="reduce-overhead" if device.type == "cuda" else "default")
     single = force.astype(np.float32)
 

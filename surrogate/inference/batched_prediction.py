@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import reduce
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
-from torch.func import functional_call
+from torch import Tensor, nn
 
 from surrogate.device import convolutions
 from surrogate.models.model import Model
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.drawn import drawables, using
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
@@ -21,6 +23,7 @@ from surrogate.probabilistic.stochastic_passes import Passes
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
 Array = NDArray[np.float64]
+Module = TypeVar("Module", bound=nn.Module)
 
 
 class BatchedPrediction:
@@ -56,16 +59,14 @@ class BatchedPrediction:
 
         All samples are one batch, since their intermediate values are kept.
         """
-        self.passes.forget()  # weights drawn without gradients cannot take part in any
-        weights = {name: value.detach() for name, value in self.network.named_parameters()}
+        network = without_gradients(self.network)
         passes = passes if self.passes.differ else 1
         single, total = force.float(), torch.zeros_like(force)
         for chunk in self._chunks(passes, len(force)):
-            self.passes.draw(seed, chunk)
-            predicted: Prediction = functional_call(self.network, weights, (single, len(chunk)))
-            part = predicted.mean.to(total.dtype).mean(dim=0)
-            total = total + part * (len(chunk) / passes)
-        self.passes.forget()
+            drawn = self.passes.draw(seed, chunk).values()
+            with using(dict(zip(drawables(network), drawn, strict=True))):
+                mean, _ = network(single, len(chunk))
+            total = total + mean.to(total.dtype).mean(dim=0) * (len(chunk) / passes)
         return total
 
     @property
@@ -94,6 +95,16 @@ class BatchedPrediction:
 
     def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
         """Return the moments of some passes in double precision."""
-        self.passes.draw(seed, passes)
-        mean, std = self.network(force, len(passes))
+        with self.passes.drawn(seed, passes):
+            mean, std = self.network(force, len(passes))
         return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
+
+
+def without_gradients(module: Module) -> Module:
+    """Return a module with the same weights, which take part in no gradient; nothing is copied."""
+    same = copy(module)
+    weights: dict[str, Any] = dict(module._parameters)
+    same._parameters = {k: None if w is None else w.detach() for k, w in weights.items()}
+    parts = module._modules.items()
+    same._modules = {k: None if part is None else without_gradients(part) for k, part in parts}
+    return same

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,14 @@ class TrainedBody:
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         self.network, self.geometry, self.description = network, geometry, description
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is computed at first use: a copy computes it again."""
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if not isinstance(getattr(type(self), name, None), cached_property)
+        }
 
     @cached_property
     def equilibrium(self) -> Equilibrium:

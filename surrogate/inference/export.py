@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from threading import RLock
 from typing import Literal
 
 import numpy as np
@@ -45,6 +46,7 @@ ONNX_LIMIT = 2e9  # bytes in one file
 TOLERANCE = 1e-4
 CHECKED_BATCHES, CHECKED_LOADS = (1, 8), 4  # random loads, on so many nodes at most
 PRECISION = 2.0**-23  # relative, of numbers in single precision
+_EXPORTS = RLock()  # PyTorch's exporters and settings of warnings are for one thread at a time
 
 
 class NodalFunction(nn.Module):
@@ -94,6 +96,9 @@ def export(
 ) -> float:
     """Write the network of a run to a file, and compare the file's results with the network's.
 
+    Threads export in turn. No other thread may use PyTorch meanwhile, since its exporter changes
+    the operations of all threads; another process may.
+
     Parameters
     ----------
     run : str or Path
@@ -128,7 +133,8 @@ def export(
     require_packages(format)
     if seed is not None and passes is None:
         raise InputError(f"--seed {seed}: expected beside --passes")
-    return export_network(load(run), format, path, passes, seed)
+    with _EXPORTS:
+        return export_network(load(run), format, path, passes, seed)
 
 
 def export_network(
@@ -154,7 +160,7 @@ def export_network(
         require_passes(passes, seed or 0)
         drawn = sum(p.nbytes for p in surrogate.network.parameters()) if passes > 1 else 0
         require_memory(passes * drawn, f"--passes {passes}: the file")
-        surrogate.passes.draw(seed or 0, range(passes))
+        surrogate.passes.fix(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
     function = NodalFunction(surrogate.nodal_network, passes)
 
@@ -171,7 +177,7 @@ def export_network(
     names = ("force", "response")[: len(inputs)]
     if not response_given:
         _make_exportable(surrogate)
-    with torch.no_grad(), _silence(), complete_or_absent(path) as partial:
+    with _EXPORTS, torch.no_grad(), _silence(), complete_or_absent(path) as partial:
         try:
             shapes = tuple({0: Dim("samples")} for _ in inputs)
             program = torch.export.export(function, inputs, dynamic_shapes=shapes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,10 @@ class KeptColumns:
         self.respond, self.size = respond, size
         self._columns: NDArray[np.float32] | None = None
         self._is_kept = np.zeros(size, dtype=bool)
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return KeptColumns, (self.respond, self.size)  # without what is kept
 
     @property
     def fit(self) -> bool:
@@ -35,12 +40,13 @@ class KeptColumns:
 
     def __getitem__(self, numbers: NDArray[np.int64]) -> NDArray[np.float32]:
         """Columns of some inputs, as rows: (n, size)."""
-        if self._columns is None:
-            self._columns = np.empty((self.size, self.size), dtype=np.float32)
-        missing = numbers[~self._is_kept[numbers]]
-        if len(missing):
-            unit = np.zeros((len(missing), self.size))
-            unit[np.arange(len(missing)), missing] = 1
-            self._columns[missing] = self.respond(unit)
-            self._is_kept[missing] = True
-        return self._columns[numbers]
+        with self._lock:
+            if self._columns is None:
+                self._columns = np.empty((self.size, self.size), dtype=np.float32)
+            missing = numbers[~self._is_kept[numbers]]
+            if len(missing):
+                unit = np.zeros((len(missing), self.size))
+                unit[np.arange(len(missing)), missing] = 1
+                self._columns[missing] = self.respond(unit)
+                self._is_kept[missing] = True
+            return self._columns[numbers]

@@ -28,13 +28,18 @@ POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 Transform = Literal["linear", "asinh", "saturating"]
 
 
+def linear(force: Tensor) -> Tensor:
+    """Return the forces."""
+    return force
+
+
 def saturating(force: Tensor) -> Tensor:
     """Return f / √(1 + f²/3) of scaled forces f; its limits ±√3 bound the training range."""
     return force * torch.rsqrt(1 + force.square() / 3)
 
 
 TRANSFORMS: dict[Transform, Callable[[Tensor], Tensor]] = {
-    "linear": lambda force: force,
+    "linear": linear,
     "asinh": torch.asinh,
     "saturating": saturating,
 }

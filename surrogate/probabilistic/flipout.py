@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
+from surrogate.probabilistic.drawn import Sample, drawn_for
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 
 CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functional.conv3d}
@@ -84,9 +85,9 @@ class VariationalConvolutions(VariationalConfig):
 class FlipoutLayer(nn.Module, ABC):
     """A layer with a probabilistic kernel.
 
-    In training every sample of a batch has another kernel. In evaluation the mean kernel is used;
-    after `draw`, a batch consists of as many equal chunks as there were draws, each with one drawn
-    kernel.
+    In training every sample of a batch has another kernel. In evaluation the mean kernel is used.
+    With what is drawn (`drawn.using`), a batch consists of as many equal chunks as there were
+    draws, each with one drawn kernel.
 
     Parameters
     ----------
@@ -94,6 +95,8 @@ class FlipoutLayer(nn.Module, ABC):
         Initial means, outputs first.
     config : VariationalConfig
     """
+
+    fixed: Sample | None = None
 
     def __init__(self, weight: Tensor, bias: Tensor, config: VariationalConfig) -> None:
         super().__init__()
@@ -106,7 +109,6 @@ class FlipoutLayer(nn.Module, ABC):
         self.kernel = gaussian(weight)
         self.bias = gaussian(bias) if config.biases else nn.Parameter(bias.detach().clone())
         self._noise: list[Tensor] = []
-        self._drawn: tuple[Tensor, Tensor] | None = None
 
     @abstractmethod
     def apply_kernel(self, x: Tensor, kernel: Tensor, bias: Tensor | None = None) -> Tensor:
@@ -118,8 +120,9 @@ class FlipoutLayer(nn.Module, ABC):
 
     def forward(self, x: Tensor) -> Tensor:
         """Apply the layer: (N, inputs, …) → (N, outputs, …)."""
-        if self._drawn is not None:
-            return self.apply_kernels(x, *self._drawn)
+        drawn = drawn_for(self)
+        if drawn is not None:
+            return self.apply_kernels(x, *drawn)
         bias = self.bias.mean if isinstance(self.bias, GaussianParameter) else self.bias
         y = self.apply_kernel(x, self.kernel.mean, bias)
         return y + self._perturbation(x) if self.training else y
@@ -146,17 +149,13 @@ class FlipoutLayer(nn.Module, ABC):
         pairs = zip(parameters, self._noise, strict=True)
         return torch.stack([p.sampled_kl_divergence(noise) for p, noise in pairs]).sum()
 
-    def draw(self, generators: Sequence[torch.Generator]) -> None:
+    def draw(self, generators: Sequence[torch.Generator]) -> tuple[Tensor, Tensor]:
         """Draw independent kernels and biases for evaluation, one of each for every generator."""
         if isinstance(self.bias, GaussianParameter):
             bias = self.bias.draw(generators)
         else:
             bias = self.bias.expand(len(generators), -1)
-        self._drawn = (self.kernel.draw(generators), bias)
-
-    def forget(self) -> None:
-        """Discard the drawn weights: evaluation uses the means."""
-        self._drawn = None
+        return self.kernel.draw(generators), bias
 
 
 class FlipoutConvolution(FlipoutLayer):

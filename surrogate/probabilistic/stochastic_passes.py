@@ -6,13 +6,15 @@ passes done at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import torch
 from torch import nn
 
 from shared_schema.common.errors import InputError
+from surrogate.probabilistic.drawn import Drawn, drawables, using
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.seeds import PASS, stream
 
@@ -22,24 +24,10 @@ PASSES = 300  # of a prediction, as the paper's
 MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
 
 
-@runtime_checkable
-class Drawable(Protocol):
-    """A module with random weights or masks, which `draw` fixes."""
-
-    def draw(self, generators: Sequence[torch.Generator]) -> None:
-        """Fix one sample for each generator; a batch then consists of as many equal chunks."""
-
-    def forget(self) -> None:
-        """Undo `draw`."""
-
-
-def drawables(network: nn.Module) -> list[Drawable]:
-    """Stochastic modules of a network; an empty list for a network that is not stochastic."""
-    return [module for module in network.modules() if isinstance(module, Drawable)]
-
-
 class Passes:
-    """Passes of a network; the last drawn ones are kept, so that drawing them again costs nothing.
+    """Passes of a network; those drawn last are kept, so that drawing them again costs nothing.
+
+    Several threads may use them at once, each with passes of its own.
 
     Parameters
     ----------
@@ -53,33 +41,52 @@ class Passes:
 
     def __init__(self, network: nn.Module) -> None:
         self._modules = drawables(network)
-        self._drawn: tuple[int, range] | None = None
+        self._last: tuple[int, range, Drawn] | None = None
         gaussian = [m.mean for m in network.modules() if isinstance(m, GaussianParameter)]
         weights = sum(mean.numel() for mean in gaussian)
         device = gaussian[0].device if gaussian else torch.device("cpu")
         self.at_once = max(1, most_weights(device) // max(weights, 1))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_last": None}
 
     @property
     def differ(self) -> bool:
         """True if passes differ, that is, if the network is stochastic."""
         return bool(self._modules)
 
+    @contextmanager
+    def drawn(self, seed: int, passes: range) -> Iterator[None]:
+        """Enter a context in which the network takes a batch as equal chunks, one a pass.
+
+        Only in this thread; outside, it takes a batch as a whole, by its means.
+        """
+        with using(self.draw(seed, passes)):
+            yield
+
+    @torch.inference_mode(False)
     @torch.no_grad()
-    def draw(self, seed: int, passes: range) -> None:
-        """Draw passes of a seed; the network then takes a batch as equal chunks, one a pass."""
-        if self._drawn == (seed, passes):
-            return
-        self.forget()  # the old samples make room
+    def draw(self, seed: int, passes: range) -> Drawn:
+        """Draw the weights of passes of a seed, by module."""
+        last = self._last
+        if last is not None and last[:2] == (seed, passes):
+            return last[2]
+        self._last = last = None  # the old samples make room
         generators = [torch.Generator().manual_seed(stream(seed, PASS, t)) for t in passes]
-        for module in self._modules:
-            module.draw(generators)
-        self._drawn = seed, passes
+        drawn = {module: module.draw(generators) for module in self._modules}
+        self._last = seed, passes, drawn
+        return drawn
+
+    def fix(self, seed: int, passes: range) -> None:
+        """Let the network use some passes in every call: for a file, or a compiled function."""
+        for module, sample in self.draw(seed, passes).items():
+            module.fixed = sample
 
     def forget(self) -> None:
-        """Discard the drawn passes; the network then takes a batch as a whole, by its means."""
+        """Discard what was drawn last, and what `fix` has set."""
+        self._last = None
         for module in self._modules:
-            module.forget()
-        self._drawn = None
+            module.fixed = None
 
 
 def most_weights(device: torch.device) -> int:

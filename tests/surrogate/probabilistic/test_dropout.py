@@ -9,8 +9,8 @@ import torch
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.networks.unet import UNet, UNetConfig
+from surrogate.probabilistic.drawn import Drawable, using
 from surrogate.probabilistic.dropout import ChannelDropout
-from surrogate.probabilistic.stochastic_passes import Drawable
 from surrogate.runs.config_reader import run_config
 from surrogate.training.loop import train
 
@@ -39,14 +39,13 @@ def test_whole_channels_of_every_sample_in_training(grid: tuple[int, ...]) -> No
 def test_passes_have_masks_of_their_own_and_samples_share_them() -> None:
     layer = ChannelDropout(40, 0.25).eval()
     assert isinstance(layer, Drawable)
-    layer.draw(generators(3))
-    y = layer(torch.ones(6, 40, 2, 2)).reshape(3, 2, 40, 4)
+    with using({layer: layer.draw(generators(3))}):
+        y = layer(torch.ones(6, 40, 2, 2)).reshape(3, 2, 40, 4)
     assert torch.equal(y, y[:, :1, :, :1].expand_as(y))
     masks = y[:, 0, :, 0]
     assert not torch.equal(masks[0], masks[1])
-    layer.draw(generators(3)[2:])
-    assert torch.equal(layer(torch.ones(1, 40, 2, 2))[0, :, 0, 0], masks[2])
-    layer.forget()
+    with using({layer: layer.draw(generators(3)[2:])}):
+        assert torch.equal(layer(torch.ones(1, 40, 2, 2))[0, :, 0, 0], masks[2])
     assert torch.equal(layer(torch.ones(1, 40, 1, 1)), torch.ones(1, 40, 1, 1))
 
 
@@ -54,9 +53,9 @@ def test_mean_and_variance_over_passes() -> None:
     """m x with m ∈ {0, 1 / (1 − p)} has mean x and variance x² p / (1 − p)."""
     rate, count = 0.3, 20000
     layer = ChannelDropout(2, rate).eval()
-    layer.draw(generators(count))
     x = torch.tensor([1.0, -3.0]).reshape(1, 2, 1, 1)
-    y = layer(x.expand(count, 2, 1, 1)).reshape(count, 2)
+    with using({layer: layer.draw(generators(count))}):
+        y = layer(x.expand(count, 2, 1, 1)).reshape(count, 2)
     error = (rate / (1 - rate) / count) ** 0.5
     assert y.mean(dim=0).tolist() == pytest.approx([1, -3], abs=3 * 4 * error)
     variance = rate / (1 - rate)

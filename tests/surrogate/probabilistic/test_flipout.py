@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from torch.distributions import Normal, kl_divergence
 
 from surrogate.networks.unet import UNet, UNetConfig
+from surrogate.probabilistic.drawn import using
 from surrogate.probabilistic.flipout import (
     CONVOLVE,
     FlipoutConvolution,
@@ -246,8 +247,9 @@ def test_drawn_kernels_are_used_part_by_part(dimension: int, biases: bool) -> No
         return [torch.Generator().manual_seed(seed) for seed in (3, 4, 5)]
 
     for training in (False, True):
-        layer.train(training).draw(generators())
-        found = layer(x)
+        drawn = layer.train(training).draw(generators())
+        with using({layer: drawn}):
+            found = layer(x)
         again = generators()
         drawn_bias = bias_of(layer).draw(again) if biases else [layer.bias] * 3
         kernels = layer.kernel.draw(again)
@@ -256,8 +258,7 @@ def test_drawn_kernels_are_used_part_by_part(dimension: int, biases: bool) -> No
             for t in range(3)
         ]
         torch.testing.assert_close(found, torch.cat(expected), rtol=1e-5, atol=1e-5)
-    layer.eval().forget()
-    assert torch.equal(layer(x), means)
+    assert torch.equal(layer.eval()(x), means)
 
 
 @pytest.mark.parametrize("biases", [False, True])
@@ -335,7 +336,7 @@ def test_state_round_trip(biases: bool) -> None:
 def test_draws_are_no_part_of_the_state() -> None:
     layer = layer_of(2)
     before = set(layer.state_dict())
-    layer.draw([torch.Generator()])
+    layer.fixed = layer.draw([torch.Generator()])
     layer(input_of(2, 1))
     assert set(layer.state_dict()) == before
 

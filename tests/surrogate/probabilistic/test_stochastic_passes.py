@@ -22,10 +22,11 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.distribution import Distribution
+from surrogate.probabilistic.drawn import Drawable, drawables
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions, flipouts
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.probabilistic.likelihoods import Prediction
-from surrogate.probabilistic.stochastic_passes import Drawable, Passes, drawables, most_weights
+from surrogate.probabilistic.stochastic_passes import Passes, most_weights
 from surrogate.runs.description import describe
 from tests.surrogate.unet_configs import unet_config
 
@@ -67,9 +68,8 @@ def samples(request: pytest.FixtureRequest, dataset: Dataset, dataset_3d: Datase
 def outputs_of(model: Surrogate, force: Tensor, passes: range, seed: int = 0) -> Prediction:
     """Fields (passes, N, d, nx, ny[, nz]) of some passes, done at once."""
     stochastic = Passes(model.network)
-    stochastic.draw(seed, passes)
-    mean, std = model.network(force.repeat(len(passes), *[1] * (force.ndim - 1)))
-    stochastic.forget()
+    with stochastic.drawn(seed, passes):
+        mean, std = model.network(force.repeat(len(passes), *[1] * (force.ndim - 1)))
     return Prediction(*(f.unflatten(0, (len(passes), len(force))) for f in (mean, std)))
 
 
@@ -91,11 +91,11 @@ def test_weights_of_a_pass_are_a_function_of_seed_and_number(dataset: Dataset) -
     seen: list[Tensor] = []
 
     class Recorder(nn.Module):
-        def draw(self, generators: Any) -> None:
-            seen.append(torch.stack([torch.randn(4, generator=g) for g in generators]))
+        fixed = None
 
-        def forget(self) -> None:
-            pass
+        def draw(self, generators: Any) -> tuple[Tensor]:
+            seen.append(torch.stack([torch.randn(4, generator=g) for g in generators]))
+            return (seen[-1],)
 
     passes = Passes(Recorder())
     for seed, numbers in ((5, range(4)), (5, range(2, 3)), (5, range(2, 9)), (6, range(4))):
@@ -110,11 +110,11 @@ def test_passes_stay_drawn() -> None:
     draws: list[int] = []
 
     class Counter(nn.Module):
-        def draw(self, generators: Any) -> None:
-            draws.append(len(generators))
+        fixed = None
 
-        def forget(self) -> None:
-            pass
+        def draw(self, generators: Any) -> tuple[()]:
+            draws.append(len(generators))
+            return ()
 
     passes = Passes(Counter())
     for seed, number in ((0, 3), (0, 3), (1, 3), (1, 4), (1, 4)):
