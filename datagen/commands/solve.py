@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from datagen.commands.options import add_case
 from shared_schema.common.atomic_file import require_writable
@@ -11,6 +12,9 @@ from shared_schema.common.bodies.load_options import STRESSES, add_loads
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
+
+if TYPE_CHECKING:
+    from datagen.solver.load_stepping import SolveReport
 
 
 def add_to(commands: Commands) -> None:
@@ -65,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
         print(note)
     print(
         f"{options.out}: largest displacement {solution.largest_displacement:.6g} m, {stress}"
-        f"{begun[solution.origin]}{report.load_steps} load steps, "
+        f"{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "
         f"{report.newton_iterations} Newton iterations, "
         f"residual {report.residual_norm:.2g} N (tolerance {solution.tolerance:.2g} N)"
     )
@@ -73,3 +77,10 @@ def run(options: argparse.Namespace) -> None:
         f"{solution.unknowns} unknowns, {solution.linear_solver}: {solution.seconds:.3g} s a "
         f"solve, {megabytes(largest_resident())} at most"
     )
+
+
+def _stability(report: SolveReport) -> str:
+    """Say that the equilibrium is unstable, or that an unstable one was left for it."""
+    if not report.stable:
+        return "an unstable equilibrium, "
+    return "past an unstable equilibrium, " if report.left else ""

@@ -48,6 +48,8 @@ class SolveReport:
         2-norm of the residual of the last Newton solve, in N.
     stable : bool
         False if the equilibrium is unstable (`datagen.stability`), which is found out afterwards.
+    left : bool
+        True if an unstable equilibrium was left for this one.
     """
 
     solved: bool
@@ -59,6 +61,7 @@ class SolveReport:
     newton_iterations: int
     residual_norm: float
     stable: bool = True
+    left: bool = False
 
 
 def solve_load_case(

@@ -9,7 +9,7 @@ The tangent K of the last Newton step is looked at, if that step was small, by w
   as curvatures are positive, the residual polynomial q has positive roots only and q(0) = 1, so
   that |q| > 1 at negative eigenvalues: the part of b along a direction that loses energy never
   decreases. The residual of a K that is not positive definite thus stays above that part. In the
-  norm of the preconditioner, in which the residual must fall to a thousandth, soft directions have
+  norm of the preconditioner, in which the residual must fall to a hundredth, soft directions have
   large parts.
 - *Factors* L D Lᵀ (`datagen.stability.inertia`) else.
 """
@@ -22,7 +22,7 @@ from petsc4py import PETSc
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.stability.inertia import unstable_modes
 
-REDUCTION = 1e-3  # of the residual, in the norm of the preconditioner
+REDUCTION = 1e-2  # of the residual, in the norm of the preconditioner
 ITERATIONS = 60
 
 

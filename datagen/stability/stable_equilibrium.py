@@ -46,6 +46,7 @@ def with_stability(
         report,
         solved=found.stable,
         stable=found.stable,
+        left=found.stable,
         explanation=report.explanation if found.stable else NOT_LEFT,
         newton_iterations=report.newton_iterations + found.iterations,
         residual_norm=found.residual_norm,

@@ -114,7 +114,7 @@ def test_failed(run: Runner, tmp_path: Path) -> None:
     assert set(failed["failed/reason"]) == {"unstable equilibrium"}
 
 
-def test_one_load(tmp_path: Path) -> None:
+def test_one_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Four forces of −5 N: the straight state has −1.31 J, the buckled one −36.5 J."""
     load = [f"4,{y}:-5,0" for y in ("0", "0.333333333333", "0.666666666667", "1")]
     straight = datagen.solve("beam2d", load, nearest=True, changes=["solver.stability=allow"])
@@ -122,6 +122,12 @@ def test_one_load(tmp_path: Path) -> None:
     assert (straight.report.stable, buckled.report.stable) == (False, True)
     assert straight.largest_displacement == pytest.approx(0.137, abs=0.003)
     assert buckled.largest_displacement > 5.0
+    line = ["solve", "beam2d", "--load", "4,0:-10,0", "--load", "4,1:-10,0", "--out"]
+    assert main([*line, str(tmp_path / "buckled.npz")]) == 0
+    assert "past an unstable equilibrium" in capsys.readouterr().out
+    allowed = ["--set", "solver.stability=allow"]
+    assert main([*line, str(tmp_path / "straight.npz"), *allowed]) == 0
+    assert ", an unstable equilibrium" in capsys.readouterr().out
     with pytest.raises(WorkError, match=r"unstable equilibrium .*'solver.stability' = 'fail'"):
         datagen.solve("beam2d", load, nearest=True, changes=["solver.stability=fail"])
 

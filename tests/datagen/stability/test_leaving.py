@@ -107,6 +107,7 @@ def test_left_with_every_element(
     found = with_stability(column.problem, report, column.settings)
     assert found.solved
     assert found.stable
+    assert found.left
     assert found.residual_norm <= column.problem.tolerance()
     assert found.newton_iterations > report.newton_iterations
     assert np.linalg.norm(column.end_displacement()[1:]) > LENGTH / 10
