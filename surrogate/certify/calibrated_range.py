@@ -4,22 +4,26 @@ The held-out samples say nothing of loads and states unlike theirs. Nor does any
 the tangent K(u) is not positive definite: no stable equilibrium needs to be near. So a prediction
 has no bound if
 
-- its state is unstable, or softer than every held-out one: the smallest Ritz value θ of
-  `surrogate.certify.fast_estimate` is below theirs, or below `LEAST_STIFFNESS`, since θ is an upper
-  bound of the smallest eigenvalue;
-- its largest displacement, its estimated error over this displacement, a force component at a node
-  or one of the resultant is beyond the largest of the held-out samples by more than `MARGIN`;
+- its state is unstable, or as soft as few held-out ones: the smallest Ritz value θ of
+  `surrogate.certify.fast_estimate` is below that of all but the share `TAIL` of them, or below
+  `LEAST_STIFFNESS`, since θ is an upper bound of the smallest eigenvalue;
+- its estimated error over its largest displacement is beyond that of all but the share `TAIL`, by
+  more than `MARGIN`;
+- its largest displacement, a force component at a node or one of the resultant is beyond the
+  largest of the held-out samples by more than `MARGIN`;
 - it has more or fewer loaded nodes than every held-out sample, or one at another place than those
   of the training.
 
 Few loads like those of the calibration are refused: of n + 1 exchangeable samples, each has the
-largest value of a quantity with probability 1 / (n + 1).
+largest value of a quantity with probability 1 / (n + 1). Near an instability, and where predictions
+are worst, the ratio of true and estimated error grows, and the last few samples do not tell it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +32,7 @@ from surrogate.certify.certificate_protocol import millimetres
 
 LEAST_STIFFNESS = 0.05
 MARGIN = 0.05
+TAIL = 0.02
 Array = NDArray[np.float64]
 
 
@@ -38,12 +43,12 @@ class CalibratedRange:
     Attributes
     ----------
     softest : float
-        Smallest Ritz value, at least `LEAST_STIFFNESS`.
+        Ritz value that all but the share `TAIL` exceed, at least `LEAST_STIFFNESS`.
     displacement : float
         Largest displacement of a node in m.
     error : float
-        Largest ratio of the estimated error to the displacement, each of the node where it is
-        largest.
+        Ratio of the estimated error to the displacement, each of the node where it is largest,
+        that all but the share `TAIL` are below.
     force, resultant : array, (d,)
         Largest absolute components of a nodal force, and of the sum of a sample's forces, in N.
     fewest, most : int
@@ -64,9 +69,9 @@ class CalibratedRange:
         counts = loaded_nodes(force)
         counts = counts[counts > 0]
         return cls(
-            softest=float(softest.min(initial=np.inf, where=softest > LEAST_STIFFNESS)),
+            softest=tail(softest[softest > LEAST_STIFFNESS], TAIL, np.inf),
             displacement=float(largest(predicted).max(initial=0.0)),
-            error=float(relative_size(error, predicted).max(initial=0.0)),
+            error=tail(relative_size(error, predicted), 1 - TAIL, 0.0),
             force=np.abs(force).max(axis=(0, 1), initial=0.0),
             resultant=np.abs(force.sum(axis=1)).max(axis=0, initial=0.0),
             fewest=int(counts.min(initial=force.shape[1])),
@@ -106,7 +111,7 @@ class CalibratedRange:
         if not softest > 0:
             yield "the predicted state is unstable, its stiffness is not positive definite"
         if not softest >= max(self.softest, LEAST_STIFFNESS):
-            least = f"the calibration has {max(self.softest, LEAST_STIFFNESS):.2g} at least"
+            least = f"the calibration has {max(self.softest, LEAST_STIFFNESS):.2g} and more"
             yield f"near an instability: smallest stiffness {softest:.2g} of that at rest, {least}"
         unlike, beyond = "unlike the calibration of the bounds", 1 + MARGIN
         loaded = f.any(axis=1)
@@ -143,6 +148,12 @@ class CalibratedRange:
         )
         fewest, most = int(arrays["fewest"].item()), int(arrays["most"].item())
         return cls(softest, displacement, error, arrays["force"], arrays["resultant"], fewest, most)
+
+
+def tail(values: Array, share: float, none: float) -> float:
+    """Quantile of some values, towards their end; `none` if there are none."""
+    towards: Literal["lower", "higher"] = "lower" if share < 0.5 else "higher"
+    return float(np.quantile(values, share, method=towards)) if len(values) else none
 
 
 def loaded_nodes(force: Array) -> NDArray[np.int64]:
