@@ -135,10 +135,11 @@ class Surrogate(TrainedBody):
     def predict(self, forces: ArrayLike | Tensor) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
-        Under a single load on a CPU, a U-Net or reduced network that is not stochastic predicts in
-        NumPy (`surrogate.one_load.backend`). Its load series is compiled by Numba, which takes some
-        seconds at the first prediction after an installation. The result differs from that of
-        `predict_distribution`, which `solve` uses, by rounding in single precision.
+        On a CPU, a U-Net or reduced network that is not stochastic predicts one load or a few in
+        NumPy (`surrogate.one_load.backend`), a reduced network any number. Its load series is
+        compiled by Numba, which takes some seconds at the first prediction after an installation.
+        The result differs from that of `averaged_passes`, which `solve` uses, and that of a load in
+        a large batch from that alone, by rounding in single precision.
 
         Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
 
@@ -176,9 +177,11 @@ class Surrogate(TrainedBody):
 
     def _mean(self, nodal: Array) -> Array:
         """Predict without warnings."""
-        if nodal.size == self.geometry.coordinates.size and self._one_load is not None:
+        if self._one_load is None or len(nodal) == 0:
+            return self._averaged(nodal, PASSES, 0).mean
+        if nodal.size == self.geometry.coordinates.size:
             return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
-        return self._averaged(nodal, PASSES, 0).mean
+        return self._one_load.several(nodal, lambda left: self._averaged(left, PASSES, 0).mean)
 
     @cached_property
     def _one_load(self) -> OneLoad | None:

@@ -32,6 +32,8 @@ from surrogate.one_load.unet_in_numpy import UNetInNumPy
 from surrogate.probabilistic.ensemble import Ensemble
 
 SMALLEST = np.float32(TINY)
+AT_ONCE = 64  # loads whose corrections are held at once
+BLOCK = 32  # loads of a batch from which on PyTorch is faster for U-Nets
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 GridFunction = Callable[[Single], Single]  # (n_points, inputs) to (n_points, outputs)
@@ -89,7 +91,41 @@ class OneLoad:
         y = self.members[0](inputs)
         for member in self.members[1:]:
             y += member(inputs)
-        y *= amplitude
+        return self.at_nodes(y * amplitude, response)
+
+    def several(self, forces: Array, by_pytorch: Callable[[Array], Array]) -> Array:
+        """Predict displacements in m from forces in N, both (N, n_nodes, d).
+
+        Loads are predicted one by one, so that each has the same result as alone. The dense layers
+        and the modes of a reduced network take some together, which differs from that by rounding
+        in single precision.
+
+        Parameters
+        ----------
+        by_pytorch : callable
+            It does the same in PyTorch, for those batches that are faster there.
+        """
+        network = self.members[0]
+        if not isinstance(network, ReducedInNumPy):
+            one_by_one = len(forces) < BLOCK
+            return np.stack([self(f) for f in forces]) if one_by_one else by_pytorch(forces)
+        displacement = np.empty(forces.shape)
+        left = []
+        for start in range(0, len(forces), AT_ONCE):
+            found = {k: self.before(forces[k]) for k in range(start, len(forces))[:AT_ONCE]}
+            left += [k for k, before in found.items() if before is None]
+            given = [(k, *before) for k, before in found.items() if before is not None]
+            if not given:
+                continue
+            encoded = np.stack([network.encoded(inputs) for _, inputs, _ in given])
+            for (k, inputs, response), y in zip(given, network.corrections(encoded), strict=True):
+                displacement[k] = self.at_nodes(y.reshape(inputs.shape), response)
+        if left:
+            displacement[left] = by_pytorch(forces[left])
+        return displacement
+
+    def at_nodes(self, y: Single, response: Array | None) -> Array:
+        """Displacements in m of what the network has on the grid, and of the body's response."""
         u = (y.take(self.sources, axis=0) * self.scales).sum(axis=0).astype(np.float64)
         if self.network.held is not None:
             u = self.network.held.of_one(u)

@@ -1,4 +1,4 @@
-"""Dense layers and reduced networks in NumPy, for one load at a time."""
+"""Dense layers and reduced networks in NumPy, for one load or some."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Activation = Callable[[Single], None]  # it changes an array in place
 
 
 class DenseInNumPy:
-    """Dense layers in evaluation, with activations between them: (inputs,) → (outputs,).
+    """Dense layers in evaluation, with activations between them: (…, inputs) → (…, outputs).
 
     Parameters
     ----------
@@ -86,23 +86,29 @@ class ReducedInNumPy:
 
     def __call__(self, fields: Single) -> Single:
         """Predict scaled corrections from scaled forces, both (n_points, d)."""
+        return self.corrections(self.encoded(fields)).reshape(fields.shape)
+
+    def encoded(self, fields: Single) -> Single:
+        """Coefficients of scaled forces: (n_points, d) → (input_modes,)."""
         force = fields.ravel()
         loaded = force.nonzero()[0]
         if 4 * len(loaded) < len(force):
-            coefficients = force[loaded] @ self.encoder[loaded]
-        else:
-            coefficients = force @ self.encoder
+            return force[loaded] @ self.encoder[loaded]
+        return force @ self.encoder
+
+    def corrections(self, coefficients: Single) -> Single:
+        """Scaled corrections of one load or some: (…, input_modes) → (…, n_points · d)."""
         inputs, terms = [coefficients], []
         for factors, matrix, scale in self.orders:
-            terms.append(coefficients[factors].prod(axis=0) @ matrix)
+            terms.append(coefficients[..., factors].prod(axis=-2) @ matrix)
             inputs.append(terms[-1] * scale)
-        x = np.concatenate(inputs) if terms else coefficients
+        x = np.concatenate(inputs, axis=-1) if terms else coefficients
         total = self.members[0](x)
         for member in self.members[1:]:
             total += member(x)
         for term in terms:
             total += term * np.float32(len(self.members))
-        return (total @ self.modes).reshape(fields.shape)
+        return total @ self.modes
 
 
 def array(parameter: Tensor | None) -> Array:

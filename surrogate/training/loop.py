@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -51,6 +52,7 @@ from surrogate.training.validation import Reference, validate
 from surrogate.training.warm_start import warm_start
 
 logger = logging.getLogger(__name__)
+DIVERGED = 1e3  # error of the validation samples in units of their displacements
 
 
 @checked_arguments
@@ -178,6 +180,7 @@ def train_epochs(
             trained = time.perf_counter()
             require_finite(trainer.network, measures["train_loss"], epoch + 1, saved)
             measures |= ranks.from_first(trainer.validate)
+            require_bounded(trainer.network, measures, epoch + 1)
             epoch += 1
             trainer.finish_epoch(epoch, measures)
             trainer.note = epoch_note(epoch, measures)
@@ -197,6 +200,16 @@ def train_epochs(
     if ranks.is_first and is_over and measures and (advised := advice(trainer, measures)):
         logger.info("advice: %s", advised)
     return is_over
+
+
+def require_bounded(network: FieldNetwork, measures: Mapping[str, float], epoch: int) -> None:
+    """Raise WorkError if errors on the validation samples are far beyond all displacements."""
+    error, size = measures.get("validation_error", 0.0), float(network.displacement_rms)
+    if error > DIVERGED * size:
+        raise WorkError(
+            f"diverged in epoch {epoch}, with an error of {error:.2g} m on validation samples, "
+            f"whose displacements are {size:.2g} m; expected a smaller learning rate"
+        )
 
 
 def require_finite(network: FieldNetwork, loss: float, epoch: int, saved: int) -> None:

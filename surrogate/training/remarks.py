@@ -92,6 +92,13 @@ def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
     """
     if "validation_error" not in measures:
         return None
+    size = float(trainer.network.displacement_rms)
+    if measures["validation_error"] > size:
+        return (
+            f"not trained: the error on validation samples, {measures['validation_error']:.2e} m, "
+            f"is above that of no displacement at all (root mean square {size:.2e} m); more epochs "
+            "or a smaller learning rate would help"
+        )
     error, of_grid = measures["validation_error"], measures.get("grid_error", 0.0)
     if of_grid > LARGE_PART * error:
         return (

@@ -183,3 +183,29 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
     model.network.linear.register_forward_hook(lambda _, inputs, __: batches.append(len(inputs[0])))
     model.predict_distribution(loads(dataset), passes=5)
     assert batches == [3]
+
+
+@pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
+@pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any_reduced", "finger3d"])
+def test_a_load_in_a_batch_is_that_load_alone(name: str) -> None:
+    """To the rounding of single precision; in a small batch of a U-Net exactly.
+
+    Most nodes of the last load are loaded, and those of a large body are left to PyTorch.
+    """
+    model = load(name)
+    random = np.random.default_rng(0)
+    forces = np.zeros((40, *model.geometry.coordinates.shape))
+    nodes = np.flatnonzero(model.geometry.loadable)
+    limit = 0.3 * max(model.description.data.info.force.max_abs)
+    for force in forces:
+        force[random.choice(nodes, 2, replace=False)] = random.uniform(-limit, limit, 2)[:, None]
+    forces[-1, nodes] = limit / len(nodes)
+    few = model.predict(forces[-5:])
+    for k in range(5):
+        alone = model.predict(forces[k - 5])
+        largest = np.abs(alone).max()
+        np.testing.assert_allclose(few[k], alone, rtol=0, atol=1e-5 * largest)
+        if name == "beam2d_any":
+            np.testing.assert_array_equal(few[k], alone)
+        together = model.predict(forces)[k - 5]
+        np.testing.assert_allclose(together, alone, rtol=0, atol=1e-5 * largest)

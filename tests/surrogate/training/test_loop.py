@@ -224,6 +224,17 @@ def test_diverged_training_fails(
     assert not run.checkpoint.exists()
 
 
+def test_training_whose_errors_grow_without_bound_fails(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """With the largest learning rate of a configuration, losses stay finite numbers."""
+    run = RunFolder(tmp_path / "run")
+    config = make_config("adam", learning_rate=10.0, epochs=20)
+    with pytest.raises(WorkError, match=r"diverged in epoch \d+, with an error of .* m on valid"):
+        train(config, dataset, run.folder, device="cpu")
+    assert not run.model.exists()
+
+
 def test_loss_that_is_not_finite_keeps_the_last_checkpoint(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
