@@ -123,6 +123,7 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
                 ("export", "run", "--format", "pt2", "--out", "a.pt2"),
                 ["run"],
             ),
+            ("page", "surrogate", ("page", "run", "--out", "a.html"), ["run"]),
             (
                 "report",
                 "surrogate",

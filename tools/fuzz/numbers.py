@@ -163,7 +163,7 @@ def small_surrogate(random: Random, material: Material, folder: Path) -> Outcome
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     grid = ["--grid", f"{random.randint(4, 12)},{random.randint(3, 6)}"] if embedded else []
     change = f"{model}, {len(sides)} supports, {' '.join(grid) or 'own grid'}"
-    load, few = ["--load", "4,1:0.1,-0.2"], ["--passes", "5"] if model == "vb" else []
+    load, few = ["--load", f"{32 / 15!r},1:0.1,-0.2"], ["--passes", "5"] if model == "vb" else []
     for program, words in (
         ("datagen", ["run", "case.yaml", "--out", "nodal"]),
         ("datagen", ["structure", "nodal", "--out", "structured", *grid]),
