@@ -109,10 +109,11 @@ def correct(
     """
     f = forces[None]
     load = equilibrium.at_rest(f)
-    if 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:  # Π does not feel it
+    if 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:  # Π may not feel it
         u = equilibrium.linear_response(load)
         residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
-        return Correction(u[0], "undeformed body", 1, residual)
+        if residual <= equilibrium.round_off.floor(float(np.linalg.norm(u))):
+            return Correction(u[0], "undeformed body", 1, residual)
     start, u = safest_start(equilibrium, f, predicted[None])
     if equilibrium.pressure is None:
         return iterated(equilibrium, f, u, start, tolerance)

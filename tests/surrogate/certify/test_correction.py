@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,28 @@ def test_smoothing_keeps_turned_and_stretched_patches(monkeypatch: pytest.Monkey
     assert found is not None
     assert equilibrium.inverted(found) == 0
     np.testing.assert_allclose(found[0], turned, atol=1e-12)
+
+
+def test_a_soft_part_on_a_stiff_one_moves_far() -> None:
+    """Stiffness 10⁸ : 1, the load of the soft half: as without the stiff half's rounding errors.
+
+    The stiff half is rigid beside the soft one, so 10⁸ and 10⁷ times its stiffness agree to some
+    millionths.
+    """
+    geometry = box("quad")
+    middle = geometry.coordinates[geometry.cells].mean(axis=1)[:, 0]
+    soft = middle > geometry.coordinates[:, 0].max() / 2
+    body = replace(geometry, parts=soft.astype(np.int64))
+    force = 1e-8 * end_load(geometry, 3.0, -9.0)
+    found = []
+    for ratio in (1e-8, 1e-7):
+        materials = (
+            MATERIAL,
+            MATERIAL.model_copy(update={"young_modulus": MATERIAL.young_modulus * ratio}),
+        )
+        equilibrium = Equilibrium(body, materials)
+        correction = correct(equilibrium, force * ratio / 1e-8, np.zeros_like(force))
+        assert correction.residual_norm < 1e-3 * np.linalg.norm(force)
+        found.append(correction.displacement)
+    assert np.abs(found[0]).max() > 0.05
+    np.testing.assert_allclose(found[0], found[1], atol=1e-4 * np.abs(found[0]).max())
