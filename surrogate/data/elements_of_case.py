@@ -28,8 +28,12 @@ def element_of(case: Mapping[str, Any]) -> str:
 
 def with_elements(geometry: Geometry, case: Mapping[str, Any]) -> Geometry:
     """Geometry of a body with the elements of its case."""
-    whole = element_of(case) == "incompressible" and geometry.cell_type in ("quad", "hexahedron")
-    return replace(geometry, mean_dilation=whole)
+    return replace(geometry, mean_dilation=has_mean_dilation(case, geometry.cell_type))
+
+
+def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:
+    """Whether the volumes of a case's cells change as a whole."""
+    return element_of(case) == "incompressible" and cell_type in ("quad", "hexahedron")
 
 
 def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
@@ -41,14 +45,14 @@ def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
         )
 
 
-def require_known_elements(case: Mapping[str, Any], geometry: Geometry) -> None:
+def require_known_elements(case: Mapping[str, Any], cell_type: str) -> None:
     """Raise InputError unless the learner computes the equilibria of a case's elements."""
     element = element_of(case)
-    if element != "linear" and not geometry.mean_dilation:
+    if element != "linear" and not has_mean_dilation(case, cell_type):
         raise InputError(
-            f"key 'element' of the run's case = '{element}': certificates and corrections are for "
-            "linear elements, and incompressible quadrilaterals and hexahedra; `datagen solve "
-            "--start` corrects with others"
+            f"key 'element' of the run's case = '{element}': certificates, corrections and "
+            "stresses are for linear elements, and incompressible quadrilaterals and "
+            "hexahedra; `datagen solve` has those of others"
         )
 
 

@@ -59,7 +59,7 @@ class TrainedBody:
             If its material is none of the shipped ones, or the learner does not compute the
             equilibria of its elements.
         """
-        require_known_elements(self.description.data.case, self.geometry)
+        require_known_elements(self.description.data.case, self.geometry.cell_type)
         whole = self.geometry.mean_dilation
         for module in self.network.modules():
             if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from shared_schema.common.errors import InputError
 from shared_schema.common.text_table import laid_out
+from surrogate.data.elements_of_case import require_known_elements
 from surrogate.data.geometry import PREFIX
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run, shelved, size_of
@@ -21,6 +23,7 @@ class Row(NamedTuple):
     error: str
     tip: str
     size: str
+    certificates: str
 
 
 HEAD = Row(*Row._fields)
@@ -42,7 +45,19 @@ def row_of(name: str) -> Row:
         f"{test['mean_error']:.2e} m",
         f"{test['relative_tip_error_median']:.2%}",
         f"{size_of(run.folder) / 1e6:.1f} MB",
+        certificates_of(run),
     )
+
+
+def certificates_of(run: RunFolder) -> str:
+    """Say what `surrogate predict --certify` has for a run: "full, fast", "full" or "none"."""
+    data = run.description().data
+    try:
+        require_known_elements(data.case, data.cell_type)
+        data.material  # noqa: B018
+    except InputError:
+        return "none"
+    return "full, fast" if run.fast_certificate.is_file() else "full"
 
 
 def trained_list() -> str:

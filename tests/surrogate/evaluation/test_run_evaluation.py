@@ -149,3 +149,21 @@ def test_a_network_of_the_package_is_not_written_into(
     assert (copy / "evaluation.json").read_bytes() == (evaluated / "evaluation.json").read_bytes()
     with pytest.raises(InputError, match="exists, expected a new folder"):
         evaluate(evaluated, dataset).write(copy)
+
+
+def test_evaluation_goes_on_without_a_fast_certificate(
+    evaluated: Path,
+    dataset: Dataset,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Of a body that has none; what can be evaluated is."""
+
+    def refuse(*body: object) -> None:
+        raise InputError("bounds are for other bodies")
+
+    monkeypatch.setattr("surrogate.certify.fast_estimate.FastEstimate", refuse)
+    found = evaluate(evaluated, dataset, certify=True)
+    assert found.fast_certificate is None
+    assert found.content["test"]["samples"] == 12
+    assert "no fast certificate: bounds are for other bodies" in caplog.text

@@ -116,6 +116,9 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     evaluation = RunFolder(find_run("beam2d_any")).read_evaluation()
     assert " 4 × 1 m 64 " in " ".join(line.split())
     assert f"{evaluation['test']['mean_error']:.2e} m" in line
+    assert line.endswith("full, fast")
+    (line,) = (line for line in lines if line.startswith("finger3d "))
+    assert line.endswith(" full")
     _, *lines = configurations.splitlines()
     assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
     (line,) = (line for line in lines if line.startswith("det-fast "))
