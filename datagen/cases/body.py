@@ -154,8 +154,9 @@ def _material_of_cells(case: Case, mesh: Mesh) -> NDArray[np.int64] | None:
         group = str(material.group)
         key = f"key 'material.{number}.group' = '{group}'"
         if group not in mesh.cell_groups:
-            names = ", ".join(sorted(mesh.cell_groups)) or "none"
-            raise InputError(f"{key}: the mesh has no such group of cells, but {names}")
+            names = ", ".join(sorted(mesh.cell_groups))
+            named = f"no such group of cells, but {names}" if names else "no groups of cells"
+            raise InputError(f"{key}: the mesh has {named}")
         members = mesh.cell_groups[group]
         if (parts[members] >= 0).any():
             raise InputError(f"{key}: a cell of it belongs to another material's group as well")

@@ -86,8 +86,8 @@ class Region(Frozen):
         inside = np.ones(len(coordinates), dtype=bool)
         if self.group is not None:
             if self.group not in groups:
-                names = ", ".join(sorted(groups)) or "none"
-                raise ValueError(f"group '{self.group}': the mesh has no such group, but {names}")
+                named = f"no such group, but {', '.join(sorted(groups))}" if groups else "no groups"
+                raise ValueError(f"group '{self.group}': the mesh has {named}")
             inside[:] = False
             inside[groups[self.group]] = True
         if self.boundary:

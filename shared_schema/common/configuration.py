@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
@@ -135,9 +136,20 @@ def validate(
 def first_problem(error: ValidationError) -> str:
     """Describe the first problem of a pydantic error in one line: key, value, expectation.
 
-    The tag of a tagged union, written in parentheses, stands behind the message.
+    The tag of a tagged union, written in parentheses, stands behind the message. An unknown key
+    beside a missing one of nearly the same name is the problem, not what is missing.
     """
-    problem = error.errors(include_url=False)[0]
+    problems = error.errors(include_url=False)
+    problem = problems[0]
+    if problem["type"] == "missing":
+        unknown = {
+            str(other["loc"][-1]): other
+            for other in problems
+            if other["type"] == "extra_forbidden" and other["loc"][:-1] == problem["loc"][:-1]
+        }
+        if close := get_close_matches(str(problem["loc"][-1]), unknown, 1):
+            typo = ".".join(map(str, unknown[close[0]]["loc"]))
+            return f"unknown key '{typo}', expected '{problem['loc'][-1]}'"
     tags = [str(part) for part in problem["loc"] if str(part).startswith("(")]
     key = ".".join(str(part) for part in problem["loc"] if str(part) not in tags) or "(top level)"
     return " ".join([_message(key, problem), *tags])

@@ -37,6 +37,7 @@ from surrogate.training.validation import Reference
 from surrogate.training.warm_start import WarmStart
 
 logger = logging.getLogger(__name__)
+FEW = 10  # training samples, below which a network predicts little but these
 Split = TrainingSplit[Samples | SamplesOnDisk]
 
 
@@ -82,6 +83,12 @@ def split_for(config: Model, dataset: Dataset) -> Split:
     """Split the training samples; InputError unless the configuration can learn from them."""
     split = split_training(dataset.training, config)
     config.require_suitable(dataset, split.train)
+    if len(split.train) < FEW:
+        logger.warning(
+            "%d training samples, expected %d at least for a network that predicts other loads",
+            len(split.train),
+            FEW,
+        )
     return split
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import inspect
-import math
 import os
 import types
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +26,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a function so that it raises InputError for arguments of another type.
 
     Types are those of its annotations: texts, paths, numbers, sequences of these, literals, and
-    classes that its module imports. A number is not NaN, a path is one that a file may have.
+    classes that its module imports. A path is one that a file may have.
     Annotations of other kinds, such as arrays, are not looked at.
     """
     signature = inspect.signature(function)
@@ -111,7 +110,7 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if kind is float:
-        return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
+        return isinstance(value, Real) and not isinstance(value, bool)
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     if kind is Path:

@@ -163,3 +163,16 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         read_yaml(tmp_path / "a.yaml")
     with pytest.raises(InputError, match="cannot be read"):
         read_yaml(tmp_path)
+
+
+def test_a_misspelt_required_key_is_named() -> None:
+    """What is missing is what the unknown key beside it is meant to be."""
+
+    class Outer(Frozen):
+        supports: int
+
+    with pytest.raises(InputError) as found:
+        validate(Outer, {"suports": 1}, "a.yaml")
+    assert str(found.value) == "a.yaml: unknown key 'suports', expected 'supports'"
+    with pytest.raises(InputError, match="key 'supports' is missing"):
+        validate(Outer, {"other": 1}, "a.yaml")

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from surrogate.runs.metric_lines import append_line
 from surrogate.runs.split import split_training
 from surrogate.seeds import stream
 from surrogate.training.loop import train
+from surrogate.training.setup import split_for
 
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., UNetModel]
@@ -405,3 +407,11 @@ def test_device(monkeypatch: pytest.MonkeyPatch) -> None:
     assert choose_device("auto") == choose_device("cpu") == CPU
     with pytest.raises(InputError, match="'cuda': none here"):
         choose_device("cuda")
+
+
+def test_a_training_on_two_samples_warns(
+    dataset: Dataset, make_config: MakeConfig, caplog: pytest.LogCaptureFixture
+) -> None:
+    few = replace(dataset, train_in_memory=dataset.train[:2])
+    split_for(make_config(epochs=1), few)
+    assert [r.getMessage().split(",")[0] for r in caplog.records] == ["2 training samples"]
