@@ -20,6 +20,8 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from shared_schema.common.errors import WorkError, first_line
+
 __all__ = ["NewtonSolverNonlinearProblem", "functionspace"]
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
@@ -136,12 +138,26 @@ COMPILER_OPTIONS: dict[str, Any] = {
 }
 
 
+@contextmanager
+def _stale_lock_is_named() -> Iterator[None]:
+    """Say which file to delete, if another compilation seems to go on for ever.
+
+    A compilation that was killed leaves its file without the one that tells of its end.
+    """
+    try:
+        yield
+    except TimeoutError as error:
+        raise WorkError(f"another process compiles, or was killed: {first_line(error)}") from None
+
+
+@_stale_lock_is_named()
 @_quiet_compiler()
 def form(expression: Any, jit_options: dict[str, Any]) -> Any:
     """Compile a form (0.6; before, the options were ``jit_params``)."""
     return dolfinx.fem.form(expression, **_named(jit_options))
 
 
+@_stale_lock_is_named()
 @_quiet_compiler()
 def point_expression(
     expression: Any, points: NDArray[np.float64], jit_options: dict[str, Any]
