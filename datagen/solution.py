@@ -29,6 +29,7 @@ from shared_schema.common.bodies.command_loads import (
 )
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
 from shared_schema.material import Volumetric
 
@@ -77,6 +78,8 @@ class Solution:
         Time of the solve.
     notes : tuple of str
         Which nodes loads were moved to (`nearest`).
+    units : Units
+        Labels of all numbers, for messages and figures.
     """
 
     case: str
@@ -94,6 +97,7 @@ class Solution:
     linear_solver: str
     seconds: float
     notes: tuple[str, ...]
+    units: Units = SI
 
     @property
     def largest_displacement(self) -> float:
@@ -105,8 +109,9 @@ class Solution:
         report = self.report
         return (
             f"<Solution of {self.case}: {len(self.coordinates)} nodes, largest displacement "
-            f"{self.largest_displacement:.6g} m, {report.load_steps} load steps, "
-            f"{report.newton_iterations} Newton iterations, residual {report.residual_norm:.2g} N>"
+            f"{self.largest_displacement:.6g} {self.units.length}, {report.load_steps} load steps, "
+            f"{report.newton_iterations} Newton iterations, "
+            f"residual {report.residual_norm:.2g} {self.units.force}>"
         )
 
     @checked_arguments
@@ -247,6 +252,7 @@ def _solved(
         linear_solver=problem.linear_solver,
         seconds=seconds,
         notes=tuple(given.notes),
+        units=case.units,
     )
 
 

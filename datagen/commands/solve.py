@@ -61,17 +61,20 @@ def run(options: argparse.Namespace) -> None:
     given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
     solution = solve(options.case, **given)
     solution.save(options.out)
-    report, stress = solution.report, ""
+    report, units, stress = solution.report, solution.units, ""
     if solution.stresses:
-        stress = f"largest von Mises stress {solution.stresses['von_mises'].max():.4g} Pa, "
+        stress = (
+            f"largest von Mises stress {solution.stresses['von_mises'].max():.4g} {units.stress}, "
+        )
     begun = {"": "", "start": f"from {options.start}, ", "rest": "from rest, "}
     for note in solution.notes:
         print(note)
     print(
-        f"{options.out}: largest displacement {solution.largest_displacement:.6g} m, {stress}"
-        f"{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "
+        f"{options.out}: largest displacement {solution.largest_displacement:.6g} {units.length}, "
+        f"{stress}{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "
         f"{report.newton_iterations} Newton iterations, "
-        f"residual {report.residual_norm:.2g} N (tolerance {solution.tolerance:.2g} N)"
+        f"residual {report.residual_norm:.2g} {units.force} "
+        f"(tolerance {solution.tolerance:.2g} {units.force})"
     )
     print(
         f"{solution.unknowns} unknowns, {solution.linear_solver}: {solution.seconds:.3g} s a "

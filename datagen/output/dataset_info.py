@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.keys.units import Units
 from shared_schema.common.memory import megabytes
 from shared_schema.dataset_reader import DatasetReader, unstable_samples
 from shared_schema.layout import NO_NODE, Arrays
@@ -104,19 +105,20 @@ def _nodal(reader: DatasetReader) -> list[Row]:
     if reader.manifest.samples == 0:
         return rows
     of = {name: np.concatenate(values) for name, values in columns.items()}
+    units = Units.of_case(reader.manifest.case)
     per_node, wall = loads[loads > 0], of["wall_time"]
     return [
         *rows,
         ("samples per loaded node", f"{per_node.min()} to {per_node.max()}"),
-        ("force components", f"{of['force'].min():.4g} to {of['force'].max():.4g} N"),
+        ("force components", f"{of['force'].min():.4g} to {of['force'].max():.4g} {units.force}"),
         (
             "largest |u| of a sample",
-            f"median {np.median(of['moved']):.4g}, max {of['moved'].max():.4g} m",
+            f"median {np.median(of['moved']):.4g}, max {of['moved'].max():.4g} {units.length}",
         ),
         ("load steps", _mean_and_max(of["load_steps"])),
         ("cutbacks", _mean_and_max(of["cutbacks"])),
         ("Newton iterations", _mean_and_max(of["newton_iterations"])),
-        ("largest residual", f"{of['residual_norm'].max():.3g} N"),
+        ("largest residual", f"{of['residual_norm'].max():.3g} {units.force}"),
         (
             "solve time",
             f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample",
@@ -127,6 +129,7 @@ def _nodal(reader: DatasetReader) -> list[Row]:
 def _structured(manifest: Manifest) -> list[Row]:
     structured = manifest.structured
     assert structured is not None
+    units = Units.of_case(manifest.case)
     shape = " x ".join(str(n) for n in structured.grid_shape)
     grid = [("grid", shape)]
     if structured.embedding is not None:
@@ -138,7 +141,10 @@ def _structured(manifest: Manifest) -> list[Row]:
     return [
         *grid,
         ("split", f"{structured.train} train, {structured.test} test"),
-        ("std of displacement", ", ".join(f"{s:.4g}" for s in structured.displacement.std) + " m"),
+        (
+            "std of displacement",
+            ", ".join(f"{s:.4g}" for s in structured.displacement.std) + f" {units.length}",
+        ),
         ("source digest", structured.source_digest),
     ]
 

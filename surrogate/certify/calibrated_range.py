@@ -28,11 +28,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.certify.certificate_protocol import millimetres
+from shared_schema.common.keys.units import SI, Units
 
 LEAST_STIFFNESS = 0.05
 MARGIN = 0.05
 TAIL = 0.02
+
 Array = NDArray[np.float64]
 
 
@@ -85,6 +86,7 @@ class CalibratedRange:
         error: Array,
         softest: Array,
         loadable: NDArray[np.bool_],
+        units: Units = SI,
     ) -> tuple[str | None, ...]:
         """Say of each prediction why it has no bound; None if it has one.
 
@@ -96,14 +98,22 @@ class CalibratedRange:
             Smallest Ritz values.
         loadable : array of bool, (n_nodes,)
             Nodes that the training loaded.
+        units : Units
+            Their labels, for the reasons.
         """
         return tuple(
-            next(self._reasons(f, u, e, float(s), loadable), None)
+            next(self._reasons(f, u, e, float(s), loadable, units), None)
             for f, u, e, s in zip(force, predicted, error, softest, strict=True)
         )
 
     def _reasons(
-        self, f: Array, u: Array, e: Array, softest: float, loadable: NDArray[np.bool_]
+        self,
+        f: Array,
+        u: Array,
+        e: Array,
+        softest: float,
+        loadable: NDArray[np.bool_],
+        units: Units,
     ) -> Iterator[str]:
         """Yield the reasons against a single prediction, gravest first."""
         if softest == -np.inf or not np.isfinite(e).all():
@@ -126,11 +136,12 @@ class CalibratedRange:
             ("resultant", np.abs(f.sum(axis=0)), self.resultant),
         ):
             if (values > beyond * limit).any():
-                yield f"{unlike}: {name} up to {newtons(values)}, {newtons(limit)} there"
+                here, there = written(values), f"{written(limit)} {units.force}"
+                yield f"{unlike}: {name} up to {here}, {there} there"
         moved = float(largest(u[None])[0])
         if moved > beyond * self.displacement:
-            most = millimetres(self.displacement)
-            yield f"{unlike}: displacement {millimetres(moved)}, {most} there"
+            most = units.written(self.displacement)
+            yield f"{unlike}: displacement {units.written(moved)}, {most} there"
         share = float(relative_size(e[None], u[None])[0])
         if share > beyond * self.error:
             parts = f"{share:.2g} of the displacement, {self.error:.2g} there"
@@ -172,6 +183,6 @@ def relative_size(error: Array, displacement: Array) -> Array:
     return np.divide(size, whole, out=np.where(size == 0, 0.0, np.inf), where=whole > 0)
 
 
-def newtons(components: Array) -> str:
-    """Write absolute components of a force."""
-    return f"±({', '.join(f'{value:.3g}' for value in components)}) N"
+def written(components: Array) -> str:
+    """Write absolute components of a force, without their unit."""
+    return f"±({', '.join(f'{value:.3g}' for value in components)})"

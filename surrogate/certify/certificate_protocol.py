@@ -20,8 +20,3 @@ class ErrorCertificate(Protocol):
 
     def refusal(self, tolerance: float) -> str | None:
         """Say why no node's error is certified to be at most `tolerance` in m; None if it is."""
-
-
-def millimetres(metres: float) -> str:
-    """Write a length."""
-    return f"{metres * 1e3:.3g} mm"

@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
+from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.smoothed_prediction import smoothed
 from surrogate.mechanics.out_of_balance import FIRST_SHIFT, Equilibrium
 
@@ -68,6 +69,8 @@ class Correction:
         ‖r‖₂ of the displacement in N.
     left : int
         Number of unstable equilibria that were met and left.
+    units : Units
+        Their labels, for messages.
     """
 
     displacement: Array
@@ -75,6 +78,7 @@ class Correction:
     iterations: int
     residual_norm: float
     left: int = 0
+    units: Units = SI
 
     def summary(self) -> str:
         """Describe the correction in a line."""
@@ -82,7 +86,7 @@ class Correction:
         past = ", past an unstable equilibrium" if self.left == 1 else past
         return (
             f"corrected in {self.iterations} Newton iterations from the {self.start}{past}, "
-            f"residual {self.residual_norm:.2g} N"
+            f"residual {self.residual_norm:.2g} {self.units.force}"
         )
 
 
@@ -113,7 +117,7 @@ def correct(
         u = equilibrium.linear_response(load)
         residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
         if residual <= equilibrium.round_off.floor(float(np.linalg.norm(u))):
-            return Correction(u[0], "undeformed body", 1, residual)
+            return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
     start, u = safest_start(equilibrium, f, predicted[None])
     if equilibrium.pressure is None:
         return iterated(equilibrium, f, u, start, tolerance)
@@ -182,7 +186,7 @@ def iterated(
         if norm <= tolerance.under(load, equilibrium.round_off, size):
             mode = None if stable or not dead else equilibrium.unstable_mode(u)
             if mode is None:
-                return Correction(u[0], start, iteration, norm, left)
+                return Correction(u[0], start, iteration, norm, left, equilibrium.units)
             advanced, left = _beside(equilibrium, f, u, mode), left + 1
         elif dead:
             step, definite = equilibrium.newton_step(u, r, SMALL_SHIFT if left else FIRST_SHIFT)
@@ -193,7 +197,8 @@ def iterated(
         if advanced is None:
             break
         u, r = advanced
-    raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} N")
+    of = equilibrium.units.force
+    raise WorkError(f"no equilibrium after {iteration} Newton iterations, residual {norm:.2g} {of}")
 
 
 def searched(

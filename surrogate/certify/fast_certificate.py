@@ -26,7 +26,7 @@ latter to stop early only; a run that does so leaves them out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +35,8 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
-from surrogate.certify.certificate_protocol import millimetres
 from surrogate.certify.conformal import conformal_quantile
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.runs.tensor_file import load_tensors, serialised
@@ -73,6 +73,8 @@ class Bounds:
         Why a prediction has no bound; None if it has. One entry for each prediction.
     half_width : array, (n_nodes, d) or (N, n_nodes, d), or None
         Half widths in m of the intervals of all components, which hold the share `level`.
+    units : Units
+        Their labels, for messages.
     """
 
     error: Array
@@ -81,6 +83,7 @@ class Bounds:
     largest: Array
     reasons: tuple[str | None, ...] = (None,)
     half_width: Array | None = None
+    units: Units = SI
 
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
         """True where the bound `largest` is at most `tolerance` in m."""
@@ -96,9 +99,10 @@ class Bounds:
             )
         if self.reasons[0] is not None:
             return "no bound of the error"
+        length = self.units.written
         return (
-            f"error at most {millimetres(float(self.mean))} in the mean and "
-            f"{millimetres(float(self.largest))} at any node, each with probability {self.level:g}"
+            f"error at most {length(float(self.mean))} in the mean and "
+            f"{length(float(self.largest))} at any node, each with probability {self.level:g}"
         )
 
     def refusal(self, tolerance: float) -> str | None:
@@ -107,7 +111,8 @@ class Bounds:
             zip(self.reasons, np.atleast_1d(self.largest), strict=True)
         ):
             if reason is None and not bound <= tolerance:
-                reason = f"bound of the error {millimetres(bound)} > {millimetres(tolerance)}"
+                most = self.units.written(tolerance)
+                reason = f"bound of the error {self.units.written(bound)} > {most}"
             if reason is not None:
                 return reason if len(self.reasons) == 1 else f"prediction {number}: {reason}"
         return None
@@ -239,7 +244,7 @@ class FastCertificate:
         error, softest = self.estimate.with_stability(f, u)
         reasons = self.refusals(f, u, error, softest)
         refused = np.array([reason is not None for reason in reasons], dtype=bool)
-        found = {
+        found: dict[str, Any] = {
             name: np.where(refused, np.inf, bound).reshape(shape[:-2])
             for name, bound in self.bounds(error, level).items()
         }
@@ -248,7 +253,8 @@ class FastCertificate:
             half = self.half_widths(error, std.reshape(u.shape), level)
             half[refused] = np.inf
             half = half.reshape(shape)
-        return Bounds(error.reshape(shape), level, **found, reasons=reasons, half_width=half)
+        bounds = Bounds(error.reshape(shape), level, **found, reasons=reasons, half_width=half)
+        return replace(bounds, units=self.estimate.units)
 
     def refusals(
         self, force: Array, predicted: Array, error: Array, softest: Array
@@ -264,7 +270,8 @@ class FastCertificate:
         """
         if self.calibrated is None:
             return (NO_RANGE,) * len(force)
-        return self.calibrated.refusals(force, predicted, error, softest, self.estimate.loadable)
+        body = self.estimate.loadable, self.estimate.units
+        return self.calibrated.refusals(force, predicted, error, softest, *body)
 
     def measures(
         self, force: Array, predicted: Array, truth: Array, std: Array | None = None

@@ -72,6 +72,7 @@ class FastEstimate:
         self.dtype: type[np.floating[Any]] = np.float32 if large else np.float64
         self.material, self.free = material, equilibrium.free
         self.dimension, self.loadable = geometry.dimension, geometry.loadable
+        self.units = equilibrium.units
         self._dofs = layout.dofs
         self._factor = equilibrium.undeformed.single if large else equilibrium.undeformed
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()

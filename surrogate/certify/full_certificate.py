@@ -17,14 +17,15 @@ which there is no estimate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import fields as fields_of
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
-from surrogate.certify.certificate_protocol import millimetres
+from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.correction import HALVINGS, searched
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium, norms
@@ -52,6 +53,8 @@ class Certificate:
         Number of inverted cells.
     settled : array of bool, () or (N,)
         True if Newton's method contracts, so that the estimate is to be trusted.
+    units : Units
+        Their labels, for messages.
     """
 
     out_of_balance: Array
@@ -59,6 +62,7 @@ class Certificate:
     relative_error: Array
     inverted: NDArray[np.int64]
     settled: NDArray[np.bool_]
+    units: Units = SI
 
     @property
     def mean_error(self) -> Array:
@@ -82,9 +86,10 @@ class Certificate:
         several = self.inverted.ndim > 0
         parts = [f"{count} predictions"] if several else []
         if sound.any():
+            length = self.units.written
             parts += [
-                f"estimated error {millimetres(float(self.mean_error[sound].mean()))} in the mean",
-                f"{millimetres(float(self.max_error[sound].max()))} at most",
+                f"estimated error {length(float(self.mean_error[sound].mean()))} in the mean",
+                f"{length(float(self.max_error[sound].max()))} at most",
                 f"forces out of balance by {self.out_of_balance[sound].max():.2g} of the load",
             ]
         if unsettled:
@@ -106,7 +111,8 @@ class Certificate:
         if inverted:
             reason = f"{inverted} inverted elements"
         elif not largest <= tolerance:
-            reason = f"estimated error {millimetres(float(largest))} > {millimetres(tolerance)}"
+            most = self.units.written(tolerance)
+            reason = f"estimated error {self.units.written(float(largest))} > {most}"
         else:
             reason = "the estimate does not settle, no stable equilibrium is near"
         if self.inverted.ndim == 0:
@@ -144,6 +150,7 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
         relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
         inverted=inverted.reshape(shape[:-2]),
         settled=settled.reshape(shape[:-2]),
+        units=equilibrium.units,
     )
 
 
@@ -170,8 +177,12 @@ def certify_each(
     joined = {
         field.name: np.concatenate([getattr(found, field.name) for found in each])
         for field in fields_of(Certificate)
+        if field.name != "units"
     }
-    return Certificate(**{k: v.reshape((*shape, *v.shape[1:])) for k, v in joined.items()})
+    arrays: dict[str, Any] = {
+        name: values.reshape((*shape, *values.shape[1:])) for name, values in joined.items()
+    }
+    return replace(each[0], **arrays)
 
 
 def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -61,10 +61,13 @@ class TrainedBody:
         """
         require_known_elements(self.description.data.case, self.geometry.cell_type)
         whole = self.geometry.mean_dilation
+        found: Equilibrium | None = None
         for module in self.network.modules():
             if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
-                return module.equilibrium
-        return Equilibrium(self.geometry, self.description.data.material)
+                found = module.equilibrium
+        found = found or Equilibrium(self.geometry, self.description.data.material)
+        found.units = self.description.data.units
+        return found
 
     def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads; InputError if the case has loads that follow the body."""

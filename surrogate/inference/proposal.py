@@ -64,10 +64,11 @@ class Proposal:
 
     def summary(self) -> str:
         """Describe the proposal in a line."""
+        units = self.surrogate.description.data.units
         return (
             f"{len(self.errors)} load cases of {self.among}, estimated mean error "
-            f"{1e3 * np.median(self.errors):.3g} mm in the median, of all "
-            f"{1e3 * self.median:.3g} mm"
+            f"{units.written(float(np.median(self.errors)))} in the median, of all "
+            f"{units.written(self.median)}"
         )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
-from surrogate.certify.certificate_protocol import ErrorCertificate, millimetres
+from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.correction import Correction
 from surrogate.certify.fast_certificate import Bounds
 from surrogate.data.geometry import Geometry
@@ -69,6 +70,8 @@ class Solution:
         Nodes that forces were moved to.
     outside_training : tuple of str
         What is unlike the forces of the training, so that the prediction may be wrong.
+    units : Units
+        Labels of all numbers, for messages and figures.
     """
 
     geometry: Geometry
@@ -86,6 +89,7 @@ class Solution:
     reaction: Array | None
     notes: tuple[str, ...]
     outside_training: tuple[str, ...]
+    units: Units = SI
 
     @property
     def std(self) -> Array | None:
@@ -185,7 +189,9 @@ class Solution:
             parts.append(self.verdict)
         if self.stresses:
             mises = self.stresses["von_mises"][self.stresses["jacobian"] > 0]
-            parts.append(f"largest von Mises stress {mises.max(initial=0.0):.4g} Pa")
+            parts.append(
+                f"largest von Mises stress {mises.max(initial=0.0):.4g} {self.units.stress}"
+            )
         return ", ".join(parts)
 
     def __repr__(self) -> str:
@@ -194,15 +200,16 @@ class Solution:
         total = ", ".join(f"{component:.4g}" for component in self.force.sum(axis=0))
         length = np.linalg.norm(self.displacement, axis=1)
         at = ", ".join(f"{x:.4g}" for x in self.geometry.coordinates[length.argmax()])
+        units, nodes = self.units, "node" if loaded == 1 else "nodes"
         lines = [
             f"Solution({self.case}, {len(self.force)} nodes)",
-            f"load: {loaded} loaded {'node' if loaded == 1 else 'nodes'}, resultant ({total}) N",
-            f"largest displacement: {millimetres(length.max())} at ({at}) m",
+            f"load: {loaded} loaded {nodes}, resultant ({total}) {units.force}",
+            f"largest displacement: {units.written(length.max())} at ({at}) {units.length}",
             self.summary(),
         ]
         if self.std is not None:
             largest = np.linalg.norm(self.std, axis=1).max()
-            lines.append(f"largest standard deviation: {millimetres(largest)}")
+            lines.append(f"largest standard deviation: {self.units.written(largest)}")
         if self.refusal is not None:
             lines.append(f"not certified: {self.refusal}")
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]

@@ -113,7 +113,7 @@ class Surrogate(TrainedBody):
         if run.likelihood != "deterministic":
             parts.append(run.likelihood.replace("_", " "))
         if self.mean_error is not None:
-            parts.append(f"ē {1e3 * self.mean_error:.2g} mm")
+            parts.append(f"ē {self.description.data.units.written(self.mean_error)}")
         return f"Surrogate({', '.join(parts)})"
 
     @property
@@ -342,6 +342,7 @@ class Surrogate(TrainedBody):
             reaction=self.reactions(displacement, given.pushed(displacement)) if stresses else None,
             notes=tuple(given.notes),
             outside_training=tuple(self.training_range.exceeded(force).values()),
+            units=self.description.data.units,
         )
 
     # --- certificates and corrections -------------------------------------------------------------

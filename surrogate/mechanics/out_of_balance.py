@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.keys.units import SI
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout, BandLU, unfolded
@@ -100,6 +101,8 @@ class Equilibrium:
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     pressure : FollowerPressure or None
         Pressures of one load case, which act on all displacements (`under`).
+    units : Units
+        Labels of what is computed here, for messages.
     """
 
     pressure: FollowerPressure | None = None
@@ -111,6 +114,7 @@ class Equilibrium:
         self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
+        self.units = SI
         self._size = geometry.coordinates.size
         self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
         self.layout = BandLayout(*body, geometry.held)

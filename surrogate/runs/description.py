@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 from shared_schema.manifest import StructuredInfo
 from shared_schema.material import Materials, materials_of
 from surrogate.data.load_range import LoadRange, load_range
@@ -52,6 +53,11 @@ class DataFingerprint(Frozen):
         load = self.case.get("load")
         count = load.get("count", (1, 1)) if isinstance(load, Mapping) else (1, 1)
         return int(count[0]), int(count[1])
+
+    @property
+    def units(self) -> Units:
+        """Labels of the units of the case."""
+        return Units.of_case(self.case)
 
     @property
     def material(self) -> Materials:

@@ -10,9 +10,11 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import yaml
 
 import datagen
 from datagen.cases.case import SHIPPED, read_case
+from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.farm.run_estimate import dry_run
 from datagen.transforms.reindexing import structure
@@ -46,6 +48,22 @@ def test_labels_of_a_dataset(tmp_path: Path) -> None:
         file["mesh/coordinates"].attrs["units"] = "m"
     with pytest.raises(InputError, match="attribute 'units' is 'm', expected 'mm'"):
         read_shard(nodal / "shard-00000.h5", "nodal")
+
+
+def test_labels_of_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    solution = datagen.solve(CASE, "40,10:0,-1", stresses=True)
+    assert " mm, " in repr(solution)
+    path = tmp_path / "bar.yaml"
+    path.write_text(yaml.safe_dump(CASE))
+    out = str(tmp_path / "out.npz")
+    assert main(["solve", str(path), "--load", "40,10:0,-1", "--stresses", "--out", out]) == 0
+    said = capsys.readouterr().out
+    assert " mm, largest von Mises stress " in said
+    assert " MPa, " in said
+    run(CASE, tmp_path / "nodal")
+    rows = datagen.info(tmp_path / "nodal")
+    assert rows["largest |u| of a sample"].endswith(" mm")
+    assert rows["force components"].endswith(" N")
 
 
 def test_numbers_do_not_depend_on_labels(tmp_path: Path) -> None:

@@ -1,0 +1,53 @@
+"""Messages have the units of the case, and lengths that can be read at any size."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+from surrogate.inference.loading import make_surrogate
+from surrogate.inference.surrogate import Surrogate
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
+from tests.surrogate.scaled import scaled
+
+
+@pytest.fixture(scope="module")
+def in_millimetres() -> Surrogate:
+    folder = RunFolder(find_run("beam2d_any"))
+    description = folder.description()
+    case = {**description.data.case, "units": {"length": "mm", "force": "N"}}
+    data = description.data.model_copy(update={"case": case})
+    return make_surrogate(folder.read_tensors(), description.model_copy(update={"data": data}))
+
+
+def test_labels_of_the_case(in_millimetres: Surrogate) -> None:
+    solution = in_millimetres.solve(
+        "4,1:0,-1.5", certify="full", correct=True, tolerance=1.0, stresses=True
+    )
+    text = repr(solution)
+    assert " mm at (" in text
+    assert text.count(" MPa") == 1
+    assert " N," in text
+    assert " m" not in text.replace(" mm", "").replace(" mean", "").replace(" most", "")
+    usual = scaled("beam2d_any")[0].solve("4,1:0,-1.5", stresses=True)
+    assert " mm at (4, 1) m" in repr(usual)
+    assert " Pa" in repr(usual)
+
+
+@pytest.mark.parametrize(("length", "unit"), [(1e-6, "nm"), (1.0, "mm"), (1e3, "m")])
+def test_bodies_of_4_micrometres_and_4_kilometres(length: float, unit: str) -> None:
+    model, factor = scaled("beam2d_any", length)
+    force = np.zeros_like(model.geometry.coordinates)
+    force[np.linalg.norm(model.geometry.coordinates, axis=1).argmax(), 1] = -0.5 * factor
+    assert f" {unit} at (" in repr(model.solve(force))
+
+
+def test_a_displacement_of_an_unusual_size_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    model, _ = scaled("beam2d_any")
+    with caplog.at_level(logging.WARNING):
+        model.solve("4,1:0,-1e-6")
+    assert "the largest predicted displacement is" in caplog.text
+    assert "of the body's size, 4; are the units consistent?" in caplog.text
