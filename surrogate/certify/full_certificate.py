@@ -8,11 +8,12 @@ simplified step after it estimate its error to third order:
 
 (`surrogate.mechanics.out_of_balance`). The estimate is settled if K(u) is positive definite, the
 contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
-estimate, or negligible. Otherwise the state is first improved by Newton's method with line search
-(`surrogate.certify.correction`), by 20 steps at most. Then δ itself must be at most a tenth of the
-estimate, not only :math:`\bar δ`, since these steps may have led far from the prediction. A
-prediction whose estimate does not settle is never certified, nor is one with an inverted cell, for
-which there is no estimate.
+estimate, or negligible. A third step with the same factorisation, which is no part of the estimate,
+must be at most a quarter of :math:`\bar δ` too, or a thousandth of the estimate. Otherwise the
+state is first improved by Newton's method with line search (`surrogate.certify.correction`), by 20
+steps at most. Then δ itself must be at most a tenth of the estimate, not only :math:`\bar δ`, since
+these steps may have led far from the prediction. A prediction whose estimate does not settle is
+never certified, nor is one with an inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from surrogate.mechanics.out_of_balance import Equilibrium, norms
 Array = NDArray[np.float64]
 CONTRACTION = 0.25  # largest Θ of an estimate that is settled
 LAST_PART = 0.1  # largest part of its last step in it
+SMALL_PART = 1e-3  # largest part in it of a third step that need not contract
 NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
 ROUNDS = 20
 
@@ -199,6 +201,9 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         last = norms(found.steps if improved else found.simplified)
         error = norms(u[going] - truth[going] - found.steps)
         small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
+        small &= (found.further_contraction <= CONTRACTION) | (
+            norms(found.further) <= SMALL_PART * error
+        )
         contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]
         settled[going[contracts]] = True

@@ -11,7 +11,9 @@ instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π d
 A second step with the same factorisation, the simplified Newton step
 :math:`\bar δ = -K(u)^{-1} r(u + δ)`, tells what δ leaves:
 :math:`Θ = ‖\bar δ‖_2 / ‖δ‖_2` is the contraction of Newton's method (Deuflhard, *Newton Methods for
-Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small.
+Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small. A third step with this
+factorisation tells whether it remains small: where cells at u are far more distorted, and stiffer,
+than those at the equilibrium, the steps become small before they arrive.
 
 Under pressures that follow the surface (`surrogate.mechanics.follower_pressure`),
 
@@ -60,20 +62,26 @@ class NewtonSteps:
         δ in m; zero at clamped nodes.
     simplified : array, (N, n_nodes, d)
         Simplified steps from u + δ in m; not finite if a cell is inverted there.
+    further : array, (N, n_nodes, d)
+        Simplified steps from u + δ + δ̄ in m; not finite if a cell is inverted on the way.
     stable : array of bool, (N,)
         True where K(u), or its symmetric part, is positive definite.
     """
 
     steps: Array
     simplified: Array
+    further: Array
     stable: NDArray[np.bool_]
 
     @property
     def contraction(self) -> Array:
         """Θ, (N,); 0 if δ is 0, +∞ if a cell is inverted at u + δ."""
-        first, second = norms(self.steps), norms(self.simplified)
-        theta = np.divide(second, first, out=np.zeros_like(first), where=first > 0)
-        return np.nan_to_num(theta, nan=np.inf)
+        return _contraction(self.steps, self.simplified)
+
+    @property
+    def further_contraction(self) -> Array:
+        """Θ of the simplified steps, (N,); 0 if δ̄ is 0, +∞ if a cell is inverted on the way."""
+        return _contraction(self.simplified, self.further)
 
 
 class Equilibrium:
@@ -242,19 +250,25 @@ class Equilibrium:
         return found
 
     def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
-        """Return δ, and the simplified step after it, at displacements without inverted cells."""
-        steps, simplified = np.zeros(u.shape), np.full(u.shape, np.nan)
+        """Return δ, and two simplified steps after it, at displacements without inverted cells."""
+        steps, simplified, further = np.zeros((3, *u.shape))
         stable = np.zeros(len(u), dtype=bool)
         for start in range(0, len(u), self._at_once):
             some = slice(start, start + self._at_once)
             factors, is_stable = zip(*self._factors(u[some]), strict=True)
             steps[some] = self._solved(factors, self.out_of_balance(u[some], f[some]))
             trial = u[some] + steps[some]
-            residual = self.out_of_balance(trial, f[some])
-            residual[(self.inverted(trial) > 0) | ~np.isfinite(residual).all((1, 2))] = np.nan
-            simplified[some] = self._solved(factors, residual)
+            simplified[some] = self._solved(factors, self._finite_residual(trial, f[some]))
+            trial += simplified[some]
+            further[some] = self._solved(factors, self._finite_residual(trial, f[some]))
             stable[some] = is_stable
-        return NewtonSteps(steps, simplified, stable)
+        return NewtonSteps(steps, simplified, further, stable)
+
+    def _finite_residual(self, u: Array, f: Array) -> Array:
+        """r(u) in N, (N, n_nodes, d); NaN where a cell is inverted or a number is not finite."""
+        residual = self.out_of_balance(u, f)
+        residual[(self.inverted(u) > 0) | ~np.isfinite(residual).all((1, 2))] = np.nan
+        return residual
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
@@ -344,3 +358,10 @@ class Equilibrium:
 def norms(fields: Array) -> Array:
     """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
     return np.sqrt(np.square(fields).sum(axis=(1, 2)))
+
+
+def _contraction(step: Array, following: Array) -> Array:
+    """‖following‖ / ‖step‖, (N,); 0 if the step is 0, +∞ if one of them is not finite."""
+    first, second = norms(step), norms(following)
+    theta = np.divide(second, first, out=np.zeros_like(first), where=first != 0)
+    return np.nan_to_num(theta, nan=np.inf)
