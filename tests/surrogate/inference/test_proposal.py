@@ -28,7 +28,7 @@ def test_proposed_loads_are_predicted_worse(trained: Path) -> None:
     found = propose(surrogate, 10, among=200, seed=3)
     assert np.median(found.errors) > 1.5 * found.median
     estimated = surrogate.fast_estimate(found.forces, surrogate.predict(found.forces))
-    np.testing.assert_allclose(found.errors, np.abs(estimated).mean(axis=(1, 2)), rtol=1e-4)
+    np.testing.assert_allclose(found.errors, np.abs(estimated).mean(axis=(1, 2)), rtol=2e-3)
     length = np.linalg.norm(estimated.reshape(10, -1), axis=1)
     assert length.argmax() == 0
     drawn = family.draw(200, np.random.default_rng(3))

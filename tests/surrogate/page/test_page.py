@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import inspect
 import json
 import re
 from base64 import b64decode
@@ -109,8 +110,8 @@ def test_network_too_large_for_the_page(
     run = untrained(tmp_path / "run", dataset, dataset.geometry, {"channels": 64})
     with pytest.raises(InputError, match=r"the network takes \S+ MB, expected \S+ MB at most"):
         write_page(run, tmp_path / "page.html", largest=400_000)
-    assert write_page.__kwdefaults__
-    monkeypatch.setitem(write_page.__kwdefaults__, "largest", 400_000)
+    defaults = inspect.unwrap(write_page).__kwdefaults__
+    monkeypatch.setitem(defaults, "largest", 400_000)
     assert main(["page", str(run), "--out", str(tmp_path / "page.html")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not (tmp_path / "page.html").exists()

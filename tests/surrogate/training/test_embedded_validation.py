@@ -76,7 +76,8 @@ def test_the_part_of_the_grid(coarse: Path, tmp_path: Path, make_config: MakeCon
 
 def test_advice_is_a_finer_grid_where_its_part_is_large() -> None:
     """6 of 10 mm are the grid's part; of 4 of 10 mm it is the samples that are too few."""
-    trainer = SimpleNamespace(training_error=lambda: 1e-3, train=range(40))
+    network = SimpleNamespace(displacement_rms=1.0)
+    trainer = SimpleNamespace(training_error=lambda: 1e-3, train=range(40), network=network)
     measures = {"validation_error": 1e-2, "grid_error": 6e-3}
     assert "a finer grid would help" in str(advice(trainer, measures))  # type: ignore[arg-type]
     measures["grid_error"] = 4e-3
