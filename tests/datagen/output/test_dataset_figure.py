@@ -59,7 +59,7 @@ def test_panels(beam: Path) -> None:
         moved = np.linalg.norm(sample.displacement, axis=1).max()
         assert panel.get_title() == f"sample {sample.number}: displaced by up to {moved:.3g} m"
         (said,) = (text.get_text() for text in panel.texts if text.get_text())
-        assert said == f"{np.linalg.norm(sample.force):.2f} N"
+        assert said == f"{np.linalg.norm(sample.force):.3g} N"
         assert panel.get_xlim() == mesh.get_xlim()
         assert panel.get_ylim() == panels[0].get_ylim()
     legend = key.get_legend()
