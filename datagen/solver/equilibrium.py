@@ -244,7 +244,7 @@ class EquilibriumProblem:
         self._grip_norm = 0.0
         self._is_loaded = self.load.norm > 0.0 or moves
         if self._settings.tolerance is not None:
-            self.newton.stop_at(self.relative_tolerance(0.0))
+            self.newton.stop_at(self.relative_tolerance(0.0), self._round_off.at_rest)
 
     def tolerance(self) -> float:
         """Tolerance on ‖R‖ in N under the present load, at the present state (collective)."""

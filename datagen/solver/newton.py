@@ -142,13 +142,19 @@ class Newton:
         small = residual <= self._equations.relative_tolerance(displacement)
         return int(reasons.CONVERGED_FNORM_ABS if small else reasons.ITERATING)
 
-    def stop_at(self, tolerance: float) -> None:
-        """Set the absolute tolerance in N, if the settings have one, for the present load."""
+    def stop_at(self, tolerance: float, floor: float) -> None:
+        """Set the absolute tolerance, if the settings have one, for the present load.
+
+        Parameters
+        ----------
+        tolerance, floor : float
+            Tolerance, and rounding errors that no stricter one goes below, in N.
+        """
         self._limit = tolerance
         for snes, is_direct in ((self.snes, self.is_direct), (self._direct, True)):
             if snes is not None:
                 stricter = 1.0 if is_direct or self._corotation else INEXACT_TOLERANCE
-                snes.setTolerances(atol=stricter * tolerance)
+                snes.setTolerances(atol=max(stricter * tolerance, min(tolerance, floor)))
 
     def solve(
         self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, predicts: bool, direct: bool

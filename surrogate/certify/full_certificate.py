@@ -9,11 +9,12 @@ simplified step after it estimate its error to third order:
 (`surrogate.mechanics.out_of_balance`). The estimate is settled if K(u) is positive definite, the
 contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a tenth of the
 estimate, or negligible. A third step with the same factorisation, which is no part of the estimate,
-must be at most a quarter of :math:`\bar δ` too, or a thousandth of the estimate. Otherwise the
-state is first improved by Newton's method with line search (`surrogate.certify.correction`), by 20
-steps at most. Then δ itself must be at most a tenth of the estimate, not only :math:`\bar δ`, since
-these steps may have led far from the prediction. A prediction whose estimate does not settle is
-never certified, nor is one with an inverted cell, for which there is no estimate.
+must be at most a quarter of :math:`\bar δ` too, or a thousandth of the estimate. It is settled as
+well if r is no more than rounding errors. Otherwise the state is first improved by Newton's method
+with line search (`surrogate.certify.correction`), by 20 steps at most. Then δ itself must be at
+most a tenth of the estimate, not only :math:`\bar δ`, since these steps may have led far from the
+prediction. A prediction whose estimate does not settle is never certified, nor is one with an
+inverted cell, for which there is no estimate.
 """
 
 from __future__ import annotations
@@ -204,7 +205,11 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         small &= (found.further_contraction <= CONTRACTION) | (
             norms(found.further) <= SMALL_PART * error
         )
-        contracts = found.stable & (small | (last <= NEGLIGIBLE * norms(truth[going])))
+        size = norms(truth[going])
+        residual = norms(equilibrium.out_of_balance(truth[going], f[going]))
+        rounding = equilibrium.round_off
+        hidden = residual <= rounding.at_rest + rounding.per_displacement * size
+        contracts = found.stable & (small | hidden | (last <= NEGLIGIBLE * size))
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]
         settled[going[contracts]] = True
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
