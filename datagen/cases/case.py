@@ -75,6 +75,13 @@ class Case(Frozen):
         """Build the materials, with the same context."""
         return _each(value, lambda content: material_of(content, info.context))
 
+    @field_validator("supports", mode="before")
+    @classmethod
+    def _hold_the_body(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("the body can move and turn freely, expected a list of at least one")
+        return value
+
     @field_validator("load", "material")
     @classmethod
     def _is_not_empty(cls, value: Any) -> Any:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 PAGE = "README.md"
 DISCUSSION = "discussion.yaml"
 NOT_DONE = "not done"
+NO_VERDICT = "not at this scale"  # instead of verdicts, where numbers mean nothing
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,9 @@ def write_report(
         f"# {report.title}, at scale `{scale.name}`",
         scale.description,
         discussion.introduction,
-        contents(report, records),
+        contents(report, scale, records),
         *(
-            section(report, study, record, discussion.studies.get(study.name, ""))
+            section(report, scale, study, record, discussion.studies.get(study.name, ""))
             for study in report.studies
             if (record := records[study.name]) is not None
         ),
@@ -111,7 +112,7 @@ def write_current(report: Report, resources: Resources, out: Path) -> None:
     write_report(report, resources.scale, records, out)
 
 
-def contents(report: Report, records: Mapping[str, Record | None]) -> str:
+def contents(report: Report, scale: Scale, records: Mapping[str, Record | None]) -> str:
     """Table of all studies; of the paper's, with the counts of their verdicts."""
     rows = []
     for study in report.studies:
@@ -122,6 +123,7 @@ def contents(report: Report, records: Mapping[str, Record | None]) -> str:
             continue
         counted = tally(record.findings).items() if record else ()
         counts = " · ".join(f"{n} {verdict}" for verdict, n in counted if n) or "–"
+        counts = counts if scale.verdicts else NO_VERDICT
         rows.append([title, report.places(study), counts if record else NOT_DONE])
     head = ["study", ""] if report.title_of is None else ["study", "in the paper", "verdicts"]
     return markdown_table(head, rows)
@@ -133,7 +135,9 @@ def anchor(title: str) -> str:
     return kept.replace(" ", "-")
 
 
-def section(report: Report, study: Experiment[Any], record: Record, discussion: str) -> str:
+def section(
+    report: Report, scale: Scale, study: Experiment[Any], record: Record, discussion: str
+) -> str:
     """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
     place = f" In the paper: {report.places(study)}." if study.labels else ""
@@ -145,8 +149,8 @@ def section(report: Report, study: Experiment[Any], record: Record, discussion: 
         ]
     if found.comparisons:
         head = ("", "here", "paper", "verdict")
-        blocks.append(markdown_table(head, map(comparison_row, found.comparisons)))
-    blocks += [f"- {bold(c.verdict)}: {c.what} {c.evidence}" for c in found.claims]
+        blocks.append(markdown_table(head, (comparison_row(c, scale) for c in found.comparisons)))
+    blocks += [f"- {bold(c.verdict, scale)}: {c.what} {c.evidence}" for c in found.claims]
     if not (found.tables or found.comparisons or found.claims or found.captions):
         blocks.append("This scale has no dataset for it.")
     blocks.append(discussion)
@@ -154,16 +158,16 @@ def section(report: Report, study: Experiment[Any], record: Record, discussion: 
     return "\n\n".join(block.strip() for block in blocks if block.strip())
 
 
-def comparison_row(comparison: Comparison) -> tuple[str, ...]:
+def comparison_row(comparison: Comparison, scale: Scale) -> tuple[str, ...]:
     """Row of a number beside the paper's."""
     unit = f" [{comparison.unit}]" if comparison.unit else ""
     ours, paper = format_cell(comparison.ours), format_cell(comparison.paper)
-    return (f"{comparison.what}{unit}", ours, paper, bold(comparison.verdict))
+    return (f"{comparison.what}{unit}", ours, paper, bold(comparison.verdict, scale))
 
 
-def bold(verdict: Verdict) -> str:
-    """Markdown of a verdict."""
-    return f"**{verdict}**"
+def bold(verdict: Verdict, scale: Scale) -> str:
+    """Markdown of a verdict, if there are verdicts at a scale."""
+    return f"**{verdict if scale.verdicts else NO_VERDICT}**"
 
 
 def appendix(records: Sequence[Record]) -> str:

@@ -108,6 +108,8 @@ class Scale(Frozen):
         Number of stochastic passes T of a prediction.
     timing : Timing
         Repeats of a time that is measured.
+    verdicts : bool
+        False if the numbers say nothing about agreement with the paper.
     datasets : dict of str to DatasetSpec
         Datasets by name.
     runs : dict of str to RunSpec
@@ -118,6 +120,7 @@ class Scale(Frozen):
     description: str
     passes: int = Field(PASSES, ge=1, le=MOST_PASSES)
     timing: Timing = TIMING
+    verdicts: bool = True
     datasets: dict[str, DatasetSpec]
     runs: dict[str, RunSpec]
 

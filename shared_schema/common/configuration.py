@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
@@ -12,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 from shared_schema.common.errors import InputError
 from shared_schema.common.yaml_reader import yaml_content
 
+logger = logging.getLogger(__name__)
 LARGEST_FILE = 1 << 20  # bytes of a YAML file
 
 
@@ -94,15 +97,31 @@ def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str
     Raises
     ------
     InputError
-        If neither exists, or the file holds no mapping.
+        If neither exists or both do, or the file holds no mapping.
     """
-    path = Path(name)
+    path, own = Path(name), shipped / f"{name}.yaml"
+    if name == path.name and own.is_file():
+        _tell_apart(name, own, what)
     if not path.is_file():
-        path = shipped / f"{name}.yaml"
+        path = own
     if not path.is_file():
         names = ", ".join(sorted(p.stem for p in shipped.glob("*.yaml")))
         raise InputError(f"{what} '{name}': no such file, and not one of those shipped ({names})")
     return read_yaml(path), str(path)
+
+
+def _tell_apart(name: str, shipped: Path, what: str) -> None:
+    """Refuse the name of a file here and of a shipped one; warn of a file with its ending."""
+    here = Path(shipped.name)
+    if Path(name).is_file():
+        raise InputError(
+            f"{what} '{name}': a file of this name lies here and one is shipped, "
+            f"expected './{name}' or '{shipped}'"
+        )
+    if here.is_file() and not here.samefile(shipped):
+        logger.warning(
+            "%s '%s': the shipped one is read; the file here is './%s'", what, name, here
+        )
 
 
 def validate(
@@ -130,16 +149,19 @@ def validate(
         adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
         return adapter.validate_python(content, context=context)
     except ValidationError as error:
-        raise InputError(f"{source}: {first_problem(error)}") from None
+        raise InputError(f"{source}: {first_problem(error, content)}") from None
 
 
-def first_problem(error: ValidationError) -> str:
+def first_problem(error: ValidationError, content: Any = None) -> str:
     """Describe the first problem of a pydantic error in one line: key, value, expectation.
 
-    The tag of a tagged union, written in parentheses, stands behind the message. An unknown key
-    beside a missing one of nearly the same name is the problem, not what is missing.
+    The tag of a tagged union, written in parentheses, stands behind the message; one that is a
+    value in `content`, such as the kind of a mesh, is left out. An unknown key beside a missing one
+    of nearly the same name is the problem, not what is missing.
     """
     problems = error.errors(include_url=False)
+    for one in problems:
+        one["loc"] = _keys(one["loc"], content, one["type"] == "missing")
     problem = problems[0]
     if problem["type"] == "missing":
         unknown = {
@@ -153,6 +175,24 @@ def first_problem(error: ValidationError) -> str:
     tags = [str(part) for part in problem["loc"] if str(part).startswith("(")]
     key = ".".join(str(part) for part in problem["loc"] if str(part) not in tags) or "(top level)"
     return " ".join([_message(key, problem), *tags])
+
+
+def _keys(location: tuple[int | str, ...], content: Any, missing: bool) -> tuple[int | str, ...]:
+    """Return the keys of a location, without tags of unions that are values of the content."""
+    keys: list[int | str] = []
+    for number, part in enumerate(location, 1):
+        if isinstance(content, Mapping):
+            is_value = any(isinstance(v, str) and v == part for v in content.values())
+            ends_here = number == len(location) and (missing or part in content)
+            goes_on = isinstance(content.get(part), (Mapping, list, tuple))
+            if is_value and not (ends_here or goes_on):
+                continue
+        keys.append(part)
+        try:
+            content = content[part]
+        except (IndexError, KeyError, TypeError):
+            content = None
+    return tuple(keys)
 
 
 def _message(key: str, problem: Any) -> str:

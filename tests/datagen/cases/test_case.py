@@ -132,7 +132,7 @@ def test_changed_keys() -> None:
         (("solver", "tolerance"), float("nan"), "finite"),
         (("dataset", "samples"), 0, "greater than 0"),
         (("dataset", "seed"), "tuesday", "integer"),
-        (("supports",), [], "at least 1"),
+        (("supports",), [], "the body can move and turn freely, expected a list of at least one"),
     ],
 )
 def test_wrong_values_are_named(

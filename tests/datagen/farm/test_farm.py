@@ -33,6 +33,7 @@ from tests.datagen.farm_runs import (
     assert_near,
     assert_same,
     command,
+    datagen,
     execute,
     held,
     pids_of,
@@ -188,6 +189,19 @@ def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
     assert without_launcher(result.stderr).startswith("datagen: error: ")
     assert result.stderr.count("clamped node at 0,1") == 1
     assert not (tmp_path / "nodal").exists()
+
+
+@pytest.mark.mpi
+def test_mpirun_is_quiet_if_asked(tmp_path: Path) -> None:
+    """`mpirun -q` leaves mpirun's own banner out, as the page on troubles says."""
+    words = datagen("run", "no-such-case", "--out", tmp_path / "nodal", ranks=2)
+    loud = {key: value for key, value in ENVIRONMENT.items() if "execute_quiet" not in key}
+    result = subprocess.run(
+        [words[0], "-q", *words[1:]], env=loud, capture_output=True, text=True, check=False
+    )
+    said = without_launcher(result.stderr)
+    assert (result.returncode, said.count("\n")) == (2, 1)
+    assert said.startswith("datagen: error: case 'no-such-case': no such file")
 
 
 @pytest.mark.faults

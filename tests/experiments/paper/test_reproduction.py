@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import torch
@@ -13,11 +15,12 @@ from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import (
     Claim,
     RecordedFindings,
+    Verdict,
     compare,
     format_cell,
     tally,
 )
-from experiments.framework.report import PAGE, write_current
+from experiments.framework.report import PAGE, write_current, write_report
 from experiments.framework.resources import Resources, minutes_of
 from experiments.framework.runner import current_record, run
 from experiments.framework.scale import merged, read_scale
@@ -128,6 +131,29 @@ def test_the_report_has_verdicts_numbers_and_figures(resources: Resources, tmp_p
     assert "| 2D beam (D): ē [mm] |" in text
     assert "| Order of the nodes | Table 3, Figure 6 | not done |" in text
     assert "| U-Net, 3 levels, c = 2, doubling, SiLU | absolute error, Muon, 2 epochs," in text
+
+
+def test_a_scale_without_verdicts_prints_none(resources: Resources, tmp_path: Path) -> None:
+    """The smallest scale shows that studies run; their numbers say nothing about the paper."""
+    scale = read_scale("smoke", REPRODUCTION.scales)
+    better = compare("ē", "mm", 0.1, 0.3)
+    claims = [Claim(what="It holds.", holds=holds, evidence="1 < 2") for holds in (True, False)]
+    findings = Findings(comparisons=[better], claims=claims)
+    study: Experiment[Resources] = Experiment(
+        "one", "One", "Does it?", lambda _: findings, ("tab:datasets",)
+    )
+    run([study], resources, tmp_path)
+    report = replace(REPRODUCTION, studies=(study,))
+    pages = {}
+    for verdicts in (True, False):
+        records = {"one": current_record(study, resources, tmp_path)}
+        write_report(report, scale.model_copy(update={"verdicts": verdicts}), records, tmp_path)
+        pages[verdicts] = (tmp_path / PAGE).read_text()
+    assert not scale.verdicts
+    assert not any(f"**{verdict}" in pages[False] for verdict in get_args(Verdict))
+    assert pages[False].count("not at this scale") == 4  # summary, number, two statements
+    assert "| 1 better · 1 reproduced · 1 differs |" in pages[True]
+    assert "not at this scale" not in pages[True]
 
 
 def test_the_committed_report_is_that_of_the_committed_records(tmp_path: Path) -> None:

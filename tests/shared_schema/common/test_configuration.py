@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import pytest
 from pydantic import Field, ValidationError
 
-from shared_schema.common.configuration import Frozen, read_yaml, validate
+from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
 from shared_schema.common.errors import InputError
 
 
@@ -176,3 +176,82 @@ def test_a_misspelt_required_key_is_named() -> None:
     assert str(found.value) == "a.yaml: unknown key 'suports', expected 'supports'"
     with pytest.raises(InputError, match="key 'supports' is missing"):
         validate(Outer, {"other": 1}, "a.yaml")
+
+
+class Block(Frozen):
+    kind: Literal["block"]
+    size: float
+
+
+class FromFile(Frozen):
+    kind: Literal["file"]
+    file: str
+    size: float = 1.0
+
+
+class Part(Frozen):
+    mesh: Annotated[Block | FromFile, Field(discriminator="kind")]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        ({"kind": "block", "size": "2"}, "key 'mesh.size' = '2': input should be a valid number"),
+        ({"kind": "block"}, "key 'mesh.size' is missing"),
+        ({"kind": "block", "sise": 2}, "unknown key 'mesh.sise', expected 'size'"),
+        ({"kind": "file"}, "key 'mesh.file' is missing"),
+        ({"kind": "file", "file": 3}, "key 'mesh.file' = 3: input should be a valid string"),
+        (
+            {"kind": "file", "file": "file", "size": "2"},
+            "key 'mesh.size' = '2': input should be a valid number",
+        ),
+    ],
+)
+def test_kinds_are_no_part_of_a_key(mesh: Any, message: str) -> None:
+    """A key is named as in the file, where the kind of a mesh is a value."""
+    with pytest.raises(InputError) as found:
+        validate(Part, {"mesh": mesh}, "a.yaml")
+    assert str(found.value) == f"a.yaml: {message}"
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of shipped files with beam.yaml; the working directory is another, empty one."""
+    shipped, here = tmp_path / "shipped", tmp_path / "here"
+    shipped.mkdir()
+    here.mkdir()
+    (shipped / "beam.yaml").write_text("name: shipped\n")
+    monkeypatch.chdir(here)
+    return shipped
+
+
+def test_a_file_here_of_a_shipped_name_is_refused(shipped: Path) -> None:
+    """Either may be meant; the message says how to name each."""
+    Path("beam").write_text("name: mine\n")
+    with pytest.raises(InputError) as found:
+        read_named("beam", shipped, "case")
+    assert str(found.value) == (
+        "case 'beam': a file of this name lies here and one is shipped, "
+        f"expected './beam' or '{shipped / 'beam.yaml'}'"
+    )
+    assert read_named("./beam", shipped, "case")[0] == {"name": "mine"}
+    assert read_named(str(shipped / "beam.yaml"), shipped, "case")[0] == {"name": "shipped"}
+
+
+def test_the_shipped_file_is_read_beside_a_yaml_file_here(
+    shipped: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    Path("beam.yaml").write_text("name: mine\n")
+    assert read_named("beam", shipped, "case")[0] == {"name": "shipped"}
+    said = "case 'beam': the shipped one is read; the file here is './beam.yaml'"
+    assert caplog.messages == [said]
+    assert read_named("beam.yaml", shipped, "case")[0] == {"name": "mine"}
+    assert caplog.messages == [said]
+
+
+def test_in_their_own_folder_shipped_files_are_those_here(
+    shipped: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.chdir(shipped)
+    assert read_named("beam", shipped, "case")[0] == {"name": "shipped"}
+    assert not caplog.messages
