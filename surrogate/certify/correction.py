@@ -21,7 +21,8 @@ The iteration ends by the rule of the finite elements
 is one step from the undeformed body.
 
 Where the volumes of the cells change as a whole, the prediction's are made right first
-(`surrogate.mechanics.solids.mean_dilation`).
+(`surrogate.mechanics.solids.mean_dilation`), and where elements have points between the nodes,
+these are moved to where the energy is least (`surrogate.mechanics.quadratic`).
 
 Under pressures that follow the surface there is no Π. The start is then the prediction, unless the
 undeformed body has the shorter step, and steps are those of `Equilibrium.damped_step`. These can
@@ -111,14 +112,23 @@ def correct(
     WorkError
         If 200 iterations do not lead to an equilibrium.
     """
-    f = forces[None]
+    held = np.where(equilibrium.free[: equilibrium.nodes], predicted, 0.0)
+    f, u = equilibrium.forces_at_points(forces[None]), equilibrium.at_points(held[None])
+    found = _corrected(equilibrium, f, u, tolerance)
+    return replace(found, displacement=found.displacement[: equilibrium.nodes])
+
+
+def _corrected(
+    equilibrium: Equilibrium, f: Array, predicted: Array, tolerance: ForceTolerance | float
+) -> Correction:
+    """Correct at all points of the elements, f and the prediction (1, n_nodes, d)."""
     load = equilibrium.at_rest(f)
     if 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:  # Π may not feel it
         u = equilibrium.linear_response(load)
         residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
         if residual <= equilibrium.round_off.floor(float(np.linalg.norm(u))):
             return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
-    start, u = safest_start(equilibrium, f, predicted[None])
+    start, u = safest_start(equilibrium, f, predicted)
     if equilibrium.pressure is None:
         return iterated(equilibrium, f, u, start, tolerance)
     try:

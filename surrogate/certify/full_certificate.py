@@ -15,6 +15,9 @@ with line search (`surrogate.certify.correction`), by 20 steps at most. Then δ 
 most a tenth of the estimate, not only :math:`\bar δ`, since these steps may have led far from the
 prediction. A prediction whose estimate does not settle is never certified, nor is one with an
 inverted cell, for which there is no estimate.
+
+Quadratic elements have points between the nodes, at which nothing is predicted: they move to where
+the energy is least (`surrogate.mechanics.quadratic`). Errors are those of the nodes.
 """
 
 from __future__ import annotations
@@ -135,16 +138,16 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
         wholly an error.
     """
     shape = predicted.shape
-    f = forces.reshape(-1, *shape[-2:])
+    f = equilibrium.forces_at_points(forces.reshape(-1, *shape[-2:]))
     u = predicted.reshape(-1, *shape[-2:])
-    held = np.where(equilibrium.free, u, 0.0)
+    held = equilibrium.at_points(np.where(equilibrium.free[: equilibrium.nodes], u, 0.0))
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, norms(r), np.inf)
     sound = np.flatnonzero(np.isfinite(residual))
-    truth, settled = np.zeros(u.shape), np.zeros(len(u), dtype=bool)
+    truth, settled = np.zeros(held.shape), np.zeros(len(u), dtype=bool)
     truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
-    error = np.full(u.shape, np.inf)
+    truth, error = truth[:, : equilibrium.nodes], np.full(u.shape, np.inf)
     error[sound] = u[sound] - truth[sound]
     load = norms(equilibrium.at_rest(f) * equilibrium.free)
     return Certificate(

@@ -1,11 +1,11 @@
 """Elements that a body is solved with, as far as the learner knows them.
 
-The learner assembles linear elements, and `incompressible` quadrilaterals and hexahedra.
-Certificates and corrections are statements about the very equations that made the data, so they are
-refused for a body of other elements. The linear response K⁻¹f in a network's input only has to
-resemble the body's: for other elements, and in load series, it is that of linear elements on the
-same nodes, with a Poisson's ratio of at most 0.4, for which they hardly lock; the network learns
-the difference.
+The learner assembles linear and quadratic elements, and `incompressible` quadrilaterals and
+hexahedra. Certificates and corrections are statements about the very equations that made the data,
+so they are refused for a body of other elements. The linear response K⁻¹f in a network's input only
+has to resemble the body's: for quadratic and other elements, and in load series, it is that of
+linear elements on the same nodes, with a Poisson's ratio of at most 0.4, for which they hardly
+lock; the network learns the difference.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
 def require_known_elements(case: Mapping[str, Any], cell_type: str) -> None:
     """Raise InputError unless the learner computes the equilibria of a case's elements."""
     element = element_of(case)
-    if element != "linear" and not has_mean_dilation(case, cell_type):
+    if element not in ("linear", "quadratic") and not has_mean_dilation(case, cell_type):
         raise InputError(
             f"key 'element' of the run's case = '{element}': certificates, corrections and "
-            "stresses are for linear elements, and incompressible quadrilaterals and "
-            "hexahedra; `datagen solve` has those of others"
+            "stresses are for linear and quadratic elements, and incompressible quadrilaterals "
+            "and hexahedra; `datagen solve` has those of others"
         )
 
 

@@ -10,12 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.data.elements_of_case import require_known_elements
+from surrogate.data.elements_of_case import (
+    element_of,
+    require_known_elements,
+    require_linear_elements,
+)
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import fields_at_nodes
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.runs.description import RunDescription
 
@@ -59,18 +64,30 @@ class TrainedBody:
             If its material is none of the shipped ones, or the learner does not compute the
             equilibria of its elements.
         """
-        require_known_elements(self.description.data.case, self.geometry.cell_type)
-        whole = self.geometry.mean_dilation
+        data = self.description.data
+        require_known_elements(data.case, self.geometry.cell_type)
+        quadratic, whole = element_of(data.case) == "quadratic", self.geometry.mean_dilation
         found: Equilibrium | None = None
-        for module in self.network.modules():
+        if quadratic:
+            found = QuadraticEquilibrium(self.geometry, data.material)
+        for module in () if quadratic else self.network.modules():
             if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
                 found = module.equilibrium
-        found = found or Equilibrium(self.geometry, self.description.data.material)
-        found.units = self.description.data.units
+        found = found or Equilibrium(self.geometry, data.material)
+        found.units = data.units
         return found
 
     def balanced(self) -> Equilibrium:
-        """Equilibrium under dead loads; InputError if the case has loads that follow the body."""
+        """Equilibrium under dead loads, which has no points between the nodes.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`, or if the case has loads that follow the body, or quadratic elements.
+        """
+        case = self.description.data.case
+        if element_of(case) == "quadratic":
+            require_linear_elements(case, "bounds, proposed loads, refinement and pages' estimates")
         if self.geometry.pressed is not None:
             raise InputError(
                 "the loads of the case have a pressure that follows the surface: bounds, proposed "
@@ -110,7 +127,8 @@ class TrainedBody:
 
         u = fields_at_nodes(self.geometry, displacement, "displacements")
         samples = u.reshape(-1, *self.geometry.coordinates.shape)
-        fields = cell_stresses(self.stressed, self.geometry, samples)
+        body = self.equilibrium
+        fields = cell_stresses(self.stressed, body.geometry, body.at_points(samples))
         return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
 
     def reactions(
@@ -138,6 +156,8 @@ class TrainedBody:
             forces = fields_at_nodes(self.geometry, pushed, "forces of pressures")
         if forces.shape != u.shape:
             raise InputError(f"forces of pressures have shape {forces.shape}, expected {u.shape}")
-        samples = (-1, *self.geometry.coordinates.shape)
-        found = reactions(self.stressed, self.geometry, u.reshape(samples), forces.reshape(samples))
-        return np.asarray(found.reshape(u.shape))
+        samples, body = (-1, *self.geometry.coordinates.shape), self.equilibrium
+        at_points = body.at_points(u.reshape(samples))
+        pushed_points = body.forces_at_points(forces.reshape(samples))
+        found = reactions(self.stressed, body.geometry, at_points, pushed_points)
+        return np.asarray(body.forces_at_nodes(found).reshape(u.shape))

@@ -87,7 +87,9 @@ class NewtonSteps:
 class Equilibrium:
     """Equilibria of one body, in double precision.
 
-    Displacements (N, n_nodes, d) are in m and forces, of the same shape, in N.
+    Displacements (N, n_nodes, d) are in m and forces, of the same shape, in N. Elements may have
+    points between the nodes (`surrogate.mechanics.quadratic`); displacements and forces then hold
+    those of all points, the nodes first.
 
     Parameters
     ----------
@@ -96,6 +98,10 @@ class Equilibrium:
 
     Attributes
     ----------
+    geometry : Geometry
+        Its nodes are all points of the elements.
+    nodes : int
+        Number of the points that are nodes of the mesh.
     solid : Solid
     mean_dilation : bool
         Whether the volumes of its cells change as a whole.
@@ -118,6 +124,7 @@ class Equilibrium:
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells
         solid = MeanDilationSolid if geometry.mean_dilation else Solid
+        self.geometry, self.nodes = geometry, len(geometry.coordinates)
         self.solid = solid(*body, geometry.cell_type, material, geometry.parts)
         self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
@@ -136,6 +143,22 @@ class Equilibrium:
         body.pressure = pressure if pressure.pressures.any() else None
         body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
         return body
+
+    def at_points(self, u: Array) -> Array:
+        """Displacements of all points by those of the nodes, in m."""
+        return u
+
+    def forces_at_points(self, f: Array) -> Array:
+        """Forces on all points by those on the nodes, in N."""
+        return f
+
+    def forces_at_nodes(self, f: Array) -> Array:
+        """Forces on the nodes that do the work of those on all points, in N."""
+        return f
+
+    def imperfection(self) -> Array:
+        """Imperfection of the body at all points, (n_nodes, d)."""
+        return imperfection(self.free.shape)
 
     def at_rest(self, f: Array) -> Array:
         """Forces on the undeformed body, those of pressures too: (N, n_nodes, d) in N → same."""
@@ -185,7 +208,7 @@ class Equilibrium:
             shifted = band.copy()
             shifted[:, 0] += shift * metric
             factor, shift = BandCholesky.of(shifted), SHIFT_GROWTH * shift
-        found = imperfection(self.free.shape).ravel()[self.layout.dofs]
+        found = self.imperfection().ravel()[self.layout.dofs]
         for _ in range(INVERSE_ITERATIONS):
             found = factor.solve(metric * found)
             found /= np.linalg.norm(found)

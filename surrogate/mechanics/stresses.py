@@ -13,6 +13,7 @@ from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.neo_hookean import determinant
+from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
@@ -33,7 +34,8 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     dict of array, (N, n_cells, …)
         By the names of `shared_schema.common.bodies.stress_fields`.
     """
-    middle = np.mean(CORNERS[geometry.cell_type], axis=0)[None]
+    cell_type = LINEAR.get(geometry.cell_type, geometry.cell_type)
+    middle = np.mean(CORNERS[cell_type], axis=0)[None]
     mesh = geometry.coordinates, geometry.cells, geometry.cell_type
     gradients = gradients_at(*mesh, middle)[0][:, 0]
     h = np.einsum("ncbi,cbj->ijcn", displacement[:, geometry.cells], gradients)

@@ -1,4 +1,4 @@
-"""Linear finite elements of a mesh: gradients of the shape functions, volumes."""
+"""Finite elements of a mesh, linear or quadratic: gradients of the shape functions, volumes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
+from surrogate.mechanics.solids.quadratic_cells import (
+    LINEAR,
+    quadratic_quadrature,
+    quadratic_shape_gradients,
+)
 
 Array = NDArray[np.float64]
 
@@ -22,7 +27,7 @@ def cell_gradients(
     cells : array of int, (n_cells, n_corners)
         Node numbers, VTK order.
     cell_type : str
-        Meshio's name of the cells.
+        Meshio's name of the cells; that of quadratic ones if the nodes are all of their points.
 
     Returns
     -------
@@ -31,7 +36,7 @@ def cell_gradients(
     volumes : array, (n_cells, n_points)
         Quadrature weight times ``|det ∂x/∂ξ|``, in m³ (in the plane m², per m of thickness).
     """
-    points, weights = quadrature(cell_type)
+    points, weights = (quadratic_quadrature if cell_type in LINEAR else quadrature)(cell_type)
     gradients, determinants = gradients_at(coordinates, cells, cell_type, points)
     return gradients, weights * np.abs(determinants)
 
@@ -48,7 +53,8 @@ def gradients_at(
     determinants : array, (n_cells, n_points)
         det ∂x/∂ξ.
     """
-    reference = shape_gradients(cell_type, points)
+    slopes = quadratic_shape_gradients if cell_type in LINEAR else shape_gradients
+    reference = slopes(cell_type, points)
     jacobians = np.einsum("cbi,qbj->cqij", coordinates[cells], reference)
     gradients = np.einsum("qbj,cqji->cqbi", reference, np.linalg.inv(jacobians))
     return gradients, np.linalg.det(jacobians)

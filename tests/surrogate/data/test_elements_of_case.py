@@ -50,6 +50,15 @@ def test_incompressible_elements(cell_type: str, is_known: bool) -> None:
             require_known_elements(SOFT, cell_type)
 
 
+def test_quadratic_elements_are_known() -> None:
+    """Of every cell; a network's linear response stays that of linear elements."""
+    case = {"element": "quadratic"}
+    for cell_type in ("triangle", "quad", "tetra", "hexahedron"):
+        require_known_elements(case, cell_type)
+    with pytest.raises(InputError, match="'of a later version': certificates"):
+        require_known_elements({"element": "of a later version"}, "quad")
+
+
 def test_response_of_other_elements_does_not_lock() -> None:
     """ν = 0.4 at most, and the same E; that of linear elements is their own."""
     geometry = box("tetra")

@@ -1,0 +1,180 @@
+"""Quadratic elements: corrections, stresses and reactions of both programs are the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import surrogate
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.errors import InputError
+from surrogate.certify.correction import correct
+from surrogate.certify.full_certificate import certify
+from surrogate.data.geometry import Geometry
+from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.mechanics.stresses import cell_stresses, reactions
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.trained_list import certificates_of
+from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+
+CELLS = ("triangle", "quad", "tetra", "hexahedron")
+PRESSURE = 3.0  # Pa
+CASE = {
+    "name": "bar",
+    "element": "quadratic",
+    "mesh": {"kind": "box", "lower": [0, 0], "upper": [1, 0.2], "elements": [10, 2]},
+    "material": {"young_modulus": 500, "poisson_ratio": 0.45},
+    "supports": [{"x": 0}],
+    "load": {"family": "random_nodes", "region": {"x": 1}, "range": [-1, 1], "count": [1, 1]},
+    "dataset": {"samples": 20, "seed": 5, "shard_size": 20, "test_fraction": 0.2},
+}
+CONFIG = {
+    "name": "bar",
+    "case": "bar",
+    "likelihood": "deterministic",
+    "network": {"channels": 4, "levels": 1, "inputs": ["force"], "skip": "linear"},
+    "training": {"epochs": 2, "batch_size": 8, "validation_fraction": 0.2},
+}
+
+# solves the bodies as `datagen solve` does, by dolfinx
+FACTORY = """
+import sys
+import numpy as np
+from mpi4py import MPI
+from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.raw_mesh import RawMesh
+from datagen.solver.cell_stresses import CellStresses
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.settings import SolverSettings
+from shared_schema.material import NeoHookean
+
+material, settings = NeoHookean(young_modulus=500, poisson_ratio=0.4), SolverSettings()
+for path in sys.argv[1:]:
+    body = dict(np.load(path))
+    mesh = distributed(RawMesh(body["x"], body["cells"], str(body["cell_type"])), MPI.COMM_SELF)
+    problem = EquilibriumProblem(mesh, material, body["held"], settings, "quadratic",
+                                 surfaces=[body["pressed"]])
+    nodes = np.flatnonzero(body["force"].any(axis=1))
+    load = nodes, body["force"][nodes], settings, np.array([float(body["pressure"])])
+    assert solve_load_case(problem, *load).solved
+    body |= CellStresses(problem, [material], None).fields()
+    np.savez(path, u=problem.displacement(), reactions=problem.reactions(), **body)
+"""
+
+
+def held_box(cell_type: str) -> Geometry:
+    """A box, one edge of whose end slides along x; in the plane a corner."""
+    geometry = box(cell_type)
+    held = geometry.held.copy()
+    held[(geometry.coordinates[:, :2] == [2.0, 0.0]).all(axis=1), 1] = True
+    return replace(geometry, single=held)
+
+
+def pressed_facets(geometry: Geometry) -> np.ndarray:
+    """Facets of the upper side."""
+    facets = outward_facets(geometry.coordinates, geometry.cells, geometry.cell_type)
+    return np.asarray([f for f in facets if (geometry.coordinates[f, 1] == 1.0).all()])
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the equilibria of all bodies, dead and under pressure, made by one process."""
+    folder = tmp_path_factory.mktemp("solved")
+    for cell_type in CELLS:
+        geometry = held_box(cell_type)
+        force = end_load(geometry, *(8.0, 6.0, 8.0)[: geometry.dimension])
+        for pressure in (0.0, PRESSURE):
+            np.savez(
+                folder / f"{cell_type}-{pressure:g}.npz",
+                x=geometry.coordinates,
+                cells=geometry.cells,
+                cell_type=cell_type,
+                held=geometry.held,
+                force=force,
+                pressed=pressed_facets(geometry),
+                pressure=pressure,
+            )
+    execute(DATAGEN.parent / "python", "-c", FACTORY, *sorted(folder.iterdir()))
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pressure", [0.0, PRESSURE])
+@pytest.mark.parametrize("cell_type", CELLS)
+def test_the_two_programs_have_one_equilibrium(
+    cell_type: str, pressure: float, solved: Path
+) -> None:
+    """Displacements to 1e-6, stresses and reactions, and the error of a prediction to 1 %."""
+    geometry = held_box(cell_type)
+    with np.load(solved / f"{cell_type}-{pressure:g}.npz") as found:
+        theirs = dict(found)
+    u, force = theirs["u"], theirs["force"]
+    body = QuadraticEquilibrium(geometry, MATERIAL)
+    surfaces = (theirs["pressed"],)
+    follows = FollowerPressure(geometry.coordinates, surfaces, np.array([[pressure]]))
+    pressed = body.under(follows)
+    largest = np.abs(u).max()
+    assert largest > 0.05
+
+    corrected = correct(pressed, force, np.zeros_like(u), ForceTolerance())
+    assert corrected.displacement.shape == u.shape
+    np.testing.assert_allclose(corrected.displacement, u, rtol=0, atol=1e-6 * largest)
+
+    wrong = u + 1e-3 * np.sin(5 * geometry.coordinates) * geometry.free
+    certificate = certify(pressed, force, wrong)
+    assert certificate.settled
+    error = certificate.error - (wrong - u)
+    assert np.linalg.norm(error) < 0.01 * np.linalg.norm(wrong - u)
+
+    points, at_points = body.geometry, body.at_points(u[None])
+    for name, values in cell_stresses(body.solid, points, at_points).items():
+        scale = np.abs(theirs[name]).max()
+        np.testing.assert_allclose(values[0], theirs[name], atol=1e-6 * scale, err_msg=name)
+    pushed = body.forces_at_points(follows.forces(u[None]))
+    bearing = body.forces_at_nodes(reactions(body.solid, points, at_points, pushed))[0]
+    scale = np.abs(theirs["reactions"]).max()
+    expected = np.where(geometry.held, theirs["reactions"], 0.0)
+    np.testing.assert_allclose(bearing, expected, atol=1e-6 * scale)
+
+
+@pytest.mark.slow
+def test_commands(tmp_path: Path) -> None:
+    """From the case to the correction; what is for linear elements only is refused."""
+    case, config = tmp_path / "case.yaml", tmp_path / "config.yaml"
+    case.write_text(yaml.safe_dump(CASE))
+    config.write_text(yaml.safe_dump(CONFIG))
+    nodal, structured, run = (tmp_path / name for name in ("nodal", "structured", "run"))
+    execute(DATAGEN, "run", case, "--out", nodal)
+    execute(DATAGEN, "structure", nodal, "--out", structured)
+    execute(SURROGATE, "train", config, "--data", structured, "--out", run)
+    said = execute(SURROGATE, "evaluate", run, "--data", structured, "--certify")
+    assert "fast" in said.stdout + said.stderr
+
+    load = ("--load", "1,0.2:0.3,-0.5", "--stresses")
+    solved, found = tmp_path / "solved.npz", tmp_path / "found.npz"
+    execute(DATAGEN, "solve", case, *load, "--out", solved)
+    execute(SURROGATE, "predict", run, *load, "--certify", "--out", found)
+    with np.load(solved) as theirs, np.load(found) as ours:
+        wrong = ours["displacement"] - theirs["displacement"]
+        difference = np.linalg.norm(ours["estimated_error"] - wrong)
+        assert difference < 0.05 * np.linalg.norm(wrong)
+    execute(SURROGATE, "predict", run, *load, "--correct", "--out", found)
+    with np.load(solved) as theirs, np.load(found) as ours:
+        for name in ("displacement", "von_mises", "reaction"):
+            scale = np.abs(theirs[name]).max()
+            np.testing.assert_allclose(
+                ours[name], theirs[name], rtol=0, atol=1e-6 * scale, err_msg=name
+            )
+    assert certificates_of(RunFolder(run)) == "full"
+    with pytest.raises(InputError, match="'quadratic': bounds, proposed loads, refinement"):
+        surrogate.load(run).balanced()
+    said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
+    assert "Traceback" not in said.stderr
