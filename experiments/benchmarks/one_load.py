@@ -50,9 +50,14 @@ def parts(model: Surrogate, forces: Array) -> Iterator[tuple[str, Function, Func
     members = in_numpy(field.network, shape, len(shape))
     assert members is not None
     one, before = OneLoad(nodal, members), InputsByPyTorch(nodal)
-    yield "whole", lambda i: one(forces[i]), lambda i: one.by_pytorch(forces[i])
-    if not isinstance(one.before, InputsByPyTorch) and one.before(forces[0]) is not None:
-        yield "before the network", lambda i: one.before(forces[i]), lambda i: before(forces[i])
+    yield "whole", lambda i: one(forces[i]), lambda i: one.by_pytorch(forces[i : i + 1])
+    if not isinstance(one.before, InputsByPyTorch) and one.before.known(forces).all():
+        own = one.before
+        yield (
+            "before the network",
+            lambda i: own(forces[i : i + 1]),
+            lambda i: before(forces[i : i + 1]),
+        )
     with torch.inference_mode():
         single = torch.from_numpy(forces.astype(np.float32))
         tensors = [field.scaled(field.inputs_of(nodal.on_grid(f[None]))[0]) for f in single]

@@ -179,9 +179,8 @@ class Surrogate(TrainedBody):
         """Predict without warnings."""
         if self._one_load is None or len(nodal) == 0:
             return self._averaged(nodal, PASSES, 0).mean
-        if nodal.size == self.geometry.coordinates.size:
-            return self._one_load(nodal.reshape(nodal.shape[-2:])).reshape(nodal.shape)
-        return self._one_load.several(nodal, lambda left: self._averaged(left, PASSES, 0).mean)
+        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
+        return self._one_load.several(samples).reshape(nodal.shape)
 
     @cached_property
     def _one_load(self) -> OneLoad | None:

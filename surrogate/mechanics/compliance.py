@@ -121,13 +121,21 @@ class Compliance(nn.Module):
         return force[:, loaded] @ self.columns(loaded)
 
     def respond_at_nodes(self, force: NDArray[Any]) -> NDArray[Any]:
-        """Respond to one load, given and answered at all nodes: (n_nodes, d) → same."""
-        by_component = force.take(self._at_nodes)[None]
-        dense = self.matrix.numpy()
-        u = by_component @ dense if len(dense) else self.respond(by_component)
-        padded = np.zeros(self.size + 1, force.dtype)
-        padded[:-1] = u[0]
-        return padded.take(self._of_nodes)
+        """Respond to forces, given and answered at all nodes: (N, n_nodes, d) → same.
+
+        In single precision loads on a few nodes are answered by columns, however many loads.
+        """
+        by_component = force.reshape(len(force), -1).take(self._at_nodes, axis=1)
+        padded = np.zeros((len(force), self.size + 1), force.dtype)
+        if len(self.matrix):
+            padded[:, :-1] = by_component @ self.matrix.numpy()
+        else:
+            few = np.count_nonzero(by_component, axis=1) <= LOADED
+            for n in np.flatnonzero(few):
+                padded[n, :-1] = self.respond(by_component[n : n + 1])[0]
+            if not few.all():
+                padded[~few, :-1] = self.solve(by_component[~few])
+        return padded.take(self._of_nodes, axis=1)
 
     def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
         """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""

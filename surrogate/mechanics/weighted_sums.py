@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
+AT_ONCE = 24  # fields whose terms are held at once on a CPU: in the cache
+
 
 class WeightedSums(nn.Module):
     """A sparse linear map: every output is a weighted sum of a few inputs.
@@ -38,6 +40,11 @@ class WeightedSums(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         """Apply the map: (…, n_in) → (…, n_out)."""
+        if values.device.type == "cpu" and not torch.compiler.is_compiling():
+            flat = values.reshape(-1, values.shape[-1])
+            if len(flat) > AT_ONCE:
+                sums = torch.cat([self(part) for part in torch.split(flat, AT_ONCE)])
+                return sums.reshape(*values.shape[:-1], sums.shape[-1])
         count, leading = self.weights.shape, values.shape[:-1]
         rows = values.reshape(-1, values.shape[-1]).T.contiguous()  # whole rows are fast to select
         terms = rows.index_select(0, self.sources).reshape(*count, -1)

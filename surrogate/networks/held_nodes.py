@@ -65,10 +65,10 @@ class HeldNodes(nn.Module):
         return torch.cat([extension(field) for extension, field in of_components], dim=1)
 
     @torch.inference_mode()
-    def of_one(self, field: Array) -> Array:
-        """Hold the supports of one field, (n_nodes, d)."""
-        found = self(torch.from_numpy(field.T[None]).float())
-        return np.ascontiguousarray(found[0].T.double().numpy())
+    def of_some(self, fields: Array) -> Array:
+        """Hold the supports of fields, (N, n_nodes, d)."""
+        found = self(torch.from_numpy(fields.swapaxes(1, 2)).float())
+        return np.ascontiguousarray(found.transpose(1, 2).double().numpy())
 
 
 class Extension(nn.Module):

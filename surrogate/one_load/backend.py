@@ -1,4 +1,4 @@
-r"""Prediction of the displacements under one load in NumPy, where PyTorch's calls take most time.
+r"""Prediction of displacements under one load or some in NumPy, where PyTorch takes more time.
 
 A prediction has three parts, in `OneLoad.__call__`: what is computed before the network (its inputs
 and the response :math:`u_0` of the body, the linear one or the load series), the network N on the
@@ -32,32 +32,33 @@ from surrogate.one_load.unet_in_numpy import UNetInNumPy
 from surrogate.probabilistic.ensemble import Ensemble
 
 SMALLEST = np.float32(TINY)
-AT_ONCE = 64  # loads whose corrections are held at once
-BLOCK = 32  # loads of a batch from which on PyTorch is faster for U-Nets
+AT_ONCE = 64  # loads that are predicted together
+BY_PYTORCH = 8  # the same in PyTorch: their fields stay in the cache
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
-GridFunction = Callable[[Single], Single]  # (n_points, inputs) to (n_points, outputs)
+GridFunction = Callable[[Single], Single]  # (N, n_points, inputs) to (N, n_points, outputs)
 
 
 class BeforeNetwork(Protocol):
     """What is computed before the network."""
 
-    def __call__(self, forces: Array) -> tuple[Single, Array | None] | None:
-        """Return inputs and response from forces in N, (n_nodes, d).
+    def known(self, forces: Array) -> NDArray[np.bool_]:
+        """Tell which loads, (N, n_nodes, d), are computed here; PyTorch is as fast for others."""
+
+    def __call__(self, forces: Array) -> tuple[Single, Array | None]:
+        """Return inputs and response from forces in N, (N, n_nodes, d), of known loads.
 
         Returns
         -------
-        inputs : array, (n_points, inputs)
+        inputs : array, (N, n_points, inputs)
             Of the network, scaled but for the gradient of a series' last term.
-        response : array, (n_nodes, d), or None
+        response : array, (N, n_nodes, d), or None
             In m; None if the network's output is the displacement itself.
-
-        None in place of both under loads for which PyTorch is as fast.
         """
 
 
 class OneLoad:
-    """The mean displacements under one load.
+    """The mean displacements under one load, or some together.
 
     Parameters
     ----------
@@ -79,63 +80,52 @@ class OneLoad:
 
     def __call__(self, forces: Array) -> Array:
         """Predict displacements in m from forces in N, both (n_nodes, d)."""
-        found = self.before(forces)
-        if found is None:
-            return self.by_pytorch(forces)
-        inputs, response = found
-        amplitude = np.float32(1)
-        if self.last_gradient is not None:
-            last = inputs[:, self.last_gradient]
-            amplitude = np.sqrt((last * last).sum(axis=1).max())
+        return self.several(forces[None])[0]
+
+    def several(self, forces: Array) -> Array:
+        """Predict displacements in m from forces in N, both (N, n_nodes, d).
+
+        Every load is computed as it is alone. What loads share, matrices and factors, is read once
+        for many, which differs by rounding.
+        """
+        known = self.before.known(forces)
+        displacement = np.empty(forces.shape)
+        for numbers, at_once, predict in (
+            (known.nonzero()[0], AT_ONCE, self._together),
+            ((~known).nonzero()[0], BY_PYTORCH, self.by_pytorch),
+        ):
+            for start in range(0, len(numbers), at_once):
+                some = numbers[start : start + at_once]
+                displacement[some] = predict(forces[some])
+        return displacement
+
+    def _together(self, forces: Array) -> Array:
+        """Predict for known loads."""
+        inputs, response = self.before(forces)
+        if self.last_gradient is None:
+            y = self._output(inputs)
+        else:
+            last = inputs[..., self.last_gradient]
+            amplitude = np.sqrt((last * last).sum(axis=2).max(axis=1))[:, None, None]
             last /= amplitude + SMALLEST
+            y = self._output(inputs) * amplitude
+        u = (y.take(self.sources, axis=1) * self.scales).sum(axis=1).astype(np.float64)
+        if self.network.held is not None:
+            u = self.network.held.of_some(u)
+        return u if response is None else u + response
+
+    def _output(self, inputs: Single) -> Single:
+        """Sum what the members have on the grid."""
         y = self.members[0](inputs)
         for member in self.members[1:]:
             y += member(inputs)
-        return self.at_nodes(y * amplitude, response)
-
-    def several(self, forces: Array, by_pytorch: Callable[[Array], Array]) -> Array:
-        """Predict displacements in m from forces in N, both (N, n_nodes, d).
-
-        Loads are predicted one by one, so that each has the same result as alone. The dense layers
-        and the modes of a reduced network take some together, which differs from that by rounding
-        in single precision.
-
-        Parameters
-        ----------
-        by_pytorch : callable
-            It does the same in PyTorch, for those batches that are faster there.
-        """
-        network = self.members[0]
-        if not isinstance(network, ReducedInNumPy):
-            one_by_one = len(forces) < BLOCK
-            return np.stack([self(f) for f in forces]) if one_by_one else by_pytorch(forces)
-        displacement = np.empty(forces.shape)
-        left = []
-        for start in range(0, len(forces), AT_ONCE):
-            found = {k: self.before(forces[k]) for k in range(start, len(forces))[:AT_ONCE]}
-            left += [k for k, before in found.items() if before is None]
-            given = [(k, *before) for k, before in found.items() if before is not None]
-            if not given:
-                continue
-            encoded = np.stack([network.encoded(inputs) for _, inputs, _ in given])
-            for (k, inputs, response), y in zip(given, network.corrections(encoded), strict=True):
-                displacement[k] = self.at_nodes(y.reshape(inputs.shape), response)
-        if left:
-            displacement[left] = by_pytorch(forces[left])
-        return displacement
-
-    def at_nodes(self, y: Single, response: Array | None) -> Array:
-        """Displacements in m of what the network has on the grid, and of the body's response."""
-        u = (y.take(self.sources, axis=0) * self.scales).sum(axis=0).astype(np.float64)
-        if self.network.held is not None:
-            u = self.network.held.of_one(u)
-        return u if response is None else u + response
+        return y
 
     @torch.inference_mode()
     def by_pytorch(self, forces: Array) -> Array:
-        """Predict with the network in PyTorch."""
-        mean, _ = self.network(torch.from_numpy(forces.astype(np.float32))[None])
-        return mean.mean(dim=0)[0].double().numpy()
+        """Predict with the network in PyTorch, (N, n_nodes, d)."""
+        mean, _ = self.network(torch.from_numpy(forces.astype(np.float32)))
+        return mean.mean(dim=0).double().numpy()
 
 
 def before_network(network: NodalNetwork) -> BeforeNetwork:
@@ -151,19 +141,23 @@ class InputsByPyTorch:
     def __init__(self, network: NodalNetwork) -> None:
         self.network, self.field = network, network.network
 
+    def known(self, forces: Array) -> NDArray[np.bool_]:
+        """All loads."""
+        return np.ones(len(forces), bool)
+
     @torch.inference_mode()
     def __call__(self, forces: Array) -> tuple[Single, Array | None]:
         """Return inputs and response."""
-        force = self.network.on_grid(torch.from_numpy(forces.astype(np.float32))[None])
+        force = self.network.on_grid(torch.from_numpy(forces.astype(np.float32)))
         linear = self.network.linear_response(force)
         inputs, response = self.field.inputs_of(force, linear)
         if self.field.last_gradient is None:
             inputs = self.field.scaled(inputs)
-        fields = np.ascontiguousarray(inputs.flatten(2)[0].T.numpy())
+        fields = np.ascontiguousarray(inputs.flatten(2).transpose(1, 2).numpy())
         if response is None:
             return fields, None
         nodal = self.network.at_nodes(response * self.field.movable, linear)
-        return fields, nodal[0].T.double().numpy()
+        return fields, nodal.transpose(1, 2).double().numpy()
 
 
 def in_numpy(network: nn.Module, shape: tuple[int, ...], outputs: int) -> list[GridFunction] | None:

@@ -1,4 +1,4 @@
-"""The linear response of a large body to one load, for reduced networks."""
+"""The linear response of a large body to one load or some, for reduced networks."""
 
 from __future__ import annotations
 
@@ -55,18 +55,24 @@ class LargeBody:
             return False
         return field.skip and field.inputs == ("force",)
 
-    def __call__(self, forces: Array) -> tuple[Single, Array] | None:
-        """Return inputs and response; None for other loads on an embedded grid."""
-        force = forces.astype(np.float32)
+    def known(self, forces: Array) -> NDArray[np.bool_]:
+        """All loads on a grid of nodes; those on a few nodes on an embedded grid."""
         if self.compliance is not None:
-            response = self.compliance.respond_at_nodes(force)
-        else:
-            flat = force.ravel()
+            return np.ones(len(forces), bool)
+        loaded = np.count_nonzero(forces.reshape(len(forces), -1), axis=1)
+        return (loaded <= LOADED) & self.columns.fit
+
+    def __call__(self, forces: Array) -> tuple[Single, Array]:
+        """Return inputs and response."""
+        force = forces.astype(np.float32)
+        inputs = np.stack([self.to_grid @ f for f in force])
+        if self.compliance is not None:
+            return inputs, self.compliance.respond_at_nodes(force).astype(np.float64)
+        response = np.empty(forces.shape)
+        for found, flat in zip(response, force.reshape(len(force), -1), strict=True):
             loaded = flat.nonzero()[0]
-            if len(loaded) > LOADED or not self.columns.fit:
-                return None
-            response = (flat[loaded] @ self.columns[loaded]).reshape(force.shape)
-        return self.to_grid @ force, response.astype(np.float64)
+            found[:] = (flat[loaded] @ self.columns[loaded]).reshape(found.shape)
+        return inputs, response
 
     @torch.inference_mode()
     def _responses(self, forces: NDArray[Any]) -> Single:

@@ -85,16 +85,14 @@ class ReducedInNumPy:
         self.modes = by_point(network.modes) / np.float32(len(self.members))
 
     def __call__(self, fields: Single) -> Single:
-        """Predict scaled corrections from scaled forces, both (n_points, d)."""
-        return self.corrections(self.encoded(fields)).reshape(fields.shape)
-
-    def encoded(self, fields: Single) -> Single:
-        """Coefficients of scaled forces: (n_points, d) → (input_modes,)."""
-        force = fields.ravel()
-        loaded = force.nonzero()[0]
-        if 4 * len(loaded) < len(force):
-            return force[loaded] @ self.encoder[loaded]
-        return force @ self.encoder
+        """Predict scaled corrections from scaled forces, both (N, n_points, d) or (n_points, d)."""
+        force = fields.reshape(-1, len(self.encoder))
+        loaded = np.flatnonzero(force.any(axis=0))
+        if 4 * len(loaded) < len(self.encoder):
+            coefficients = force[:, loaded] @ self.encoder[loaded]
+        else:
+            coefficients = force @ self.encoder
+        return self.corrections(coefficients).reshape(fields.shape)
 
     def corrections(self, coefficients: Single) -> Single:
         """Scaled corrections of one load or some: (…, input_modes) → (…, n_points · d)."""

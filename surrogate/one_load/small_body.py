@@ -66,20 +66,24 @@ class SmallBody:
             values = max(values, linear.higher.volumes.numel() * len(linear.shape) ** 2)
         return values * size <= MOST
 
+    def known(self, forces: Array) -> NDArray[np.bool_]:
+        """All loads."""
+        return np.ones(len(forces), bool)
+
     def __call__(self, forces: Array) -> tuple[Single, Array | None]:
-        """Return inputs and response; a sparse load needs only some rows of the matrix."""
-        flat, matrix = forces.astype(np.float32).ravel(), self.matrix
-        loaded = flat.nonzero()[0]
-        if 4 * len(loaded) < len(flat):
-            flat, matrix = flat[loaded], matrix[loaded]
+        """Return inputs and response; sparse loads need only some rows of the matrix."""
+        flat, matrix = forces.reshape(len(forces), -1).astype(np.float32), self.matrix
+        loaded = np.flatnonzero(flat.any(axis=0))
+        if 4 * len(loaded) < len(matrix):
+            flat, matrix = flat[:, loaded], matrix[loaded]
         found = flat @ matrix
-        inputs = found[: self.inputs].reshape(self.points, -1)
+        inputs = found[:, : self.inputs].reshape(len(forces), self.points, -1)
         if self.series is not None:
-            response, inputs[:, self.last_gradient] = self.series(forces)
+            response, inputs[..., self.last_gradient] = self.series(forces)
             return inputs, response
-        if len(found) == self.inputs:
+        if len(found[0]) == self.inputs:
             return inputs, None
-        return inputs, found[self.inputs :].reshape(forces.shape).astype(np.float64)
+        return inputs, found[:, self.inputs :].reshape(forces.shape).astype(np.float64)
 
 
 def input_values(network: NodalNetwork) -> int:
@@ -130,7 +134,7 @@ class SmallSeries:
         from surrogate.series import compiled_fields, compiled_series  # Numba: half a second
 
         self.weighted_sums = compiled_fields.weighted_sums
-        self.beyond_linear = compiled_series.beyond_linear_of_one
+        self.beyond_linear = compiled_series.beyond_linear_of_some
         d, size = dimension, dimension * response.nodes
         self.material, self.order = response.higher.material, response.order
         self.shares = response.higher.shares.numpy()
@@ -146,28 +150,30 @@ class SmallSeries:
             gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
             self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
 
-    def __call__(self, force: Array) -> tuple[Array, Single]:
+    def __call__(self, forces: Array) -> tuple[Array, Single]:
         """Return the displacements in m and the gradient of the last term, of forces in N.
 
-        (n_nodes, d) → same, (n_grid_points, d²)
+        (N, n_nodes, d) → same, (N, n_grid_points, d²)
         """
-        flat = force.ravel()
-        loaded = flat.nonzero()[0]
-        first = -(flat[loaded] @ self.response[loaded])
+        flat = forces.reshape(len(forces), -1)
+        loaded = np.flatnonzero(flat.any(axis=0))
+        first = -(flat[:, loaded] @ self.response[loaded])
         beyond, last = self.beyond_linear(
             self.material, self.shares, self.order, first, self._gradient, self._balanced
         )
-        d = force.shape[1]
         gradient = last.astype(np.float32) @ self.gradients
-        return (first + beyond).reshape(force.shape), gradient.reshape(-1, d * d)
+        return (first + beyond).reshape(forces.shape), gradient.reshape(
+            len(forces), -1, forces.shape[-1] ** 2
+        )
 
     def _gradient(self, u: Array) -> Array:
         """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
         return self.weighted_sums(*self.slopes, u).reshape(self.shape)
 
-    def _balanced(self, stress: Array) -> Array:
-        """Displacements that balance stresses: (d, d, n_cells · n_points) → (n_dofs,)."""
-        return self.response @ self.weighted_sums(*self.forces, stress.ravel())
+    def _balanced(self, stresses: list[Array]) -> Array:
+        """Displacements that balance stresses: N of (d, d, n_cells · n_points) → (N, n_dofs)."""
+        forces = [self.weighted_sums(*self.forces, stress.ravel()) for stress in stresses]
+        return np.stack(forces) @ self.response.T
 
 
 def _by_column(matrix: csr_array) -> tuple[NDArray[np.int64], Array]:

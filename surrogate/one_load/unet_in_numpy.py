@@ -1,4 +1,4 @@
-r"""A trained U-Net as gathers and matrix products in NumPy, for one load at a time.
+r"""A trained U-Net as gathers and matrix products in NumPy, for one load or some.
 
 PyTorch prepares every convolution for a single small grid anew, and copies it. Here a convolution
 gathers the rows of all neighbours and multiplies them by one matrix:
@@ -59,21 +59,27 @@ class Convolution(NamedTuple):
     activation: Activation
 
     def of(self, *fields: Single) -> Single:
-        """Convolve: (n_rows, inputs) each → (n_points + 1, outputs); the last row is zero."""
-        points = len(self.sources[0].rows)
-        y = np.empty((points + 1, len(self.bias)), np.float32)
-        y[:-1], y[-1] = self.bias, 0
+        """Convolve: (N, n_rows, inputs) each → (N, n_points + 1, outputs); last rows are zero."""
+        loads, points = len(fields[0]), len(self.sources[0].rows)
+        y = np.empty((loads, points + 1, len(self.bias)), np.float32)
+        y[:, :-1], y[:, -1] = self.bias, 0
         for (rows, matrix), x in zip(self.sources, fields, strict=True):
-            step = max(1, GATHERED // len(matrix))
+            step = max(1, GATHERED // (len(matrix) * loads))
             for start in range(0, points, step):
                 some = rows[start : start + step]
-                y[start : start + len(some)] += x.take(some, axis=0).reshape(len(some), -1) @ matrix
-        self.activation(y[:-1])
+                gathered = x.take(some, axis=1).reshape(-1, len(matrix))
+                y[:, start : start + len(some)] += (gathered @ matrix).reshape(loads, len(some), -1)
+        self.activation(y[:, :-1])
         return y
+
+    @property
+    def gathered(self) -> int:
+        """Largest number of values that are gathered for one load."""
+        return max(len(rows) * len(matrix) for rows, matrix in self.sources)
 
 
 class UNetInNumPy:
-    """A U-Net in evaluation, from the input grid to the output grid of one load.
+    """A U-Net in evaluation, from the input grid to the output grid of some loads.
 
     Parameters
     ----------
@@ -83,6 +89,11 @@ class UNetInNumPy:
         Number of grid points along every axis.
     outputs : int
         Number of output channels to compute, the first ones.
+
+    Attributes
+    ----------
+    at_once : int
+        Number of loads that are convolved together: what is gathered for them stays in the cache.
     """
 
     def __init__(self, unet: UNet, shape: tuple[int, ...], outputs: int) -> None:
@@ -108,25 +119,36 @@ class UNetInNumPy:
             coarse = parents(self.children[level])[near[level]]
             joined = first.reading(coarse, near[level], first=len(self.encoder[level + 1][1].bias))
             self.decoder.append((joined, second.reading(near[level])))
+        every = [layer.gathered for pair in (*self.encoder, *self.decoder) for layer in pair]
+        self.at_once = max(1, GATHERED // max(every))
         head = array(unet.head.weight)[:outputs].reshape(outputs, -1)
         self.head: Single = np.ascontiguousarray(head.T, np.float32)
         self.head_bias: Single = array(unet.head.bias)[:outputs].astype(np.float32)
 
     def __call__(self, fields: Single) -> Single:
-        """Predict from the fields of one load, in scaled units.
+        """Predict from the fields of some loads, in scaled units.
 
         Parameters
         ----------
-        fields : array, (n_points, inputs)
+        fields : array, (N, n_points, inputs) or (n_points, inputs)
             Input at the grid points, in the order of a flattened (nx, ny[, nz]).
 
         Returns
         -------
-        array, (n_points, outputs)
+        array, (N, n_points, outputs) or (n_points, outputs)
         """
+        if fields.ndim == 2:
+            return self(fields[None])[0]
+        step = self.at_once
+        if len(fields) > step:
+            return np.concatenate(
+                [self(fields[start : start + step]) for start in range(0, len(fields), step)]
+            )
         if self.transformed is not None:
-            fields = self.transformed(torch.from_numpy(fields)).numpy()
-        x: Single = np.concatenate((fields, np.zeros((1, fields.shape[1]), np.float32)))
+            points = torch.from_numpy(fields).flatten(0, 1)
+            fields = self.transformed(points).numpy().reshape(*fields.shape[:2], -1)
+        outside = np.zeros((len(fields), 1, fields.shape[2]), np.float32)
+        x: Single = np.concatenate((fields, outside), axis=1)
         skipped = []
         with np.errstate(over="ignore"):  # exp(-x) of SiLU may be infinite
             for level, (first, second) in enumerate(self.encoder):
@@ -136,7 +158,7 @@ class UNetInNumPy:
                 x = second.of(first.of(x))
             for first, second in self.decoder:
                 x = second.of(first.of(x, skipped.pop()))
-        return x.take(self.rows, axis=0) @ self.head + self.head_bias
+        return x.take(self.rows, axis=1) @ self.head + self.head_bias
 
 
 # --- points of the levels; of n points, number n is the row of zeros ---------------------------
@@ -166,9 +188,9 @@ def parents(of_coarse: Numbers) -> Numbers:
 
 
 def pooled(x: Single, of_coarse: Numbers) -> Single:
-    """Take the largest of the 2^d points of every coarser point, with a row of zeros."""
-    y = np.zeros((of_coarse.shape[1] + 1, x.shape[1]), np.float32)
-    x.take(of_coarse, axis=0).max(axis=0, out=y[:-1])
+    """Take the largest of the 2^d points of every coarser point, with rows of zeros."""
+    y = np.zeros((len(x), of_coarse.shape[1] + 1, x.shape[2]), np.float32)
+    x.take(of_coarse, axis=1).max(axis=1, out=y[:, :-1])
     return y
 
 

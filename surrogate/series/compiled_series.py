@@ -1,6 +1,6 @@
-r"""The load series under one load, compiled: terms of the stress, their combination, the response.
+r"""The load series, compiled: terms of the stress, their combination, the response.
 
-`next_stress` is the recursion of `surrogate.series.stress_series`, `beyond_linear_of_one` the
+`next_stress` is the recursion of `surrogate.series.stress_series`, `beyond_linear_of_some` the
 combination :math:`\sum_k c_k u_k` of `surrogate.series.series_response`, and `CompiledResponse`
 does both on a large body, cell by cell.
 """
@@ -110,15 +110,15 @@ def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) ->
     return stress
 
 
-def beyond_linear_of_one(
+def beyond_linear_of_some(
     material: NeoHookean,
     volumes: Array,
     order: int,
     first: Field,
     gradient: Callable[[Field], Field],
-    balanced: Callable[[Field], Field],
+    balanced: Callable[[list[Field]], Field],
 ) -> tuple[Field, Field]:
-    """Do what `surrogate.series.series_response.beyond_linear` does, of one load.
+    """Do what `surrogate.series.series_response.beyond_linear` does, but fields load by load.
 
     Parameters
     ----------
@@ -127,26 +127,30 @@ def beyond_linear_of_one(
         Of the quadrature points in any unit, in the precision of the fields.
     order : int
         Order n, 2 at least.
-    first : array, (n_dofs,)
+    first : array, (N, n_dofs)
         u₁ in m.
     gradient : callable
         Displacements in m to their gradients, (n_dofs,) → (d, d, n_points).
     balanced : callable
-        Stresses in Pa to the displacements that balance them, (d, d, n_points) → (n_dofs,).
+        Stresses in Pa to the displacements that balance them, N of (d, d, n_points) →
+        (N, n_dofs).
     """
-    slope = gradient(first)
-    if np.abs(slope).max() <= NEGLIGIBLE * np.finfo(slope.dtype).eps:
-        return np.zeros_like(first), np.zeros_like(first)
-    every = np.empty((order, len(first)), first.dtype)
-    every[0], terms = first, Terms.zeros(order, slope)
-    for k in range(2, order + 1):
-        every[k - 1] = balanced(next_stress(k, terms, *Factors.of(material)))
-        terms.h[k - 1] = gradient(every[k - 1])
-    potential = potential_of_terms(material, volumes, terms.h)
-    c = least_energy(potential, float(np.finfo(slope.dtype).eps))[1:]
-    c[0] -= 1
-    c = c.astype(first.dtype)
-    return c @ every, c[-1] * every[-1]
+    every = np.zeros((len(first), order, first.shape[1]), first.dtype)
+    c = np.zeros((len(first), order), first.dtype)
+    slopes = [gradient(u) for u in first]
+    eps = float(np.finfo(first.dtype).eps)
+    seen = [k for k, slope in enumerate(slopes) if np.abs(slope).max() > NEGLIGIBLE * eps]
+    terms = {n: Terms.zeros(order, slopes[n]) for n in seen}
+    every[:, 0] = first
+    for k in range(2, order + 1) if seen else ():
+        stresses = [next_stress(k, of_load, *Factors.of(material)) for of_load in terms.values()]
+        every[seen, k - 1] = balanced(stresses)
+        for n, of_load in terms.items():
+            of_load.h[k - 1] = gradient(every[n, k - 1])
+    for n, of_load in terms.items():
+        c[n] = least_energy(potential_of_terms(material, volumes, of_load.h), eps)[1:]
+        c[n, 0] -= 1
+    return (c[:, None] @ every)[:, 0], c[:, -1:] * every[:, -1]
 
 
 class CompiledResponse:
@@ -171,18 +175,19 @@ class CompiledResponse:
         self.gradients = np.ascontiguousarray(by_point.swapaxes(2, 3))
 
     def __call__(self, first: Array) -> tuple[Array, Array]:
-        """Response beyond u₁, and its last term, of u₁: (n_nodes, d) in m → same."""
-        beyond, last = beyond_linear_of_one(
-            self.material, self.shares, self.order, first.ravel(), self._gradient, self._balanced
+        """Response beyond u₁, and its last term, of u₁: (N, n_nodes, d) in m → same."""
+        flat = first.reshape(len(first), -1)
+        beyond, last = beyond_linear_of_some(
+            self.material, self.shares, self.order, flat, self._gradient, self._balanced
         )
-        return beyond.reshape(self.shape), last.reshape(self.shape)
+        return beyond.reshape(first.shape), last.reshape(first.shape)
 
     def _gradient(self, u: Array) -> Array:
         """Gradients at the quadrature points: (n_dofs,) → (d, d, n_points)."""
         return slopes_in_cells(self.cells, self.gradients, u.reshape(self.shape))
 
-    def _balanced(self, stress: Array) -> Array:
-        """Displacements that balance stresses: (d, d, n_points) → (n_dofs,)."""
+    def _balanced(self, stresses: list[Array]) -> Array:
+        """Displacements that balance stresses: N of (d, d, n_points) → (N, n_dofs)."""
         of_cells = self.cells, self.gradients, self.volumes
-        forces = forces_of_cells(*of_cells, stress, self.shape[0])
-        return -self.compliance.respond_at_nodes(forces).ravel()
+        forces = [forces_of_cells(*of_cells, stress, self.shape[0]) for stress in stresses]
+        return -self.compliance.respond_at_nodes(np.stack(forces)).reshape(len(forces), -1)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+SOLVED = 32  # loads on a large body that are solved for together
 NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 
@@ -132,7 +133,7 @@ class SeriesResponse(LinearResponse):
     precision : torch.dtype
         Of the terms.
     compiled : bool
-        Whether compiled code computes one load on a large body; it takes a third of the time.
+        Whether compiled code computes the loads on a large body; it takes a third of the time.
 
     Raises
     ------
@@ -155,7 +156,7 @@ class SeriesResponse(LinearResponse):
         operators = solid.gradients.to(self.precision), solid.volumes.to(self.precision)
         self.higher = CellOperators(geometry, material, *operators)
         self.order, self.compiled = order, COMPILES
-        self._of_one: CompiledResponse | None = None
+        self._by_cells: CompiledResponse | None = None
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._at_once = max(1, AT_ONCE // values)
 
@@ -186,8 +187,10 @@ class SeriesResponse(LinearResponse):
         alone = self.compiled and self._at_once == 1 and nodal.device.type == "cpu"
         alone = alone and not nodal.requires_grad  # compiled code has no gradients
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
-        beyond = self._beyond_of_one if alone else self._beyond
-        parts = [beyond(part) for part in torch.split(nodal, self._at_once)]
+        beyond, at_once = self._beyond, self._at_once
+        if alone:
+            beyond, at_once = self._beyond_compiled, SOLVED
+        parts = [beyond(part) for part in torch.split(nodal, at_once)]
         totals, last = zip(*parts, strict=True)
         return torch.cat(totals), torch.cat(last)
 
@@ -210,20 +213,20 @@ class SeriesResponse(LinearResponse):
         )
         return beyond.reshape(shape), last.reshape(shape)
 
-    def _beyond_of_one(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """The same of one load on a large body, compiled."""
-        beyond, last = self.of_one(nodal[0].T.contiguous().numpy())
-        return torch.from_numpy(beyond).T[None], torch.from_numpy(last).T[None]
+    def _beyond_compiled(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """The same on a large body, compiled."""
+        beyond, last = self.by_cells(nodal.transpose(1, 2).contiguous().numpy())
+        return torch.from_numpy(beyond).transpose(1, 2), torch.from_numpy(last).transpose(1, 2)
 
     @property
-    def of_one(self) -> CompiledResponse:
+    def by_cells(self) -> CompiledResponse:
         """The compiled response of a body on the CPU."""
-        if self._of_one is None:
+        if self._by_cells is None:
             from surrogate.series.compiled_series import CompiledResponse  # Numba: half a second
 
             assert isinstance(self.compliance, Compliance)
-            self._of_one = CompiledResponse(self.higher, self.compliance, self.order)
-        return self._of_one
+            self._by_cells = CompiledResponse(self.higher, self.compliance, self.order)
+        return self._by_cells
 
     def balanced(self, stress: Tensor) -> Tensor:
         """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""

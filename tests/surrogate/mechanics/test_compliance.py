@@ -82,7 +82,7 @@ def test_one_load_at_all_nodes(
     expected = np.zeros_like(force)
     expected[free] = (force[free].T.ravel() @ inverse).reshape(2, -1).T
     for dtype in (np.float32, np.float64):
-        u = found.respond_at_nodes(force.astype(dtype))
+        u = found.respond_at_nodes(force[None].astype(dtype))[0]
         np.testing.assert_allclose(u, expected, atol=1e-6 * np.abs(expected).max())
 
 

@@ -1,4 +1,4 @@
-"""A single load, predicted in NumPy, against the same load in a batch, predicted in PyTorch."""
+"""A single load against the same load in a batch, predicted in NumPy or in PyTorch."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
+from surrogate.mechanics.compliance import Compliance
 from surrogate.models.model import Model
 from surrogate.one_load import small_body
 from surrogate.one_load.backend import InputsByPyTorch
@@ -23,6 +24,7 @@ from surrogate.one_load.small_body import SmallBody
 from surrogate.runs.config_reader import run_config
 from surrogate.runs.description import describe
 from surrogate.series import series_response
+from surrogate.series.series_response import SeriesResponse
 from tests.surrogate.data.test_embedded_dataset import averaging
 from tests.surrogate.mechanics.bodies import in_equilibrium
 
@@ -150,7 +152,7 @@ def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.Mon
     model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
     body = before(model)
     assert isinstance(body, LargeBody)
-    assert (body(loads(dataset)[1]) is None, body(loads(dataset)[2]) is None) == (False, True)
+    assert body.known(loads(dataset)).tolist()[1:] == [True, False]
     assert_same_alone(model, dataset)
     monkeypatch.setattr(body.columns, "respond", None)
     model.predict(2 * loads(dataset)[1])
@@ -188,11 +190,11 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
 @pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
 @pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any_reduced", "finger3d"])
 def test_a_load_in_a_batch_is_that_load_alone(name: str) -> None:
-    """To the rounding of single precision; in a small batch of a U-Net exactly.
+    """To the rounding of single precision; of a small body's U-Net, to much less.
 
     Most nodes of the last load are loaded, and those of a large body are left to PyTorch.
     """
-    model = load(name)
+    model, close = load(name), 1e-9 if name == "beam2d_any" else 1e-5
     random = np.random.default_rng(0)
     forces = np.zeros((40, *model.geometry.coordinates.shape))
     nodes = np.flatnonzero(model.geometry.loadable)
@@ -204,8 +206,29 @@ def test_a_load_in_a_batch_is_that_load_alone(name: str) -> None:
     for k in range(5):
         alone = model.predict(forces[k - 5])
         largest = np.abs(alone).max()
-        np.testing.assert_allclose(few[k], alone, rtol=0, atol=1e-5 * largest)
-        if name == "beam2d_any":
-            np.testing.assert_array_equal(few[k], alone)
+        np.testing.assert_allclose(few[k], alone, rtol=0, atol=close * largest)
         together = model.predict(forces)[k - 5]
-        np.testing.assert_allclose(together, alone, rtol=0, atol=1e-5 * largest)
+        np.testing.assert_allclose(together, alone, rtol=0, atol=close * largest)
+
+
+def test_what_the_loads_of_a_batch_share_is_read_once(
+    dataset_3d: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every term of the series on a large body is one solve, for all loads of a batch."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
+    monkeypatch.setattr(small_body, "MOST", 1000)
+    monkeypatch.setattr("surrogate.mechanics.compliance.LOADED", 0)
+    model = untrained(dataset_3d, network=SERIES)
+    solved: list[int] = []
+    solve = Compliance.solve
+
+    def counted(self: Compliance, force: np.ndarray) -> np.ndarray:
+        solved.append(len(force))
+        return solve(self, force)
+
+    monkeypatch.setattr(Compliance, "solve", counted)
+    force = loads(dataset_3d)
+    some = force[force.any(axis=(1, 2))]
+    model.predict(some)
+    assert isinstance(model.network.linear, SeriesResponse)
+    assert solved == [len(some)] * model.network.linear.order

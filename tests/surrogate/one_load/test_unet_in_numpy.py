@@ -67,6 +67,23 @@ def test_many_points_are_gathered_in_parts(monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(UNetInNumPy(unet, (16, 8), 2)(fields), whole, atol=1e-5)
 
 
+def test_loads_are_convolved_together_as_far_as_the_cache_holds_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By twos here: what is gathered for two loads fits, for three it does not."""
+    unet = make_unet(2, 2, UNetConfig(channels=4, force_transforms=("asinh",)))
+    fields = np.random.default_rng(0).normal(size=(5, 128, 2)).astype(np.float32)
+    network = UNetInNumPy(unet, (16, 8), 2)
+    assert network.at_once >= 5
+    most = max(c.gathered for pair in (*network.encoder, *network.decoder) for c in pair)
+    monkeypatch.setattr("surrogate.one_load.unet_in_numpy.GATHERED", 5 * most // 2)
+    parts = UNetInNumPy(unet, (16, 8), 2)
+    assert parts.at_once == 2
+    one_by_one = np.stack([network(f) for f in fields])
+    np.testing.assert_allclose(network(fields), one_by_one, atol=1e-5)
+    np.testing.assert_allclose(parts(fields), one_by_one, atol=1e-5)
+
+
 def test_points_of_the_levels() -> None:
     """A grid of 4 × 2 points has two coarse points of four points each; 8 is the row of zeros."""
     assert neighbours((4, 2))[3].tolist() == [0, 1, 8, 2, 3, 8, 4, 5, 8]
