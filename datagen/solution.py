@@ -20,7 +20,8 @@ from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.stability import with_stability
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
+from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
@@ -259,7 +260,8 @@ def _solved(
 def _start(start: Path | str | Array, mesh: Mesh) -> Array:
     """Displacement to start from, (n_nodes, d)."""
     if not isinstance(start, np.ndarray):
+        require_type("start", start, str | Path)
         return read_start(Path(start), mesh.coordinates)
     if start.shape != mesh.coordinates.shape:
         raise InputError(f"start of shape {start.shape}: expected {mesh.coordinates.shape}")
-    return np.asarray(start, dtype=np.float64)
+    return real_numbers(start, "displacements to start from")

@@ -119,9 +119,8 @@ def _is_of(value: Any, kind: Any) -> bool:
     if origin is Literal:
         return any(type(value) is type(one) and value == one for one in get_args(kind))
     if origin is Sequence:
-        is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(
-            value, str | bytes
-        )
+        is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        is_sequence = is_sequence or (isinstance(value, np.ndarray) and value.ndim > 0)
         return is_sequence and all(_is_of(one, get_args(kind)[0]) for one in value)
     if origin is Mapping:
         return isinstance(value, Mapping)

@@ -30,6 +30,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.checked_arguments import require_type
+from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
@@ -170,7 +172,8 @@ class CommandLoads:
         self.forces += np.where(self.body.held, 0.0, total)
 
     def add_forces(self, forces: Array) -> None:
-        """Add nodal forces, (n_nodes, d) in N; InputError if the shape is wrong, or one is held."""
+        """Add nodal forces, (n_nodes, d) in N; InputError if they are none, or one is held."""
+        forces = real_numbers(forces, "nodal forces")
         if forces.shape != self.forces.shape:
             raise InputError(f"load of shape {forces.shape}: expected {self.forces.shape}")
         self._require_free(forces, "load")
@@ -281,13 +284,14 @@ def command_loads(
         If one is wrong, or there is none at all.
     """
     given, texts = CommandLoads(body), [loads] if isinstance(loads, str) else loads
-    if len(texts) + len(files) + len(moves) == 0 and body_force is None:
-        raise InputError("no load, expected --load, --forces or --body-force")
-    if isinstance(texts, np.ndarray):
-        given.add_forces(texts)
-    else:
+    if not isinstance(texts, np.ndarray):
+        require_type("load", texts, Sequence[str])
+        if len(texts) + len(files) + len(moves) == 0 and body_force is None:
+            raise InputError("no load, expected --load, --forces or --body-force")
         for text in texts:
             given.add(text, nearest)
+    else:
+        given.add_forces(texts)
     for path in files:
         given.add_file(path, nearest)
     if body_force is not None:
