@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
 import time
@@ -53,6 +54,8 @@ def _on_every_rank(command: Callable[[], None]) -> int:
 
     comm = MPI.COMM_WORLD
     first = FirstOfNode(comm)
+    if comm.rank > 0:  # every rank reads the case, one says what is unusual about its file
+        logging.getLogger("shared_schema.common.configuration").setLevel(logging.ERROR)
     alone = False
 
     def watched() -> None:

@@ -192,6 +192,27 @@ def test_wrong_input_of_many_ranks(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
+def test_a_file_here_of_a_shipped_name_is_mentioned_once(tmp_path: Path) -> None:
+    """Every rank reads the case, one says that the shipped one is taken."""
+    (tmp_path / "beam2d.yaml").write_text("name: mine")
+    paths = [str(Path.cwd()), *filter(None, [os.environ.get("PYTHONPATH")])]
+    words = ("run", "beam2d", "--out", "nodal", "--ranks-per-solve", "3")
+    result = subprocess.run(
+        datagen(*words, ranks=2),
+        env=ENVIRONMENT | {"PYTHONPATH": os.pathsep.join(paths)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert without_launcher(result.stderr).splitlines() == [
+        "datagen: warning: case 'beam2d': the shipped one is read; "
+        "the file here is './beam2d.yaml'",
+        "datagen: error: --ranks-per-solve 3: expected a divisor of the 2 ranks there are",
+    ]
+
+
+@pytest.mark.mpi
 def test_mpirun_is_quiet_if_asked(tmp_path: Path) -> None:
     """`mpirun -q` leaves mpirun's own banner out, as the page on troubles says."""
     words = datagen("run", "no-such-case", "--out", tmp_path / "nodal", ranks=2)
