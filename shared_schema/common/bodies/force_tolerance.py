@@ -83,7 +83,7 @@ class ForceTolerance:
         floor = round_off.floor(displacement)
         if self.absolute is None:
             return max(self.relative * load, floor)
-        return min(self.absolute, max(LOOSEST * load, floor))
+        return max(min(self.absolute, LOOSEST * load), floor)
 
 
 def mean_edge(coordinates: NDArray[np.float64], cells: NDArray[np.int64]) -> float:

@@ -118,3 +118,12 @@ def test_an_absolute_tolerance_passes_no_body_that_hardly_moved(
     assert problem.tolerance() == pytest.approx(1e-6 * force)
     assert u == pytest.approx(expected, abs=1e-6)
     assert np.abs(expected).max() > 0.2
+
+
+def test_an_absolute_tolerance_below_rounding_errors() -> None:
+    """1 MN on tens of metres, with the 1e-8 N of the shipped cases: rounding decides."""
+    expected, _, _ = bent(4.0, 500.0, 2.5)
+    u, report, problem = bent(40.0, 1e6 / (1.25e-3 * 40.0), 1e6, tolerance=1e-8)
+    assert report.solved
+    assert 1e-8 < problem.tolerance() < 1e-9 * 1e6
+    assert u == pytest.approx(expected, abs=1e-8)
