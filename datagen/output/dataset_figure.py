@@ -123,11 +123,11 @@ def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> Non
     drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
     said = drawing.forces(x, sample.force)
     largest = np.linalg.norm(sample.displacement, axis=1).max()
-    title = f"sample {sample.number}: displaced by up to {largest:.3g} m"
+    title = f"sample {sample.number}: displaced by up to {largest:.3g} {dataset.units.length}"
     if not said:
         loads = int(sample.force.any(axis=1).sum())
         resultant = np.linalg.norm(sample.force.sum(axis=0))
-        title += f"\n{loads} forces, resultant {resultant:.2f} N"
+        title += f"\n{loads} forces, resultant {resultant:.4g} {dataset.units.force}"
     drawing.axes.set_title(title, fontsize=10)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import ShardEntry
@@ -46,6 +47,8 @@ class NodalSamples:
     Attributes
     ----------
     manifest : Manifest
+    units : Units
+        Labels of the units of the case.
     coordinates : array, (n_nodes, d)
         In m.
     cells : array of int, (n_cells, n_corners)
@@ -72,6 +75,7 @@ class NodalSamples:
     def __init__(self, folder: Path) -> None:
         self._reader = DatasetReader(folder, "nodal")
         self.manifest = self._reader.manifest
+        self.units = Units.of_case(self.manifest.case)
         if self.manifest.samples == 0:
             raise InputError(f"{folder}: no solved sample, expected 1 at least")
         self._entry_of: dict[int, ShardEntry] = {}

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 from shared_schema.material import Materials, RubberLike, ShippedMaterial, ratio_at_rest
 from surrogate.data.geometry import Geometry
 
@@ -27,8 +28,9 @@ def element_of(case: Mapping[str, Any]) -> str:
 
 
 def with_elements(geometry: Geometry, case: Mapping[str, Any]) -> Geometry:
-    """Geometry of a body with the elements of its case."""
-    return replace(geometry, mean_dilation=has_mean_dilation(case, geometry.cell_type))
+    """Geometry of a body with the elements of its case, and the labels of its units."""
+    dilation = has_mean_dilation(case, geometry.cell_type)
+    return replace(geometry, mean_dilation=dilation, units=Units.of_case(case))
 
 
 def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:

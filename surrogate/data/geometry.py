@@ -12,6 +12,7 @@ from torch import Tensor
 
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
@@ -47,6 +48,8 @@ class Geometry:
         True if the volume of a cell changes as a whole
         (`surrogate.mechanics.solids.mean_dilation`). Not among the arrays: the case says it
         (`surrogate.data.elements_of_case`).
+    units : Units
+        Labels of the units of the case, which says them too.
     """
 
     coordinates: NDArray[np.float64]
@@ -61,6 +64,7 @@ class Geometry:
     pressed: NDArray[np.int64] | None = None
     pressed_surface: NDArray[np.int64] | None = None
     mean_dilation: bool = False
+    units: Units = SI
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:

@@ -100,22 +100,24 @@ class Evaluation:
     def lines(self) -> Iterator[str]:
         """Yield the most important measures, one sentence each."""
         measures, calibration = self.measures, self.calibration
+        units = self.surrogate.geometry.units
+        m = units.length
         yield (
-            f"{measures.samples} test samples, mean error {measures.mean_error:.3e} m "
+            f"{measures.samples} test samples, mean error {measures.mean_error:.3e} {m} "
             f"({measures.relative_error_mean:.2%} of the largest displacement), "
-            f"standard deviation {measures.std_error:.3e} m, largest {measures.max_error:.3e} m"
+            f"standard deviation {measures.std_error:.3e} {m}, largest {measures.max_error:.3e} {m}"
         )
         if (of_grid := self.content.get("embedding_error")) is not None:
-            yield f"without an error at the points of the embedded grid it would be {of_grid:.3e} m"
+            yield f"without an error at the points of the embedded grid it would be {of_grid:.3e} {m}"
         if self.stress is not None:
             yield (
-                f"von Mises stress, mean error {self.stress.mean_error:.3e} Pa "
+                f"von Mises stress, mean error {self.stress.mean_error:.3e} {units.stress} "
                 f"({self.stress.relative_error:.2%} of the largest)"
             )
         if calibration is not None:
             covered = [f"{i.coverage:.1%} of {i.level:.0%}" for i in calibration.intervals]
             yield (
-                f"mean predicted standard deviation {calibration.mean_std:.3e} m, "
+                f"mean predicted standard deviation {calibration.mean_std:.3e} {m}, "
                 f"intervals cover {', '.join(covered)}"
             )
         certified = self.content.get("fast_certificate")

@@ -56,7 +56,9 @@ def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     drawings: Drawings = {
         "deformed": partial(deformed_meshes, geometry, predicted, reference, force, title),
         "error_field": partial(error_field, geometry, predicted, reference),
-        "errors": partial(error_over_displacement, moved, errors, evaluation.measures),
+        "errors": partial(
+            error_over_displacement, moved, errors, evaluation.measures, geometry.units
+        ),
     }
     return drawings if evaluation.stress is None else drawings | {"von_mises": von_mises}
 
@@ -71,11 +73,11 @@ def _uncertainty_figures(
     drawings: Drawings = {
         "calibration": partial(calibration_curves, {name: calibration}),
         "error_against_uncertainty": partial(
-            error_over_uncertainty, distribution.std[:, free], error[:, free]
+            error_over_uncertainty, distribution.std[:, free], error[:, free], geometry.units
         ),
         "uncertainty_field": partial(uncertainty_field, geometry, mean, std),
     }
     extrapolation = evaluation.extrapolation
     if extrapolation is not None and extrapolation.node is not None:
-        drawings["sweep"] = partial(sweep_curves, extrapolation)
+        drawings["sweep"] = partial(sweep_curves, extrapolation, units=geometry.units)
     return drawings

@@ -17,6 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedErro
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.keys.units import Units
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.published import Published
 from surrogate.runs.description import RunDescription
@@ -162,9 +163,10 @@ def write_report(
             info=description.data.info,
             evaluation=evaluation,
             trained_on=trained_on,
-            rows=_beside(_rows(evaluation, trained_on), published),
+            rows=_beside(_rows(evaluation, trained_on, description.data.units), published),
             published=published,
             figures=figures,
+            mean_error=description.data.units.written(evaluation["test"]["mean_error"]),
             solving=solving,
             run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
             case_configuration=yaml.safe_dump(description.data.case, sort_keys=False),
@@ -184,17 +186,19 @@ def _figures(run: RunFolder) -> list[Figure]:
     ]
 
 
-def _rows(evaluation: dict[str, Any], trained_on: str) -> list[tuple[str, str]]:
+def _rows(evaluation: dict[str, Any], trained_on: str, units: Units) -> list[tuple[str, str]]:
+    unit, factor = _unit(units)
     test, example = evaluation["test"], evaluation["example"]
     minutes = evaluation["training_seconds"] / 60
     return [
-        ("mean error ē [10⁻³ m]", f"{test['mean_error'] * 1e3:.3f}"),
-        *_grid_rows(evaluation.get("embedding_error")),
-        ("standard deviation σ(e) [10⁻³ m]", f"{test['std_error'] * 1e3:.3f}"),
+        (f"mean error ē [{unit}]", _fixed(test["mean_error"] * factor, 3)),
+        *_grid_rows(evaluation.get("embedding_error"), unit, factor),
+        (f"standard deviation σ(e) [{unit}]", _fixed(test["std_error"] * factor, 3)),
         ("slope of e_m over displacement", f"{test['slope']:.5f}"),
         (
             "relative tip error, the example below",
-            f"{example['relative_tip_error']:.2%} at {example['tip_displacement']:.2f} m",
+            f"{example['relative_tip_error']:.2%} at "
+            f"{_fixed(example['tip_displacement'], 2)} {units.length}",
         ),
         ("trainable parameters", f"{evaluation['trainable_parameters'] / 1e6:.2f} M"),
         ("training time", f"{minutes:.1f} min, {trained_on}"),
@@ -202,12 +206,23 @@ def _rows(evaluation: dict[str, Any], trained_on: str) -> list[tuple[str, str]]:
             "relative tip error, median of the test split",
             f"{test['relative_tip_error_median']:.2%}",
         ),
-        ("largest error of a component [10⁻³ m]", f"{test['max_error'] * 1e3:.2f}"),
+        (f"largest error of a component [{unit}]", _fixed(test["max_error"] * factor, 2)),
         ("test samples M", str(test["samples"])),
         *_relative_rows(test),
-        *_stress_rows(evaluation.get("von_mises")),
-        *_uncertainty_rows(evaluation.get("uncertainty")),
+        *_stress_rows(evaluation.get("von_mises"), units.stress),
+        *_uncertainty_rows(evaluation.get("uncertainty"), units),
     ]
+
+
+def _unit(units: Units) -> tuple[str, float]:
+    """Unit of the errors of the table, and the factor to it."""
+    return ("10⁻³ m", 1e3) if units.length == "m" else (units.length, 1.0)
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """Write a number with fixed decimals, or three significant digits if those leave but one."""
+    small = 0 < abs(value) < 10.0 ** (1 - decimals)
+    return f"{value:.3g}" if small else f"{value:.{decimals}f}"
 
 
 def _beside(rows: list[tuple[str, str]], published: Published) -> list[Row]:
@@ -229,18 +244,18 @@ def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:
     return [(text, f"{test[name]:.2%}") for name, text in names.items() if name in test]
 
 
-def _grid_rows(error: float | None) -> list[tuple[str, str]]:
+def _grid_rows(error: float | None, unit: str, factor: float) -> list[tuple[str, str]]:
     """The part of an embedded grid."""
-    name = "part of ē of the embedded grid, without an error at its points [10⁻³ m]"
-    return [] if error is None else [(name, f"{error * 1e3:.3f}")]
+    name = f"part of ē of the embedded grid, without an error at its points [{unit}]"
+    return [] if error is None else [(name, _fixed(error * factor, 3))]
 
 
-def _stress_rows(stress: dict[str, Any] | None) -> list[tuple[str, str]]:
+def _stress_rows(stress: dict[str, Any] | None, unit: str) -> list[tuple[str, str]]:
     if stress is None:
         return []
     return [
         (
-            "mean error of von Mises stresses [Pa], of the largest of a sample",
+            f"mean error of von Mises stresses [{unit}], of the largest of a sample",
             f"{stress['mean_error']:.3g}, {stress['relative_error']:.2%}",
         ),
         (
@@ -250,13 +265,14 @@ def _stress_rows(stress: dict[str, Any] | None) -> list[tuple[str, str]]:
     ]
 
 
-def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str]]:
+def _uncertainty_rows(uncertainty: dict[str, Any] | None, units: Units) -> list[tuple[str, str]]:
     if uncertainty is None:
         return []
+    unit, factor = _unit(units)
     covered = [
         (
             f"coverage of {interval['level']:.0%} intervals",
-            f"{interval['coverage']:.1%}, mean width {interval['width'] * 1e3:.2f} mm",
+            f"{interval['coverage']:.1%}, mean width {units.written(interval['width'])}",
         )
         for interval in uncertainty["intervals"]
     ]
@@ -264,7 +280,7 @@ def _uncertainty_rows(uncertainty: dict[str, Any] | None) -> list[tuple[str, str
         *covered,
         ("miscalibration area", f"{uncertainty['miscalibration_area']:.3f}"),
         ("negative log-likelihood [nats]", f"{uncertainty['negative_log_likelihood']:.2f}"),
-        ("continuous ranked probability score [10⁻³ m]", f"{uncertainty['crps'] * 1e3:.4f}"),
+        (f"continuous ranked probability score [{unit}]", _fixed(uncertainty["crps"] * factor, 4)),
         (
             "rank correlation of error and σ, over nodes / over samples",
             f"{uncertainty['node_rank_correlation']:.2f} / "

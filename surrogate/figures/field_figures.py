@@ -8,12 +8,19 @@ from numpy.typing import NDArray
 
 from shared_schema.common.drawing.figure_style import REFERENCE, legend_below, make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
+from shared_schema.common.keys.units import Units
 from surrogate.data.geometry import Geometry
 from surrogate.measures.error_metrics import node_errors
 
-NODAL_ERROR = r"nodal error $\|U - u\|_2$ [mm]"
-NODAL_STD = r"nodal standard deviation $\|\sigma\|_2$ [mm]"
+NODAL_ERROR = r"nodal error $\|U - u\|_2$"
+NODAL_STD = r"nodal standard deviation $\|\sigma\|_2$"
 Array = NDArray[np.float64]
+
+
+def drawn(units: Units, lengths: Array, name: str) -> tuple[Array, str]:
+    """Lengths in a unit that fits them, and their label with that unit."""
+    unit, factor = units.drawn(lengths)
+    return lengths * factor, f"{name} [{unit}]"
 
 
 @styled
@@ -38,7 +45,8 @@ def nodal_field(geometry: Geometry, displacement: Array, values: Array, label: s
 
 def error_field(geometry: Geometry, predicted: Array, reference: Array) -> Figure:
     """Draw the nodal error ‖U − u‖₂ on the predicted deformed mesh."""
-    return nodal_field(geometry, predicted, node_errors(predicted, reference) * 1e3, NODAL_ERROR)
+    errors, label = drawn(geometry.units, node_errors(predicted, reference), NODAL_ERROR)
+    return nodal_field(geometry, predicted, errors, label)
 
 
 def uncertainty_field(geometry: Geometry, mean: Array, std: Array) -> Figure:
@@ -50,7 +58,9 @@ def uncertainty_field(geometry: Geometry, mean: Array, std: Array) -> Figure:
     mean, std : array, (n_nodes, d)
         μ and σ in m.
     """
-    return nodal_field(geometry, mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
+    return nodal_field(
+        geometry, mean, *drawn(geometry.units, np.linalg.norm(std, axis=1), NODAL_STD)
+    )
 
 
 @styled
@@ -72,10 +82,11 @@ def error_beside_uncertainty(
     figure = make_figure(10.0, 3.2)
     x = geometry.coordinates
     left, right = make_drawing(figure, geometry, 121), make_drawing(figure, geometry, 122)
-    left.coloured(x + mean, node_errors(mean, reference) * 1e3, NODAL_ERROR)
+    units = geometry.units
+    left.coloured(x + mean, *drawn(units, node_errors(mean, reference), NODAL_ERROR))
     left.mesh(x + reference, REFERENCE, "finite elements", linewidth=0.6)
     left.forces(x + mean, force)
-    right.coloured(x + mean, np.linalg.norm(std, axis=1) * 1e3, NODAL_STD)
+    right.coloured(x + mean, *drawn(units, np.linalg.norm(std, axis=1), NODAL_STD))
     left.finish()
     right.finish(left.extent())
     legend_below(figure, columns=1)

@@ -20,7 +20,7 @@ from shared_schema.common.drawing.figure_style import (
 )
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from surrogate.data.geometry import Geometry
-from surrogate.figures.field_figures import NODAL_ERROR
+from surrogate.figures.field_figures import NODAL_ERROR, drawn
 from surrogate.measures.error_metrics import node_errors
 
 Array = NDArray[np.float64]
@@ -95,8 +95,8 @@ def meshes_and_errors(
     _draw_meshes(left, geometry, predicted, reference, name)
     left.forces(geometry.coordinates + reference, force)
     left.finish()
-    errors = node_errors(predicted, reference) * 1e3
-    right.coloured(geometry.coordinates + predicted, errors, NODAL_ERROR)
+    errors, label = drawn(geometry.units, node_errors(predicted, reference), NODAL_ERROR)
+    right.coloured(geometry.coordinates + predicted, errors, label)
     right.finish(left.extent() if geometry.dimension == 2 else None)
     legend_below(figure, columns=3)
     return figure

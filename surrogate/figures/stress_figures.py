@@ -37,7 +37,9 @@ def von_mises_beside_reference(
     for drawing, u, values, name in zip(
         (left, right), (predicted, reference), nodal, names, strict=True
     ):
-        drawing.coloured(x + u, values, f"von Mises stress, {name} [Pa]", limits)
+        drawing.coloured(
+            x + u, values, f"von Mises stress, {name} [{geometry.units.stress}]", limits
+        )
     left.finish()
     right.finish(left.extent() if geometry.dimension == 2 else None)
     return figure

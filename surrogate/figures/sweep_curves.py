@@ -16,6 +16,7 @@ from shared_schema.common.drawing.figure_style import (
     make_figure,
     styled,
 )
+from shared_schema.common.keys.units import SI, Units
 from surrogate.figures.curve_colours import OTHER
 from surrogate.measures.extrapolation import BAND, Extrapolation
 from surrogate.measures.force_sweep import force_sweep
@@ -27,6 +28,7 @@ def sweep_curves(
     extrapolation: Extrapolation,
     deterministic: Extrapolation | None = None,
     name: str = "prediction",
+    units: Units = SI,
 ) -> Figure:
     """Draw the displacement under a sweep of forces at one node, and its error and uncertainty.
 
@@ -40,6 +42,8 @@ def sweep_curves(
         Predictions of a deterministic network under the same forces, drawn as well.
     name : str
         Name of the prediction in the legend.
+    units : Units
+        Labels of the units of forces and displacements.
     """
     network = force_sweep(extrapolation)
     x, mean, band = network.force, network.mean, half_width(BAND) * network.std
@@ -47,24 +51,25 @@ def sweep_curves(
     left, right = figure.subplots(1, 2)
     for axes in (left, right):
         axes.axvspan(-network.limit, network.limit, color="0.93", lw=0)
-        axes.set_xlabel(f"force component {'xyz'[network.axis]} at the node [N]")
+        axes.set_xlabel(f"force component {'xyz'[network.axis]} at the node [{units.force}]")
     shade: dict[str, Any] = {"color": NETWORK, "alpha": 0.2, "lw": 0}
     left.fill_between(x, mean - band, mean + band, label="95 % band", **shade)
     left.plot(x, network.reference, color=REFERENCE, lw=1.8, label="finite elements")
     left.plot(x, mean, color=NETWORK, lw=0.9, label=name)
-    left.set_ylabel(f"displacement component {'xyz'[network.axis]} [m]")
-    right.fill_between(x, -band * 1e3, band * 1e3, **shade)
-    epistemic = network.std_epistemic * 1e3
+    left.set_ylabel(f"displacement component {'xyz'[network.axis]} [{units.length}]")
+    unit, factor = units.drawn(band, network.error)
+    right.fill_between(x, -band * factor, band * factor, **shade)
+    epistemic = network.std_epistemic * factor
     right.plot(x, epistemic, color=NETWORK, ls="dotted", lw=0.9, label="epistemic σ")
-    right.plot(x, network.error * 1e3, color=NETWORK)
-    right.set_ylabel("error and 95 % band [mm]")
+    right.plot(x, network.error * factor, color=NETWORK)
+    right.set_ylabel(f"error and 95 % band [{unit}]")
     if deterministic is not None:
         other = force_sweep(deterministic)
         style = {"color": OTHER, "ls": "dashed"}
         left.plot(other.force, other.mean, label="U-Net (D)", **style)
-        right.plot(other.force, other.error * 1e3, **style)
+        right.plot(other.force, other.error * factor, **style)
     inside = network.std[~network.outside].max(initial=network.std.min())
-    scale_from_zero(right, float(inside) * 1e3)
+    scale_from_zero(right, float(inside) * factor)
     legend_below(figure, columns=5)
     return figure
 

@@ -12,18 +12,20 @@ from surrogate.inference.solution import Solution
 
 @styled
 def solution_figure(solution: Solution) -> Figure:
-    """Draw the deformed body, coloured by error, standard deviation or displacement in mm."""
+    """Draw the deformed body, coloured by error, standard deviation or displacement."""
     geometry = solution.geometry
-    values, label = solution.displacement, r"displacement $\|u\|_2$ [mm]"
+    values, label = solution.displacement, r"displacement $\|u\|_2$"
     if solution.certificate is not None and np.isfinite(solution.certificate.error).all():
-        values, label = solution.certificate.error, "estimated error of a node [mm]"
+        values, label = solution.certificate.error, "estimated error of a node"
     elif solution.std is not None:
-        values, label = solution.std, r"standard deviation $\|\sigma\|_2$ [mm]"
+        values, label = solution.std, r"standard deviation $\|\sigma\|_2$"
     figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, geometry)
     x = geometry.coordinates + solution.displacement
     drawing.undeformed(UNDEFORMED, None, linewidth=0.6)
-    drawing.coloured(x, 1e3 * np.linalg.norm(values, axis=1), label)
+    size = np.linalg.norm(values, axis=1)
+    unit, factor = solution.units.drawn(size)
+    drawing.coloured(x, factor * size, f"{label} [{unit}]")
     drawing.forces(x, solution.force)
     drawing.finish()
     return figure

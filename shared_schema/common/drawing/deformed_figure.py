@@ -36,5 +36,6 @@ def deformed_figure(mesh: Mesh, displacement: Array, force: Array, title: str = 
     drawing.forces(x, force)
     drawing.finish()
     drawing.axes.set_title(title, fontsize=10)
-    figure.colorbar(field, ax=drawing.axes, label="displacement [m]", shrink=0.8)
+    label = f"displacement [{drawing.units.length}]"
+    figure.colorbar(field, ax=drawing.axes, label=label, shrink=0.8)
     return figure

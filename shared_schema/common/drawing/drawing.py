@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from shared_schema.common.drawing.drawn_mesh import Mesh
+from shared_schema.common.drawing.drawn_mesh import Mesh, units_of
 from shared_schema.common.drawing.load_symbols import load_symbols
 
 Array = NDArray[np.float64]
@@ -39,6 +39,7 @@ class Drawing(ABC):
     def __init__(self, axes: Axes, mesh: Mesh) -> None:
         self.axes = axes
         self._mesh = mesh
+        self.units = units_of(mesh)
         self._size = float(np.ptp(mesh.coordinates, axis=0).max())
         self._drawn: list[Array] = []
 
@@ -165,7 +166,8 @@ class Drawing(ABC):
         free = self._seen(at + np.where(pulls[:, None], step, -step))
         said = _stand_apart(free, APART * self._size)
         for i, newtons in enumerate(magnitude):
-            self._arrow(node[i], free[i], bool(pulls[i]), f"{newtons:.3g} N" if said else "")
+            text = f"{newtons:.3g} {self.units.force}" if said else ""
+            self._arrow(node[i], free[i], bool(pulls[i]), text)
         return said
 
     def extent(self) -> Extent:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.surface_edges import edges_of
+from shared_schema.common.keys.units import SI, Units
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,12 @@ class Mesh(Protocol):
     @property
     def cell_type(self) -> str:
         """Name of the cells in meshio."""
+
+
+def units_of(mesh: Mesh) -> Units:
+    """Units that a drawing of a mesh names: its attribute `units`, or metres and newtons."""
+    units = getattr(mesh, "units", SI)
+    return units if isinstance(units, Units) else SI
 
 
 def surface_faces(mesh: Mesh) -> NDArray[np.int64]:

@@ -57,4 +57,5 @@ class PlaneDrawing(Drawing):
         return surface_faces(self._mesh)
 
     def _label_axes(self) -> None:
-        self.axes.set(xlabel="x [m]", ylabel="y [m]")
+        unit = self.units.length
+        self.axes.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")

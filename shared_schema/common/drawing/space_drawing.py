@@ -134,7 +134,7 @@ class SpaceDrawing(Drawing):
         for tip, name in zip(tips, "xyz", strict=True):
             self._arrow(origin, origin + tip, pulls=True, text=name)
             self._drawn.append((origin + tip)[None])
-        self._text(origin, np.array([0.0, -1.0]), f"{metres:g} m")
+        self._text(origin, np.array([0.0, -1.0]), f"{metres:g} {self.units.length}")
 
 
 def _normals(x: Array, faces: NDArray[np.int64]) -> Array:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from shared_schema.common.configuration import Frozen
@@ -29,6 +31,7 @@ LENGTHS = {**{p + "m": PREFIXES[p] for p in ("n", "µ", "m", "", "k")}, "um": 1e
 FORCES = {**{p + "N": PREFIXES[p] for p in ("n", "µ", "m", "", "k", "M")}, "uN": 1e-6}
 LENGTHS_SHOWN = ("nm", "µm", "mm", "m", "km")
 FEWEST, MOST = 1e-3, 1e3  # numbers that are written in the usual unit
+MOST_DRAWN = 1e6  # and at an axis, where longer numbers do no harm
 PATTERN = r"^[^\s\"'<>&{}$\\%#_^~,;:|`]{1,12}$"
 
 
@@ -73,16 +76,30 @@ class Units(Frozen):
 
     def written(self, length: float) -> str:
         """Write a length with its unit, such as 0.2 µm; metres from 0.001 to 999 mm in mm."""
+        unit, factor = self.fitting(length)
+        return f"{length * factor:.3g} {unit}"
+
+    def fitting(self, length: float, most: float = MOST) -> tuple[str, float]:
+        """Unit that a length is written in, and the factor from the unit of the case to it.
+
+        Parameters
+        ----------
+        length : float
+        most : float
+            Millimetres, or usual units of the case, from which on a longer unit is taken.
+        """
         usual = "mm" if self.length == "m" else self.length
         if self.length not in LENGTHS:
-            return f"{length:.3g} {self.length}"
-        metres = length * LENGTHS[self.length]
-        size = abs(metres)
-        if not FEWEST <= size / LENGTHS[usual] < MOST and 0 < size < float("inf"):
+            return usual, 1.0
+        size = abs(length) * LENGTHS[self.length]
+        if not FEWEST <= size / LENGTHS[usual] < most and 0 < size < float("inf"):
             fit = [unit for unit in LENGTHS_SHOWN if size >= LENGTHS[unit]]
             usual = fit[-1] if fit else LENGTHS_SHOWN[0]
-        factor = LENGTHS[self.length] / LENGTHS[usual]
-        return f"{length * factor:.3g} {usual}"
+        return usual, LENGTHS[self.length] / LENGTHS[usual]
+
+    def drawn(self, *lengths: NDArray[np.float64]) -> tuple[str, float]:
+        """Unit of an axis or colour bar for all these lengths, and the factor to it."""
+        return self.fitting(max(np.abs(x).max(initial=0.0) for x in lengths), MOST_DRAWN)
 
     def _product(self, unit: str, exponent: int) -> str | None:
         """Unit of force times a power of length, with a prefix; None if there is none."""

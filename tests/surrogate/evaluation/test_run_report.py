@@ -118,6 +118,28 @@ def test_markup_in_the_data_is_escaped(
     assert "<img src=x" not in page
 
 
+def test_report_is_in_the_units_of_the_case(evaluated: Path, tmp_path: Path) -> None:
+    """Errors of 2.5e-7 mm are no zeros; the stress of mm and N is MPa."""
+    run = tmp_path / "run"
+    shutil.copytree(evaluated, run)
+    (run / "manifest.json").unlink()
+    content = yaml.safe_load((run / "config.yaml").read_text())
+    content["data"]["case"]["units"] = {"length": "mm"}
+    (run / "config.yaml").write_text(yaml.safe_dump(content))
+    evaluation = json.loads((run / "evaluation.json").read_text())
+    evaluation["test"] |= {"mean_error": 2.5e-7, "max_error": 0.125}
+    evaluation["example"]["tip_displacement"] = 4e-6
+    (run / "evaluation.json").write_text(json.dumps(evaluation))
+    write_report(run, tmp_path / "a.html")
+    page = " ".join((tmp_path / "a.html").read_text(encoding="utf-8").split())
+    assert "solutions with a mean error ē = 0.25 nm" in page
+    assert "<td>mean error ē [mm]</td><td>2.5e-07</td>" in page
+    assert "<td>largest error of a component [mm]</td><td>0.12</td>" in page
+    assert "at 4e-06 mm</td>" in page
+    assert "mean error of von Mises stresses [MPa]" in page
+    assert " m]" not in page
+
+
 def test_hardware_of_the_training_and_of_the_evaluation(evaluated: Path, tmp_path: Path) -> None:
     """An unsealed run that was trained on one machine and evaluated on another."""
     run = tmp_path / "run"

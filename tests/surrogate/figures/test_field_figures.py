@@ -4,8 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
+from shared_schema.common.drawing.deformed_figure import deformed_figure
 from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import with_elements
 from surrogate.figures.field_figures import error_field, uncertainty_field
+from surrogate.figures.stress_figures import von_mises_beside_reference
 from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
 
 
@@ -34,3 +37,22 @@ def test_uncertainty_field_is_in_millimetres_on_the_mean_mesh(dataset: Dataset) 
     corners = np.concatenate([path.vertices for path in mesh.get_paths()])
     np.testing.assert_allclose(corners.min(axis=0), (x + mean).min(axis=0))
     np.testing.assert_allclose(corners.max(axis=0), (x + mean).max(axis=0))
+
+
+def test_figures_name_the_units_of_the_case(dataset: Dataset) -> None:
+    """A body in mm, moved by σ of 5e-4 mm: its axes are in mm, the field in nm: 500."""
+    geometry = with_elements(dataset.geometry, {"units": {"length": "mm", "force": "kN"}})
+    x = geometry.coordinates
+    std = np.broadcast_to([3e-4, 4e-4], x.shape)
+    figure = uncertainty_field(geometry, 0 * x, std)
+    assert figure.axes[0].get_xlabel() == "x [mm]"
+    assert figure.axes[1].get_ylabel().endswith("[nm]")
+    np.testing.assert_allclose(np.asarray(figure.axes[0].collections[0].get_array()), 500.0)
+    force = np.zeros_like(x)
+    force[-1, 1] = 2.0
+    axes = deformed_figure(geometry, 0 * x, force).axes
+    assert "2 kN" in [text.get_text() for text in axes[0].texts]
+    assert axes[1].get_ylabel() == "displacement [mm]"
+    mises = np.ones(len(geometry.cells))
+    stresses = von_mises_beside_reference(geometry, 0 * x, 0 * x, (mises, mises))
+    assert stresses.axes[2].get_ylabel().endswith("[GPa]")

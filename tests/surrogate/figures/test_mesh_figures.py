@@ -32,4 +32,4 @@ def test_meshes_and_errors_are_side_by_side(dataset: Dataset) -> None:
     force, reference, predicted = nodal_test(dataset)
     figure = meshes_and_errors(dataset.geometry, predicted[0], reference[0], force[0])
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["y [m]", "y [m]", NODAL_ERROR]
+    assert labels == ["y [m]", "y [m]", f"{NODAL_ERROR} [mm]"]

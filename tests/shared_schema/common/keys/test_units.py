@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from shared_schema.common.configuration import validate
@@ -63,3 +64,14 @@ def test_cases_without_units_are_in_metres_and_newtons() -> None:
 def test_a_label_is_a_word(label: str) -> None:
     with pytest.raises(InputError, match="length"):
         validate(Units, {"length": label}, "case")
+
+
+def test_axes_have_a_unit_that_fits_their_largest_length() -> None:
+    """Millimetres for metres, up to a kilometre; another unit only where digits would be lost."""
+    assert Units().drawn(np.array([0.0, 2.5])) == ("mm", 1e3)
+    assert Units().drawn(np.zeros(0), np.zeros(3)) == ("mm", 1e3)
+    unit, factor = Units().drawn(np.array([4e-8]), np.array([4e-7]))
+    assert unit == "nm"
+    assert factor == pytest.approx(1e9)
+    assert Units(length="mm").drawn(np.array([0.3])) == ("mm", 1.0)
+    assert Units(length="in").drawn(np.array([4e-7])) == ("in", 1.0)
