@@ -108,7 +108,8 @@ class Evaluation:
             f"standard deviation {measures.std_error:.3e} {m}, largest {measures.max_error:.3e} {m}"
         )
         if (of_grid := self.content.get("embedding_error")) is not None:
-            yield f"without an error at the points of the embedded grid it would be {of_grid:.3e} {m}"
+            part = f"{of_grid:.3e} {m}"
+            yield f"without an error at the points of the embedded grid it would be {part}"
         if self.stress is not None:
             yield (
                 f"von Mises stress, mean error {self.stress.mean_error:.3e} {units.stress} "

@@ -61,10 +61,12 @@ def test_displacements_over_the_length(name: str) -> None:
     x = make_mesh(read_case(content).mesh, MPI.COMM_SELF).coordinates
     load = np.zeros_like(x)
     load[x[:, 0].argmax(), -1] = -LOADS[name]
-    for part in (1.0, 1e-6):
+    many = name == "finger3d"  # nodes: one load, one length
+    factors = FACTORS[:1] if many else FACTORS if x.shape[1] == 2 else FACTORS[:2]
+    for part in [1.0] if many else [1.0, 1e-6]:
         expected = datagen.solve(content, part * load)
         size = expected.largest_displacement
-        for length, modulus in FACTORS if x.shape[1] == 2 else FACTORS[:2]:
+        for length, modulus in factors:
             other, force = scaled(name, length, modulus)
             found = datagen.solve(other, part * force * load)
             assert found.displacement / length == pytest.approx(
