@@ -1,8 +1,14 @@
 r"""Fast certificates: bounds of the error of a single prediction, in real time.
 
-`surrogate.certify.fast_estimate` estimates the error of a prediction without a factorisation. The
-ratio of a true error to its estimate is calibrated on held-out samples: with the conformal quantile
-q of these ratios (`surrogate.certify.conformal`),
+`surrogate.certify.fast_estimate` estimates the error of a prediction without a factorisation, and
+what the estimate leaves: its size is
+
+.. math:: \hat e = |x| + |P \, s| / θ
+
+with the estimate x, the forces s that it leaves out of balance, and the smallest Ritz value θ. Near
+an instability the second term is the larger one. The ratio of a true error to this size is
+calibrated on held-out samples: with the conformal quantile q of these ratios
+(`surrogate.certify.conformal`),
 
 .. math:: P(e \le q \hat e) \ge 1 - α
 
@@ -18,7 +24,7 @@ components have the network's shape and the estimate's size,
 .. math:: |u_i - μ_i| \le q \, \hat e \, σ_i / \bar σ
 
 with the mean :math:`\bar σ` over the body, and the q with which they hold the wanted share of all
-components of the held-out samples.
+components of the held-out samples. Here :math:`\hat e` is the size of the estimate x alone.
 
 The held-out samples are the calibration and validation samples of the run. Training looks at the
 latter to stop early only; a run that does so leaves them out.
@@ -150,19 +156,19 @@ class FastCertificate:
 
         Those whose predicted state is not stable are left out, since such states have no bound.
         """
-        estimated, softest = estimate.with_stability(force, predicted)
+        estimated, rest, softest = estimate.with_stability(force, predicted)
         stable = softest > LEAST_STIFFNESS
-        estimated, softest = estimated[stable], softest[stable]
+        estimated, rest, softest = estimated[stable], rest[stable], softest[stable]
         force, predicted, truth = force[stable], predicted[stable], truth[stable]
         std = None if std is None else std[stable]
         error = predicted - truth
-        found = sizes(estimated)
+        found = with_rest(estimated, rest, softest)
         ratios = {
             name: np.divide(e, found[name], out=np.zeros(len(e)), where=e > 0)
             for name, e in sizes(error).items()
         }
         if std is not None:
-            scale = with_size(std, found["mean"])
+            scale = with_size(std, sizes(estimated)["mean"])
             of_components = np.abs(error)[scale > 0] / scale[scale > 0]
             ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
         return cls(estimate, ratios, CalibratedRange.of(force, predicted, estimated, softest))
@@ -204,13 +210,13 @@ class FastCertificate:
         """
         return float(conformal_quantile(self.ratios[measure], level))
 
-    def bounds(self, error: Array, level: float) -> dict[str, Array]:
+    def bounds(self, error: Array, rest: Array, softest: Array, level: float) -> dict[str, Array]:
         """Bounds in m that hold with the probability `level` each, by measure: (N,).
 
         Parameters
         ----------
-        error : array, (N, n_nodes, d)
-            Estimated errors in m, of `estimate`.
+        error, rest, softest : array
+            Of `FastEstimate.with_stability`.
         level : float
 
         Raises
@@ -218,7 +224,8 @@ class FastCertificate:
         ValueError
             As `factor`.
         """
-        return {name: self.factor(level, name) * e for name, e in sizes(error).items()}
+        found = with_rest(error, rest, softest)
+        return {name: self.factor(level, name) * e for name, e in found.items()}
 
     def certify(
         self, forces: Array, predicted: Array, level: float, std: Array | None = None
@@ -241,12 +248,12 @@ class FastCertificate:
         """
         shape = predicted.shape
         f, u = forces.reshape(-1, *shape[-2:]), predicted.reshape(-1, *shape[-2:])
-        error, softest = self.estimate.with_stability(f, u)
+        error, rest, softest = self.estimate.with_stability(f, u)
         reasons = self.refusals(f, u, error, softest)
         refused = np.array([reason is not None for reason in reasons], dtype=bool)
         found: dict[str, Any] = {
             name: np.where(refused, np.inf, bound).reshape(shape[:-2])
-            for name, bound in self.bounds(error, level).items()
+            for name, bound in self.bounds(error, rest, softest, level).items()
         }
         half = None
         if std is not None and self.knows_components:
@@ -282,7 +289,7 @@ class FastCertificate:
         is left out. `refused` is the share of the samples that have no bound; coverage is that of
         the product of factor and estimate for all of them.
         """
-        error, softest = self.estimate.with_stability(force, predicted)
+        error, rest, softest = self.estimate.with_stability(force, predicted)
         true, refusals = sizes(predicted - truth), self.refusals(force, predicted, error, softest)
         content: dict[str, Any] = {"samples": len(self.ratios["mean"])}
         content["refused"] = 1 - refusals.count(None) / max(len(refusals), 1)
@@ -290,7 +297,7 @@ class FastCertificate:
             content[name] = []
             for level in LEVELS:
                 try:
-                    bound = self.bounds(error, level)[name]
+                    bound = self.bounds(error, rest, softest, level)[name]
                 except ValueError:
                     continue
                 wide = np.median(bound[true[name] > 0] / true[name][true[name] > 0])
@@ -319,6 +326,12 @@ def sizes(error: Array) -> dict[str, Array]:
         "mean": np.abs(error).mean(axis=(1, 2)),
         "largest": np.linalg.norm(error, axis=2).max(axis=1),
     }
+
+
+def with_rest(error: Array, rest: Array, softest: Array) -> dict[str, Array]:
+    """Sizes of estimated errors and of what they leave, of `FastEstimate.with_stability`: (N,)."""
+    stiffness, left = np.maximum(softest, LEAST_STIFFNESS), sizes(rest)
+    return {name: size + left[name] / stiffness for name, size in sizes(error).items()}
 
 
 def with_size(std: Array, size: Array) -> Array:

@@ -8,11 +8,13 @@ gradients minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
 .. math:: x \in \mathrm{span} \, \{P r, \; P \, K(u) \, P r\}
 
 so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the energy, x is no larger
-than δ. Rotations are the factors of the polar decomposition of the mean of :math:`F = I + ∇u` over
-the cells at a node. The product with the tangent is that of the cells' stresses
-(`surrogate.mechanics.solids.neo_hookean`), which no matrix is assembled for. A large body is
-treated in single precision, with out-of-balance forces in a unit of the body's own, μ L^(d-1), so
-that their work does not underflow. Where a cell is inverted, the error is infinite.
+than δ. The forces s that are left move the body by :math:`K(u)^{-1} s`, which is about
+:math:`P \, s / θ` at most in that norm, with the θ below. Rotations are the factors of the polar
+decomposition of the mean of :math:`F = I + ∇u` over the cells at a node. The product with the
+tangent is that of the cells' stresses (`surrogate.mechanics.solids.neo_hookean`), which no matrix
+is assembled for. A large body is treated in single precision, with out-of-balance forces in a unit
+of the body's own, μ L^(d-1), so that their work does not underflow. Where a cell is inverted, the
+error is infinite.
 
 The same method sees whether K(u) is positive definite. The smallest eigenvalue θ of the tridiagonal
 matrix of its coefficients is an upper bound of that of :math:`P \, K(u)`, which each step lowers
@@ -105,27 +107,36 @@ class FastEstimate:
         """
         return self._in_parts(forces, predicted, judged=False)[0]
 
-    def with_stability(self, forces: Array, predicted: Array) -> tuple[Array, Array]:
+    def with_stability(self, forces: Array, predicted: Array) -> tuple[Array, Array, Array]:
         """Estimate the errors as a call does, and judge the stability of the predicted states.
 
         Returns
         -------
         error : array, (N, n_nodes, d)
             Estimate of the predicted minus the true displacement in m.
+        rest : array, (N, n_nodes, d)
+            Response P s in m to the forces that the estimate leaves out of balance; 0 where the
+            error is infinite.
         softest : array, (N,)
             θ, which is 1 for the undeformed body; −∞ if a cell is inverted. If it is not positive,
             K(u) is not positive definite; its size then means nothing.
         """
         return self._in_parts(forces, predicted, judged=True)
 
-    def _in_parts(self, forces: Array, predicted: Array, judged: bool) -> tuple[Array, Array]:
-        error, softest = np.empty(predicted.shape), np.empty(len(predicted))
+    def _in_parts(
+        self, forces: Array, predicted: Array, judged: bool
+    ) -> tuple[Array, Array, Array]:
+        error, rest = np.empty((2, *predicted.shape))
+        softest = np.empty(len(predicted))
         for start in range(0, len(predicted), self._at_once):
             some = slice(start, start + self._at_once)
-            error[some], softest[some] = self._estimated(forces[some], predicted[some], judged)
-        return error, softest
+            found = self._estimated(forces[some], predicted[some], judged)
+            error[some], rest[some], softest[some] = found
+        return error, rest, softest
 
-    def _estimated(self, forces: Array, predicted: Array, judged: bool) -> tuple[Array, Array]:
+    def _estimated(
+        self, forces: Array, predicted: Array, judged: bool
+    ) -> tuple[Array, Array, Array]:
         held: Array = predicted * self.free
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
@@ -135,22 +146,27 @@ class FastEstimate:
                 f_points[i, i] += 1
             state, rotation = State(f_points, self.material), rotations(self._at_nodes(f_points))
             force = self._balanced(f - self._divergence(state.stress()))
-            x, softest = self._conjugate_gradients(state, rotation, force, STEPS)
+            x, left, softest = self._conjugate_gradients(state, rotation, force, STEPS)
+            rest = np.zeros_like(x)
             if judged:
+                rest = self._response(left, rotation)
                 load = np.broadcast_to(self._generic, u.shape)
-                _, found = self._conjugate_gradients(state, rotation, load, GENERIC_STEPS)
+                _, _, found = self._conjugate_gradients(state, rotation, load, GENERIC_STEPS)
                 softest = np.minimum(softest, found)
         x[..., ~state.sound] = np.inf
-        return predicted - held - x.transpose(2, 1, 0), np.where(state.sound, softest, -np.inf)
+        kept: Array = np.where(np.isfinite(x), rest, 0).astype(np.float64).transpose(2, 1, 0)
+        softest = np.where(state.sound, softest, -np.inf)
+        return predicted - held - x.transpose(2, 1, 0), kept, softest
 
     def _conjugate_gradients(
         self, state: State, rotation: Values, force: Values, steps: int
-    ) -> tuple[Values, Array]:
+    ) -> tuple[Values, Values, Array]:
         """Do some steps towards K(u) x = force.
 
         Returns
         -------
-        x : array, (d, n_nodes, N)
+        x, left : array, (d, n_nodes, N)
+            The solution, and the force that it leaves out of balance.
         softest : array, (N,)
             Smallest Ritz value of P K(u) of these steps; +∞ if there is no force.
         """
@@ -174,7 +190,7 @@ class FastEstimate:
             curvatures.append(curvature)
             growths.append(growth)
         x[..., ~np.isfinite(work)] = np.inf
-        return x, smallest_ritz_value(*map(np.array, (works, curvatures, growths)))
+        return x, force, smallest_ritz_value(*map(np.array, (works, curvatures, growths)))
 
     def _gradient(self, u: Values) -> Values:
         """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""

@@ -53,6 +53,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     "name",
     [
         "alarms-lshape2d",
+        "bounded-loads",
         "certificates-beam2d_any",
         "certificates-beam3d_any",
         "further-training-beam3d_coarse-reduced",
@@ -118,7 +119,7 @@ def test_a_benchmark_is_recorded_and_published(
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "nothing"]) == 2
-    assert "benchmark 'nothing': expected one of alarms, certificates" in capsys.readouterr().err
+    assert "benchmark 'nothing': expected one of alarms, bounded-loads" in capsys.readouterr().err
 
 
 def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:

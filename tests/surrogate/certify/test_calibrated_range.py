@@ -65,7 +65,7 @@ def test_ritz_value_of_compressed_beams(cell_type: str) -> None:
     exact = np.array([np.linalg.eigvalsh(factor.T @ k @ factor)[0] for k in stiffness])
     assert exact[0] == pytest.approx(1, abs=1e-6)
     assert exact[-1] < 0
-    _, softest = fast.with_stability(np.zeros_like(u), u)
+    _, _, softest = fast.with_stability(np.zeros_like(u), u)
     definite = np.array([equilibrium.response_at(state) is not None for state in u])
     assert ((softest > 0) == definite).all()
     assert 0 < definite.sum() < len(u)
@@ -82,12 +82,12 @@ def test_a_symmetric_residual_does_not_see_buckling(
     x, predicted = beam.geometry.coordinates, beam.predict(force)
     mirrored = np.linalg.norm(x[:, None] * (1, -1) + (0, 1) - x, axis=2).argmin(axis=1)
     straight = (predicted + predicted[:, mirrored] * (1, -1)) / 2
-    _, softest = beam.fast_estimate.with_stability(force, straight)
+    _, _, softest = beam.fast_estimate.with_stability(force, straight)
     assert softest[0] < 0
     assert beam.equilibrium.response_at(straight[0]) is None
     fast = beam.fast_estimate
     monkeypatch.setattr(fast, "_generic", 0 * fast._generic)
-    _, of_residual = fast.with_stability(force, straight)
+    _, _, of_residual = fast.with_stability(force, straight)
     assert of_residual[0] > 0.5
 
 

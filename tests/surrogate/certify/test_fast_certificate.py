@@ -11,7 +11,7 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.certify.calibrated_range import CalibratedRange
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_certificate import FastCertificate, read_calibration, sizes
+from surrogate.certify.fast_certificate import FastCertificate, read_calibration, sizes, with_rest
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.data import read_dataset
 from surrogate.evaluation.run_evaluation import evaluate
@@ -40,7 +40,7 @@ def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
     predicted = truth + size * shape
     half = n // 2
     fitted = FastCertificate.fit(estimate, force[:half], predicted[:half], truth[:half])
-    bounds = fitted.bounds(estimate(force[half:], predicted[half:]), 0.9)
+    bounds = fitted.bounds(*estimate.with_stability(force[half:], predicted[half:]), 0.9)
     true = sizes((predicted - truth)[half:])
     for name in ("mean", "largest"):
         assert abs((true[name] <= bounds[name]).mean() - 0.9) < 3 * np.sqrt(2 * 0.9 * 0.1 / half)
@@ -91,9 +91,10 @@ def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
     predicted = np.zeros_like(force)
     predicted[0, -1, 0] = -0.9
     ratios = {name: np.ones(10) for name in ("mean", "largest")}
-    like = force[1:], predicted[1:], *estimate.with_stability(force[1:], predicted[1:])
-    fast = FastCertificate(estimate, ratios, CalibratedRange.of(*like))
-    bounds = fast.bounds(estimate(force, predicted), 0.9)
+    error, _, softest = estimate.with_stability(force[1:], predicted[1:])
+    like = CalibratedRange.of(force[1:], predicted[1:], error, softest)
+    fast = FastCertificate(estimate, ratios, like)
+    bounds = fast.bounds(*estimate.with_stability(force, predicted), 0.9)
     assert bounds["mean"][0] == bounds["largest"][0] == np.inf
     assert 0 < bounds["mean"][1] < bounds["largest"][1] < 1
     alone = fast.certify(force[0], predicted[0], 0.9)
@@ -129,9 +130,10 @@ def test_run_keeps_its_calibration(make_run: Callable[..., Path], data: Path) ->
     for rows in (split.validation_rows, split.calibration_rows):
         samples = dataset.nodal_train(rows)
         predicted = surrogate.predict(samples.force)
-        error = fast.estimate(samples.force, predicted)
+        error, rest, softest = fast.estimate.with_stability(samples.force, predicted)
         true = np.abs(predicted - samples.displacement).mean(axis=(1, 2))
-        largest.append((true / np.abs(error).mean(axis=(1, 2))).max())
+        estimated = np.abs(error).mean(axis=(1, 2)) + np.abs(rest).mean(axis=(1, 2)) / softest
+        largest.append((true / estimated).max())
     assert fast.factor(0.9) == pytest.approx(max(largest), rel=1e-4)
     run.fast_certificate.write_bytes(serialised(load_tensors(run.fast_certificate)[0]))
     with pytest.raises(InputError, match="calibrated for the estimate of another version"):
@@ -150,3 +152,20 @@ def test_without_held_out_samples(make_run: Callable[..., Path], data: Path) -> 
     folder = make_run(epochs=1, validation_fraction=0.0)
     with pytest.raises(InputError, match="no held-out samples"):
         evaluate(folder, data, certify=True)
+
+
+def test_size_of_what_the_estimate_leaves(estimate: FastEstimate) -> None:
+    """Two steps leave s: with K(u)⁻¹ s, the error is that of Newton's step; P s / θ is no less."""
+    body, equilibrium = box("quad"), Equilibrium(box("quad"), MATERIAL)
+    force = end_load(body, 1.0, 1.0)
+    predicted = correct(equilibrium, force, 0 * force).displacement
+    predicted = predicted + 1e-4 * body.coordinates[:, :1] ** 2
+    error, rest, softest = estimate.with_stability(force[None], predicted[None])
+    response = equilibrium.response_at(predicted)
+    assert response is not None
+    newton = response(equilibrium.out_of_balance(predicted[None], force[None]))[0]
+    missing = np.abs(newton - error[0]).mean()
+    assert 0 < missing <= np.abs(rest[0]).mean() / softest[0]
+    found = with_rest(error, rest, softest)["mean"][0]
+    assert found == pytest.approx(np.abs(error).mean() + np.abs(rest).mean() / softest[0])
+    assert with_rest(error, rest, np.zeros(1))["mean"][0] < np.inf
