@@ -118,6 +118,7 @@ def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
         "case": config.case,
         "network": config.architecture,
         "run": str(run),
+        "units": data.units.model_dump(),
         "cellType": surrogate.geometry.cell_type,
         "needsResponse": surrogate.network.linear is not None,
         "deviations": deviations(surrogate),

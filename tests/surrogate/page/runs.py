@@ -26,7 +26,12 @@ def as_simplices(geometry: Geometry) -> Geometry:
 
 
 def untrained(
-    folder: Path, dataset: Dataset, geometry: Geometry, network: dict[str, Any], **content: Any
+    folder: Path,
+    dataset: Dataset,
+    geometry: Geometry,
+    network: dict[str, Any],
+    units: dict[str, str] | None = None,
+    **content: Any,
 ) -> Path:
     """Write a run of U-Nets with random weights, those of a likelihood or an ensemble too."""
     config = unet_config(
@@ -36,7 +41,8 @@ def untrained(
         **content,
     )
     described = describe(config, dataset)
-    data = described.data.model_copy(update={"cell_type": geometry.cell_type})
+    case = described.data.case | ({} if units is None else {"units": units})
+    data = described.data.model_copy(update={"cell_type": geometry.cell_type, "case": case})
     description = described.model_copy(update={"data": data})
     torch.manual_seed(0)
     model = config.build(geometry, data.info, data.material if config.needs_material else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -69,6 +70,28 @@ def test_page_predicts_what_the_program_does(
     has = {kind for kind in ("epistemic", "aleatoric") if getattr(expected, f"std_{kind}").any()}
     assert set(choices) == {"displacement", "error", *has}
     assert written.passes == (30 if model.is_stochastic else None)
+
+
+def test_labels_of_units_and_a_small_body(
+    dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """A body of less than 1e-12 m has places; one in mm and kN has these labels, no prefixes."""
+    small = replace(dataset.geometry, coordinates=1e-14 * dataset.geometry.coordinates)
+    node = int(np.flatnonzero(small.loadable)[-1])
+    for geometry, units in ((small, None), (dataset.geometry, {"length": "mm", "force": "kN"})):
+        folder = tmp_path / ("labelled" if units else "small")
+        folder.mkdir()
+        run = untrained(folder / "run", dataset, geometry, LINEAR, units=units)
+        write_page(run, folder / "page.html")
+        page = open_page(folder / "page.html")
+        page.load(node, 0.5, -0.25)
+        text = page.text("#panel")
+        if units is None:
+            assert re.search(r"\(\S*e−1[345], ", text)
+        else:
+            assert "Fx in kN" in text
+            assert re.search(r"\) mm", text)
+            assert not re.search(r"\d [pnµmkM]?[mN]\b(?<! mm)", text)
 
 
 def test_three_dimensional_estimate_is_that_of_the_program(

@@ -67,6 +67,7 @@ def test_page_contains_body_network_and_script(
     assert content["material"]["mu"] == pytest.approx(500 / 2.8)  # E / (2 (1 + ν))
     assert content["limit"] == list(dataset.info.force.max_abs)
     assert content["loads"]["most"] == 1
+    assert content["units"] == {"length": "m", "force": "N"}
     block = gzip.decompress(b64decode(element(page, "arrays")))
     place = content["arrays"]["coordinates"]
     found = np.frombuffer(block, place["type"], dataset.geometry.coordinates.size, place["offset"])

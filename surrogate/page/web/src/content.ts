@@ -10,6 +10,8 @@ interface Text {
   case: string;
   network: string;
   run: string;
+  /** Labels of the units of the case. */
+  units: { length: string; force: string };
   cellType: CellType;
   needsResponse: boolean;
   deviations: Record<string, "epistemic" | "aleatoric">;

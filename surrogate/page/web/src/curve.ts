@@ -1,6 +1,6 @@
 /** The plot of force against displacement of the dragged node, with its 95 % band. */
 
-import { ceiling, digits, prefixOf } from "./units";
+import { ceiling, digits, forceUnit, lengthUnit, unitOf } from "./units";
 
 const QUANTILE = 1.96; // of the normal distribution, for 95 %
 const MOST = 2000; // points
@@ -38,8 +38,8 @@ export class Curve {
     const context = canvas.getContext("2d")!;
     context.scale(ratio, ratio);
     const reach = points.map((p) => p.displacement + QUANTILE * (p.deviation ?? 0));
-    const mostForce = ceiling(Math.max(1e-12, ...points.map((p) => p.force)));
-    const mostLength = ceiling(Math.max(1e-12, ...reach));
+    const mostForce = ceiling(Math.max(0, ...points.map((p) => p.force)));
+    const mostLength = ceiling(Math.max(0, ...reach));
     const frame = { left: 62, top: 16, right: width - 12, bottom: height - 30 };
     const x = (force: number): number =>
       frame.left + (force / mostForce) * (frame.right - frame.left);
@@ -86,8 +86,8 @@ function axes(
   context.strokeStyle = "#e2e6eb";
   context.fillStyle = "#465160";
   context.font = "12px system-ui, sans-serif";
-  const [forceFactor, forceLetter] = prefixOf(mostForce);
-  const [lengthFactor, lengthLetter] = prefixOf(mostLength);
+  const [forceFactor, forceLabel] = unitOf(mostForce, forceUnit());
+  const [lengthFactor, lengthLabel] = unitOf(mostLength, lengthUnit());
   for (const part of [0, 0.5, 1]) {
     const across = frame.left + part * (frame.right - frame.left);
     const up = frame.bottom - part * (frame.bottom - frame.top);
@@ -99,14 +99,14 @@ function axes(
     context.stroke();
     if (!labelled) continue;
     context.textAlign = part === 1 ? "right" : "center";
-    const last = part === 1 ? ` ${forceLetter}N` : "";
+    const last = part === 1 ? ` ${forceLabel}` : "";
     context.fillText(
       digits((part * mostForce) / forceFactor) + last,
       across + (last ? 8 : 0),
       frame.bottom + 17,
     );
     context.textAlign = "right";
-    const unit = part === 1 ? ` ${lengthLetter}m` : "";
+    const unit = part === 1 ? ` ${lengthLabel}` : "";
     context.fillText(digits((part * mostLength) / lengthFactor) + unit, frame.left - 6, up + 4);
   }
 }

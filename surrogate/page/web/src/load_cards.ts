@@ -3,7 +3,7 @@
 import { make } from "./elements";
 import { size, type Load } from "./loads";
 import type { State } from "./state";
-import { digits } from "./units";
+import { forceUnit, place } from "./units";
 import { loadableNodes } from "./view/body_mesh";
 
 interface Card {
@@ -86,13 +86,13 @@ export class LoadCards {
     };
     const components = load.force.map((_, i) =>
       number(
-        `F${"xyz"[i]} in N`,
+        `F${"xyz"[i]} in ${forceUnit()}`,
         () => load.force[i],
         (value) => (load.force[i] = value),
       ),
     );
     const magnitude = number(
-      "Size in N",
+      `Size in ${forceUnit()}`,
       () => size(load.force),
       (value) => {
         const now = size(load.force);
@@ -109,9 +109,7 @@ export class LoadCards {
       },
     );
     const { coordinates, d } = content;
-    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) =>
-      digits(x),
-    );
+    const at = place(coordinates.subarray(load.node * d, load.node * d + d));
     const click = (): void => {
       loads.selected = load;
       this.changed();
@@ -120,12 +118,7 @@ export class LoadCards {
       loads.remove(load);
       this.changed();
     };
-    const name = make(
-      "button",
-      { type: "button", class: "name", click },
-      "",
-      `Node (${place.join(", ")})`,
-    );
+    const name = make("button", { type: "button", class: "name", click }, "", `Node ${at}`);
     const cross = make(
       "button",
       { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" },
@@ -145,8 +138,8 @@ export class LoadCards {
     const { content, loads } = this.state;
     const { coordinates, d } = content;
     const options = loadableNodes(content).map((node) => {
-      const place = Array.from(coordinates.subarray(node * d, node * d + d), (x) => digits(x));
-      return make("option", { value: String(node) }, `(${place.join(", ")})`);
+      const at = place(coordinates.subarray(node * d, node * d + d));
+      return make("option", { value: String(node) }, at);
     });
     const change = (): void => {
       if (list.value === "") return;

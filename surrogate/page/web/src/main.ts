@@ -9,6 +9,7 @@ import { Panel } from "./panel";
 import { listen } from "./pointer";
 import { asCsv, asNpz, asPng, download } from "./save";
 import { State } from "./state";
+import { useUnits } from "./units";
 import { Scene } from "./view/scene";
 
 const REST = 150; // ms without a change, before the error of a large body is estimated
@@ -32,8 +33,17 @@ interface Handle {
   measure: boolean;
 }
 
+/** Size of the body along each axis. */
+function extents({ coordinates, d }: { coordinates: Float64Array; d: number }): number[] {
+  return Array.from({ length: d }, (_, axis) => {
+    const x = coordinates.filter((_, i) => i % d === axis);
+    return x.reduce((a, b) => Math.max(a, b)) - x.reduce((a, b) => Math.min(a, b));
+  });
+}
+
 async function start(): Promise<void> {
   const content = await readContent();
+  useUnits(content.units, Math.max(...extents(content)));
   const state = new State(content);
   const root = document.getElementById("page")!;
   const panel = new Panel(root, state, {

@@ -6,7 +6,7 @@ import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
 import type { State } from "./state";
-import { digits, inMetres, prefixOf } from "./units";
+import { asLength, digits, lengthUnit, place, unitOf } from "./units";
 
 const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
 
@@ -115,12 +115,12 @@ export class Panel {
 
   private updateBar(largest: number): void {
     const { label, palette } = COLOUR_FIELDS[this.state.field];
-    const [factor, letter] = prefixOf(largest);
+    const [factor, unit] = unitOf(largest, lengthUnit());
     const values = this.state.values();
     const ramp = make("div", { class: "ramp" });
     ramp.style.background = `linear-gradient(90deg, ${palette.join(", ")})`;
     const ticks = [0, 0.5, 1].map((part) => make("span", {}, digits((part * largest) / factor)));
-    const name = values ? `${label} in ${letter}m` : `${label}: ${this.missing()}`;
+    const name = values ? `${label} in ${unit}` : `${label}: ${this.missing()}`;
     this.bar.replaceChildren(
       make("div", { class: "name" }, name),
       ...(values ? [ramp, make("div", { class: "ticks" }, ...ticks)] : []),
@@ -144,7 +144,7 @@ export class Panel {
     } else if (certificate?.error && fields) {
       const largest = longest(certificate.error, content.d);
       const share = largest / (longest(fields.displacement, content.d) || 1);
-      const numbers = `${inMetres(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
+      const numbers = `${asLength(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
       isBad ||= share > LARGE_SHARE;
       text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
     }
@@ -162,15 +162,15 @@ export class Panel {
     const u = state.displacementAt(node);
     const rows: [string, string][] = [
       ["Place", this.placeOf(node)],
-      ...u.map((value, i): [string, string] => [`u${"xyz"[i]}`, inMetres(value, 4)]),
-      ["|u|", inMetres(Math.hypot(...u), 4)],
+      ...u.map((value, i): [string, string] => [`u${"xyz"[i]}`, asLength(value, 4)]),
+      ["|u|", asLength(Math.hypot(...u), 4)],
     ];
     for (const name of state.choices.slice(1)) {
       const { d } = state.content;
       const vectors = state.vectors(name);
       const length =
         vectors && Math.hypot(...Array.from({ length: d }, (_, i) => vectors[node * d + i]));
-      rows.push([COLOUR_FIELDS[name].label, length === null ? "–" : inMetres(length)]);
+      rows.push([COLOUR_FIELDS[name].label, length === null ? "–" : asLength(length)]);
     }
     this.readout.replaceChildren(
       ...rows.flatMap(([term, text]) => [make("dt", {}, term), make("dd", {}, text)]),
@@ -179,8 +179,7 @@ export class Panel {
 
   private placeOf(node: number): string {
     const { coordinates, d } = this.state.content;
-    const place = Array.from(coordinates.subarray(node * d, node * d + d), (x) => digits(x, 4));
-    return `(${place.join(", ")}) m`;
+    return `${place(coordinates.subarray(node * d, node * d + d), 4)} ${lengthUnit()}`;
   }
 
   private choices(): HTMLElement {

@@ -2,7 +2,7 @@
 
 import { zipSync } from "fflate";
 import { COLOUR_FIELDS } from "./colours";
-import { inNewtons, digits, prefixOf } from "./units";
+import { asForce, digits, lengthUnit, place, unitOf } from "./units";
 import { size } from "./loads";
 import type { State } from "./state";
 
@@ -75,21 +75,19 @@ export function asPng(state: State, drawn: HTMLCanvasElement, largest: number): 
   context.font = "14px system-ui, sans-serif";
   const { coordinates, d } = state.content;
   state.loads.all.forEach((load, number) => {
-    const place = Array.from(coordinates.subarray(load.node * d, load.node * d + d), (x) =>
-      digits(x),
-    );
-    const text = `${number + 1}: ${inNewtons(size(load.force))} at (${place.join(", ")}) m`;
+    const at = place(coordinates.subarray(load.node * d, load.node * d + d));
+    const text = `${number + 1}: ${asForce(size(load.force))} at ${at} ${lengthUnit()}`;
     context.fillText(text, 18, 54 + 20 * number);
   });
   const values = state.values();
   if (values) {
     const { label, palette } = COLOUR_FIELDS[state.field];
-    const [factor, letter] = prefixOf(largest);
+    const [factor, unit] = unitOf(largest, lengthUnit());
     const bar = context.createLinearGradient(18, 0, 18 + Math.min(300, width - 36), 0);
     palette.forEach((colour, i) => {
       bar.addColorStop(i / (palette.length - 1), colour);
     });
-    context.fillText(`${label} in ${letter}m`, 18, height - 54);
+    context.fillText(`${label} in ${unit}`, 18, height - 54);
     [0, 0.5, 1].forEach((part) => {
       context.textAlign = (["left", "center", "right"] as const)[part * 2]!;
       const text = digits((part * largest) / factor);

@@ -1,7 +1,7 @@
 /** Loads unlike those of the training, as `surrogate/inference/training_range.py` tells them. */
 
 import { size, type Load } from "./loads";
-import { inNewtons } from "./units";
+import { asForce } from "./units";
 
 const MARGIN = 1 + 1e-6; // of rounding
 
@@ -42,6 +42,6 @@ export function exceeded(loads: readonly Load[], trained: TrainingRange): Map<Ki
 }
 
 function plusMinus(limit: readonly number[]): string {
-  const all = new Set(limit.map((value) => inNewtons(value)));
+  const all = new Set(limit.map((value) => asForce(value)));
   return `±${[...all].join(", ")}`;
 }

@@ -1,41 +1,72 @@
 /** Numbers with units, as people read them. */
 
+/** Labels of the units of the case, and the length below which a length is a rounding error. */
+const shown = { length: "m", force: "N", negligible: 0 };
+
+/** Take the labels of the case, and the size of its body. */
+export function useUnits(units: { length: string; force: string }, size: number): void {
+  Object.assign(shown, units, { negligible: 1e-12 * size });
+}
+
+export function lengthUnit(): string {
+  return shown.length;
+}
+
+export function forceUnit(): string {
+  return shown.force;
+}
+
 const PREFIXES: [number, string][] = [
+  [1e6, "M"],
+  [1e3, "k"],
   [1, ""],
   [1e-3, "m"],
   [1e-6, "µ"],
   [1e-9, "n"],
+  [1e-12, "p"],
 ];
 
-/** The prefix in which a number has digits before the point: its factor, and its letter. */
-export function prefixOf(value: number): [number, string] {
+/** The unit in which a number has digits before the point: its factor, and its label. */
+export function unitOf(value: number, unit: string): [number, string] {
+  if ((unit !== "m" && unit !== "N") || value === 0) return [1, unit];
   const found = PREFIXES.find(([factor]) => Math.abs(value) >= factor * (1 - 5e-4));
-  return value === 0 ? PREFIXES[0] : (found ?? PREFIXES.at(-1)!);
+  const [factor, letter] = found ?? PREFIXES.at(-1)!;
+  return [factor, letter + unit];
 }
 
 /** A number with three significant digits, and a minus sign that is as wide as a plus sign. */
 export function digits(value: number, count = 3): string {
-  const text = Math.abs(value) < 1e-12 ? "0" : Number(value.toPrecision(count)).toString();
-  return text.replace("-", "−");
+  return Number(value.toPrecision(count)).toString().replaceAll("-", "−");
 }
 
 function inUnit(value: number, unit: string, count: number): string {
-  const [factor, letter] = prefixOf(value);
-  return `${digits(value / factor, count)} ${letter}${unit}`;
+  const [factor, label] = unitOf(value, unit);
+  return `${digits(value / factor, count)} ${label}`;
 }
 
-export function inMetres(value: number, count = 3): string {
-  return inUnit(value, "m", count);
+/** Without rounding errors: a length that the body's size makes negligible is zero. */
+function rounded(length: number): number {
+  return Math.abs(length) < shown.negligible ? 0 : length;
 }
 
-export function inNewtons(value: number, count = 3): string {
-  return inUnit(value, "N", count);
+export function asLength(value: number, count = 3): string {
+  return inUnit(rounded(value), shown.length, count);
+}
+
+export function asForce(value: number, count = 3): string {
+  return inUnit(value, shown.force, count);
+}
+
+/** Coordinates in the unit of the case, in parentheses. */
+export function place(x: ArrayLike<number>, count = 3): string {
+  return `(${Array.from(x, (value) => digits(rounded(value), count)).join(", ")})`;
 }
 
 const STEPS = [1, 1.2, 1.6, 2, 2.4, 3, 4, 5, 6, 8, 10];
 
-/** The smallest of some round numbers, whose halves are round too, that is at least a positive one. */
+/** The smallest of some round numbers, whose halves are round too, that is at least a positive one; 1 for zero. */
 export function ceiling(value: number): number {
+  if (value <= 0) return 1;
   const power = 10 ** Math.floor(Math.log10(value));
   return STEPS.map((factor) => factor * power).find((c) => c >= value * (1 - 1e-9))!;
 }

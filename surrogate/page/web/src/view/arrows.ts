@@ -2,7 +2,7 @@
 
 import { ConeGeometry, CylinderGeometry, Group, Mesh, type ShaderMaterial, Vector3 } from "three";
 import { size, type Load } from "../loads";
-import { inNewtons } from "../units";
+import { asForce } from "../units";
 import { plainMaterial, rgb } from "./materials";
 
 const SELECTED = 0xc2410c;
@@ -58,7 +58,7 @@ export class Arrows {
       (arrow.shaft.material as ShaderMaterial).uniforms.colour.value = rgb(colour);
       const tip = at(load.node).add(vector);
       const { x, y } = project(tip);
-      arrow.label.textContent = `${number + 1}: ${inNewtons(size(load.force))}`;
+      arrow.label.textContent = `${number + 1}: ${asForce(size(load.force))}`;
       arrow.label.classList.toggle("selected", load === selected);
       const { clientWidth, clientHeight } = this.overlay;
       const width = arrow.label.offsetWidth + 8;
@@ -74,7 +74,7 @@ export class Arrows {
     const head = Math.min(4.5 * this.width, length);
     arrow.group.position.copy(start);
     arrow.group.quaternion.setFromUnitVectors(UP, vector.clone().divideScalar(length));
-    arrow.shaft.scale.set(this.width, Math.max(length - head, 1e-9), this.width);
+    arrow.shaft.scale.set(this.width, Math.max(length - head, 1e-9 * this.width), this.width);
     arrow.head.position.y = length - head;
     arrow.head.scale.set(head / 2.5, head, head / 2.5);
     arrow.group.visible = vector.length() > 0;
