@@ -2,8 +2,9 @@
 
 =====================  ========================================================================
 `loading`              a network from a run folder, or from the package
-`surrogate`            the network with its body: `Surrogate.predict`, `Surrogate.solve`
-`body`                 its base: equilibrium, stresses and reactions of the body
+`surrogate`            the network with its body: `Surrogate.solve`, certificates, corrections
+`trained_network`      its base: predictions and their distributions
+`body`                 the base of that: equilibrium, stresses and reactions of the body
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
 `batched_prediction`   distributions under any number of loads
 `solution`             what `solve` returns; its figure is `solution_figure`

@@ -1,17 +1,14 @@
-"""A trained network with its body: predictions, their certificates, corrections and stresses."""
+"""A trained network with its body: solutions, certificates and corrections of predictions."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
-from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
@@ -19,10 +16,6 @@ from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.data.elements_of_case import require_linear_elements
-from surrogate.data.geometry import Geometry
-from surrogate.data.load_range import PressedNodes
-from surrogate.inference.batched_prediction import BatchedPrediction
-from surrogate.inference.body import TrainedBody
 from surrogate.inference.given_load import (
     Load,
     checked_force,
@@ -32,15 +25,10 @@ from surrogate.inference.given_load import (
     following,
     given_load,
 )
-from surrogate.inference.training_range import TrainingRange
+from surrogate.inference.trained_network import TrainedNetwork
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.held_nodes import HeldNodes
-from surrogate.networks.nodal_network import NodalNetwork
-from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
-from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
-from surrogate.runs.description import RunDescription
+from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.folder import RunFolder
 
 if TYPE_CHECKING:
@@ -54,193 +42,17 @@ if TYPE_CHECKING:
         Intervals,
     )
     from surrogate.inference.solution import Solution
-    from surrogate.one_load.backend import OneLoad
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 LEVEL = 0.95  # probability of fast bounds
 
 
-class Surrogate(TrainedBody):
-    """A trained network with the mesh that it predicts on.
+class Surrogate(TrainedNetwork):
+    """A trained network that certifies and corrects its predictions.
 
-    Attributes
-    ----------
-    network : FieldNetwork
-    nodal_network : NodalNetwork
-        The same network as a map between fields at the nodes of the mesh.
-    passes : Passes
-        Passes of the network; the drawn weights of the last prediction are kept.
-    geometry : Geometry
-        Mesh, supports and grid; its node numbers are those of forces and displacements.
-    description : RunDescription
-        Configuration and dataset of the run.
-    training_range : TrainingRange
-        Forces of the training data; `predict` warns of others.
-    folder : Path or None
-        Run folder that the network was loaded from.
-    mean_error : float or None
-        ē on the test split of its training's dataset, in m; None if the run is not evaluated.
+    Its attributes are those of `TrainedNetwork`.
     """
-
-    def __init__(
-        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
-    ) -> None:
-        super().__init__(network.eval(), geometry, description)
-        held = None if geometry.grid.points_are_nodes else HeldNodes(geometry)
-        nodal = NodalNetwork(network, geometry.grid, held)
-        self.nodal_network = nodal.to(network.free.device)
-        data = description.data
-        self.training_range = TrainingRange(
-            data.info.force.max_abs,
-            geometry.loadable,
-            data.loads,
-            geometry.grid,
-            PressedNodes.of(geometry, data.case),
-        )
-        self.passes = Passes(network)
-        self._batched = BatchedPrediction(
-            self.nodal_network, self.passes, description.run, geometry.grid.mask.size
-        )
-        self.folder: Path | None = None
-        self.mean_error: float | None = None
-
-    def __repr__(self) -> str:
-        """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
-        run = self.description.run
-        size = f"{run.title} {parameter_count(self.network) / 1e6:.2f} M"
-        parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
-        if run.likelihood != "deterministic":
-            parts.append(run.likelihood.replace("_", " "))
-        if self.mean_error is not None:
-            parts.append(f"ē {self.description.data.units.written(self.mean_error)}")
-        return f"Surrogate({', '.join(parts)})"
-
-    @property
-    def is_probabilistic(self) -> bool:
-        """True if the network predicts standard deviations."""
-        return self.is_stochastic or self.description.run.predicts_std
-
-    @property
-    def is_stochastic(self) -> bool:
-        """True if passes differ from each other."""
-        return self.passes.differ
-
-    # --- prediction -------------------------------------------------------------------------------
-
-    @overload
-    def predict(self, forces: Tensor) -> Tensor: ...
-    @overload
-    def predict(self, forces: ArrayLike) -> Array: ...
-    def predict(self, forces: ArrayLike | Tensor) -> Array | Tensor:
-        """Predict displacements, the means of `predict_distribution`.
-
-        On a CPU, a U-Net or reduced network that is not stochastic predicts one load or a few in
-        NumPy (`surrogate.one_load.backend`), a reduced network any number. Its load series is
-        compiled by Numba, which takes some seconds at the first prediction after an installation.
-        The result differs from that of `averaged_passes`, which `solve` uses, and that of a load in
-        a large batch from that alone, by rounding in single precision.
-
-        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
-
-        Parameters
-        ----------
-        forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N. A tensor that requires gradients gives displacements that are
-            differentiable by the forces; the network's weights get no gradients.
-
-        Returns
-        -------
-        array, or Tensor if the forces are one, of the same shape
-            Nodal displacements in m; those of a tensor have its precision and device.
-
-        Raises
-        ------
-        InputError
-            If the shape is wrong, a force is not finite, or one acts at a clamped node.
-        """
-        if isinstance(forces, Tensor):
-            return self._predicted_tensor(forces)
-        nodal = checked_forces(self.geometry, forces)
-        self.training_range.warn(nodal)
-        return self._mean(nodal)
-
-    def _predicted_tensor(self, forces: Tensor) -> Tensor:
-        nodal = checked_forces(self.geometry, forces)
-        self.training_range.warn(nodal)
-        kind = forces.dtype if forces.is_floating_point() else torch.float64
-        if not (forces.requires_grad and torch.is_grad_enabled()):
-            return torch.from_numpy(self._mean(nodal)).to(forces.device, kind)
-        samples = forces.reshape(-1, *nodal.shape[-2:]).to(self.network.free.device)
-        found = self._batched.mean(samples, PASSES, 0)
-        return found.reshape(forces.shape).to(forces.device)
-
-    def _mean(self, nodal: Array) -> Array:
-        """Predict without warnings."""
-        if self._one_load is None or len(nodal) == 0:
-            return self._averaged(nodal, PASSES, 0).mean
-        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
-        return self._one_load.several(samples).reshape(nodal.shape)
-
-    @cached_property
-    def _one_load(self) -> OneLoad | None:
-        """The network in NumPy, for one load; None if it is stochastic or has no such form."""
-        if self.is_stochastic or self.network.free.device.type != "cpu":
-            return None
-        from surrogate.one_load.backend import OneLoad, in_numpy
-
-        outputs = len(self.network.displacement_scale)
-        members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
-        return None if members is None else OneLoad(self.nodal_network, members)
-
-    @checked_arguments
-    def predict_distribution(
-        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
-    ) -> Distribution:
-        """Predict means and standard deviations of displacements.
-
-        Parameters
-        ----------
-        forces : array, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N.
-        passes : int
-            Number of passes T of every member of an ensemble; a network that is not stochastic
-            makes a single pass.
-        seed : int
-            Seed of the passes, 0 or more. All samples use the same passes.
-
-        Raises
-        ------
-        InputError
-            If the network predicts no standard deviations, the shape is wrong, a force is not
-            finite or acts at a clamped node, `passes` is below 1 or `seed` below 0.
-        """
-        if not self.is_probabilistic:
-            raise InputError(
-                f"likelihood '{self.description.run.likelihood}': the network predicts no standard "
-                "deviations, expected Surrogate.predict, or solve with certify='fast' or 'full'"
-            )
-        return self.averaged_passes(forces, passes, seed)
-
-    def averaged_passes(
-        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
-    ) -> Distribution:
-        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
-        require_passes(passes, seed)
-        return self._averaged(checked_forces(self.geometry, forces), passes, seed)
-
-    def _averaged(self, nodal: Array, passes: int, seed: int) -> Distribution:
-        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
-        return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
-
-    def require_stochastic(self, **options: int | None) -> None:
-        """Raise InputError if pass options are given for a network that is not stochastic."""
-        for name, value in options.items():
-            if value is not None and not self.is_stochastic:
-                raise InputError(
-                    f"--{name} {value}: passes of this network do not differ, expected one with "
-                    "probabilistic weights or dropout"
-                )
 
     @checked_arguments
     def solve(
