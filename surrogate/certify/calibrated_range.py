@@ -11,6 +11,7 @@ has no bound if
   more than `MARGIN`;
 - its largest displacement, a force component at a node or one of the resultant is beyond the
   largest of the held-out samples by more than `MARGIN`;
+- a pressure is smaller or larger than theirs by more than `MARGIN` of their span, which holds 0;
 - it has more or fewer loaded nodes than every held-out sample, or one at another place than those
   of the training.
 
@@ -22,7 +23,7 @@ are worst, the ratio of true and estimated error grows, and the last few samples
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -54,6 +55,9 @@ class CalibratedRange:
         Largest absolute components of a nodal force, and of the sum of a sample's forces, in N.
     fewest, most : int
         Numbers of loaded nodes of the samples that have a load.
+    pressure : array, (2, n_surfaces)
+        Smallest and largest pressure on each surface in Pa, 0 among them. All forces above are dead
+        ones, without those of pressures.
     """
 
     softest: float
@@ -63,10 +67,22 @@ class CalibratedRange:
     resultant: Array
     fewest: int
     most: int
+    pressure: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
     @classmethod
-    def of(cls, force: Array, predicted: Array, error: Array, softest: Array) -> CalibratedRange:
-        """Measure held-out samples, (n, n_nodes, d) in N, m and m, and (n,); n may be 0."""
+    def of(
+        cls,
+        force: Array,
+        predicted: Array,
+        error: Array,
+        softest: Array,
+        pressure: Array | None = None,
+    ) -> CalibratedRange:
+        """Measure held-out samples, (n, n_nodes, d) in N, m and m, and (n,); n may be 0.
+
+        Pressures are (n, n_surfaces) in Pa.
+        """
+        pressures = np.zeros((len(force), 0)) if pressure is None else pressure
         counts = loaded_nodes(force)
         counts = counts[counts > 0]
         return cls(
@@ -77,6 +93,7 @@ class CalibratedRange:
             resultant=np.abs(force.sum(axis=1)).max(axis=0, initial=0.0),
             fewest=int(counts.min(initial=force.shape[1])),
             most=int(counts.max(initial=0)),
+            pressure=np.stack([pressures.min(axis=0, initial=0), pressures.max(axis=0, initial=0)]),
         )
 
     def refusals(
@@ -87,23 +104,27 @@ class CalibratedRange:
         softest: Array,
         loadable: NDArray[np.bool_],
         units: Units = SI,
+        pressure: Array | None = None,
     ) -> tuple[str | None, ...]:
         """Say of each prediction why it has no bound; None if it has one.
 
         Parameters
         ----------
         force, predicted, error : array, (N, n_nodes, d)
-            Nodal forces in N, predicted displacements and their estimated errors in m.
+            Dead forces in N, predicted displacements and their estimated errors in m.
         softest : array, (N,)
             Smallest Ritz values.
         loadable : array of bool, (n_nodes,)
             Nodes that the training loaded.
         units : Units
             Their labels, for the reasons.
+        pressure : array, (N, n_surfaces), optional
+            In Pa.
         """
+        pressures = np.zeros((len(force), 0)) if pressure is None else pressure
         return tuple(
-            next(self._reasons(f, u, e, float(s), loadable, units), None)
-            for f, u, e, s in zip(force, predicted, error, softest, strict=True)
+            next(self._reasons(f, u, e, float(s), loadable, units, p), None)
+            for f, u, e, s, p in zip(force, predicted, error, softest, pressures, strict=True)
         )
 
     def _reasons(
@@ -114,6 +135,7 @@ class CalibratedRange:
         softest: float,
         loadable: NDArray[np.bool_],
         units: Units,
+        pressures: Array,
     ) -> Iterator[str]:
         """Yield the reasons against a single prediction, gravest first."""
         if softest == -np.inf or not np.isfinite(e).all():
@@ -138,6 +160,15 @@ class CalibratedRange:
             if (values > beyond * limit).any():
                 here, there = written(values), f"{written(limit)} {units.force}"
                 yield f"{unlike}: {name} up to {here}, {there} there"
+        low, high = self.pressure
+        room = MARGIN * (high - low)
+        if (
+            pressures.shape != low.shape
+            or ((pressures < low - room) | (pressures > high + room)).any()
+        ):
+            spans = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
+            given = ", ".join(f"{p:.4g}" for p in pressures)
+            yield f"{unlike}: pressure {given} {units.stress}, {spans or 'none'} there"
         moved = float(largest(u[None])[0])
         if moved > beyond * self.displacement:
             most = units.written(self.displacement)
@@ -149,7 +180,8 @@ class CalibratedRange:
 
     def arrays(self) -> dict[str, Array]:
         """Return the extremes by their names, as arrays."""
-        return {name: np.atleast_1d(np.float64(value)) for name, value in asdict(self).items()}
+        arrays = {name: np.atleast_1d(np.float64(value)) for name, value in asdict(self).items()}
+        return {name: value for name, value in arrays.items() if value.size}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Array]) -> CalibratedRange:
@@ -158,7 +190,9 @@ class CalibratedRange:
             arrays[n].item() for n in ("softest", "displacement", "error")
         )
         fewest, most = int(arrays["fewest"].item()), int(arrays["most"].item())
-        return cls(softest, displacement, error, arrays["force"], arrays["resultant"], fewest, most)
+        forces, pressure = (arrays["force"], arrays["resultant"]), arrays.get("pressure")
+        pressure = np.zeros((2, 0)) if pressure is None else pressure.reshape(2, -1)
+        return cls(softest, displacement, error, *forces, fewest, most, pressure)
 
 
 def tail(values: Array, share: float, none: float) -> float:

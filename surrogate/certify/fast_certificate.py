@@ -45,6 +45,7 @@ from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
 from surrogate.certify.conformal import conformal_quantile
 from surrogate.certify.fast_estimate import FastEstimate
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.runs.tensor_file import load_tensors, serialised
 
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
@@ -151,13 +152,16 @@ class FastCertificate:
         predicted: Array,
         truth: Array,
         std: Array | None = None,
+        pressure: FollowerPressure | None = None,
     ) -> FastCertificate:
         """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m.
 
         Those whose predicted state is not stable are left out, since such states have no bound.
+        Forces are dead ones; pressures that follow the surface are given beside them.
         """
-        estimated, rest, softest = estimate.with_stability(force, predicted)
+        estimated, rest, softest = estimate.with_stability(force, predicted, pressure)
         stable = softest > LEAST_STIFFNESS
+        pressures = None if pressure is None else pressure.pressures[stable]
         estimated, rest, softest = estimated[stable], rest[stable], softest[stable]
         force, predicted, truth = force[stable], predicted[stable], truth[stable]
         std = None if std is None else std[stable]
@@ -171,7 +175,8 @@ class FastCertificate:
             scale = with_size(std, sizes(estimated)["mean"])
             of_components = np.abs(error)[scale > 0] / scale[scale > 0]
             ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
-        return cls(estimate, ratios, CalibratedRange.of(force, predicted, estimated, softest))
+        known = CalibratedRange.of(force, predicted, estimated, softest, pressures)
+        return cls(estimate, ratios, known)
 
     @property
     def knows_components(self) -> bool:
@@ -228,18 +233,25 @@ class FastCertificate:
         return {name: self.factor(level, name) * e for name, e in found.items()}
 
     def certify(
-        self, forces: Array, predicted: Array, level: float, std: Array | None = None
+        self,
+        forces: Array,
+        predicted: Array,
+        level: float,
+        std: Array | None = None,
+        pressure: FollowerPressure | None = None,
     ) -> Bounds:
         """Bound the error of one prediction, or of N.
 
         Parameters
         ----------
         forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-            In N and m.
+            Dead forces in N, and displacements in m.
         level : float
             Probability 1 − α of each bound.
         std : array of the same shape, optional
             Predicted standard deviations in m, which intervals of single components need.
+        pressure : FollowerPressure, optional
+            Pressures of the load cases.
 
         Raises
         ------
@@ -248,8 +260,8 @@ class FastCertificate:
         """
         shape = predicted.shape
         f, u = forces.reshape(-1, *shape[-2:]), predicted.reshape(-1, *shape[-2:])
-        error, rest, softest = self.estimate.with_stability(f, u)
-        reasons = self.refusals(f, u, error, softest)
+        error, rest, softest = self.estimate.with_stability(f, u, pressure)
+        reasons = self.refusals(f, u, error, softest, pressure)
         refused = np.array([reason is not None for reason in reasons], dtype=bool)
         found: dict[str, Any] = {
             name: np.where(refused, np.inf, bound).reshape(shape[:-2])
@@ -264,7 +276,12 @@ class FastCertificate:
         return replace(bounds, units=self.estimate.units)
 
     def refusals(
-        self, force: Array, predicted: Array, error: Array, softest: Array
+        self,
+        force: Array,
+        predicted: Array,
+        error: Array,
+        softest: Array,
+        pressure: FollowerPressure | None = None,
     ) -> tuple[str | None, ...]:
         """Say of each prediction why it has no bound; None if it has one.
 
@@ -274,14 +291,21 @@ class FastCertificate:
             In N and m.
         error, softest : array
             Of `FastEstimate.with_stability`.
+        pressure : FollowerPressure, optional
         """
         if self.calibrated is None:
             return (NO_RANGE,) * len(force)
         body = self.estimate.loadable, self.estimate.units
-        return self.calibrated.refusals(force, predicted, error, softest, *body)
+        pressures = None if pressure is None else pressure.pressures
+        return self.calibrated.refusals(force, predicted, error, softest, *body, pressures)
 
     def measures(
-        self, force: Array, predicted: Array, truth: Array, std: Array | None = None
+        self,
+        force: Array,
+        predicted: Array,
+        truth: Array,
+        std: Array | None = None,
+        pressure: FollowerPressure | None = None,
     ) -> dict[str, Any]:
         """Coverage of the bounds on other samples, and their median ratio to the true error.
 
@@ -289,8 +313,9 @@ class FastCertificate:
         is left out. `refused` is the share of the samples that have no bound; coverage is that of
         the product of factor and estimate for all of them.
         """
-        error, rest, softest = self.estimate.with_stability(force, predicted)
-        true, refusals = sizes(predicted - truth), self.refusals(force, predicted, error, softest)
+        error, rest, softest = self.estimate.with_stability(force, predicted, pressure)
+        refusals = self.refusals(force, predicted, error, softest, pressure)
+        true = sizes(predicted - truth)
         content: dict[str, Any] = {"samples": len(self.ratios["mean"])}
         content["refused"] = 1 - refusals.count(None) / max(len(refusals), 1)
         for name in MEASURES:

@@ -9,12 +9,13 @@ gradients minimise :math:`\tfrac{1}{2} x · K(u) \, x + r · x` over
 
 so that :math:`x ≈ δ`, and the error is about :math:`-x`. In the norm of the energy, x is no larger
 than δ. The forces s that are left move the body by :math:`K(u)^{-1} s`, which is about
-:math:`P \, s / θ` at most in that norm, with the θ below. Rotations are the factors of the polar
-decomposition of the mean of :math:`F = I + ∇u` over the cells at a node. The product with the
-tangent is that of the cells' stresses (`surrogate.mechanics.solids.neo_hookean`), which no matrix
-is assembled for. A large body is treated in single precision, with out-of-balance forces in a unit
-of the body's own, μ L^(d-1), so that their work does not underflow. Where a cell is inverted, the
-error is infinite.
+:math:`P \, s / θ` at most in that norm, with the θ below. Under pressures that follow the surface
+K(u) is the symmetric part of the tangent, and x is near the step of that part. Rotations are the
+factors of the polar decomposition of the mean of :math:`F = I + ∇u` over the cells at a node. The
+product with the tangent is that of the cells' stresses (`surrogate.certify.deformed_state`), which
+no matrix is assembled for. A large body is treated in single precision, with out-of-balance forces
+in a unit of the body's own, μ L^(d-1), so that their work does not underflow. Where a cell is
+inverted, the error is infinite.
 
 The same method sees whether K(u) is positive definite. The smallest eigenvalue θ of the tridiagonal
 matrix of its coefficients is an upper bound of that of :math:`P \, K(u)`, which each step lowers
@@ -30,16 +31,20 @@ come first: F is (d, d, n_points, N).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.common.bodies.polar_decomposition import Values, cofactors, rotations
+from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
+from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
@@ -84,6 +89,10 @@ class FastEstimate:
         size = float(np.ptp(geometry.coordinates, axis=0).max())
         exponent = math.log2(material.lame_mu) + (d - 1) * math.log2(size)
         self._unit = self.dtype(2.0 ** round(exponent))  # of forces in N, without rounding
+        self._state_at: Callable[[Values], State | MeanDilationState]
+        self._state_at = partial(State, material=material)
+        if equilibrium.mean_dilation:
+            self._state_at = partial(MeanDilationState, material=material, volumes=volumes)
         self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
         self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
@@ -97,17 +106,24 @@ class FastEstimate:
         generic = np.random.default_rng(0).standard_normal((d, len(self.free), 1))
         self._generic: Values = self._balanced(generic).astype(self.dtype)
 
-    def __call__(self, forces: Array, predicted: Array) -> Array:
+    def __call__(
+        self, forces: Array, predicted: Array, pressure: FollowerPressure | None = None
+    ) -> Array:
         """Estimate the predicted minus the true displacement in m: (N, n_nodes, d) → same.
 
         Parameters
         ----------
         forces, predicted : array, (N, n_nodes, d)
-            In N and m. What is predicted for clamped nodes is wholly an error.
+            Dead forces in N, and displacements in m. What is predicted for clamped nodes is wholly
+            an error.
+        pressure : FollowerPressure, optional
+            Pressures of the N load cases.
         """
-        return self._in_parts(forces, predicted, judged=False)[0]
+        return self._in_parts(forces, predicted, pressure, judged=False)[0]
 
-    def with_stability(self, forces: Array, predicted: Array) -> tuple[Array, Array, Array]:
+    def with_stability(
+        self, forces: Array, predicted: Array, pressure: FollowerPressure | None = None
+    ) -> tuple[Array, Array, Array]:
         """Estimate the errors as a call does, and judge the stability of the predicted states.
 
         Returns
@@ -121,45 +137,60 @@ class FastEstimate:
             θ, which is 1 for the undeformed body; −∞ if a cell is inverted. If it is not positive,
             K(u) is not positive definite; its size then means nothing.
         """
-        return self._in_parts(forces, predicted, judged=True)
+        return self._in_parts(forces, predicted, pressure, judged=True)
 
     def _in_parts(
-        self, forces: Array, predicted: Array, judged: bool
+        self, forces: Array, predicted: Array, pressure: FollowerPressure | None, judged: bool
     ) -> tuple[Array, Array, Array]:
         error, rest = np.empty((2, *predicted.shape))
         softest = np.empty(len(predicted))
         for start in range(0, len(predicted), self._at_once):
             some = slice(start, start + self._at_once)
-            found = self._estimated(forces[some], predicted[some], judged)
+            push = None if pressure is None else pressure[some]
+            found = self._estimated(forces[some], predicted[some], push, judged)
             error[some], rest[some], softest[some] = found
         return error, rest, softest
 
     def _estimated(
-        self, forces: Array, predicted: Array, judged: bool
+        self, forces: Array, predicted: Array, pressure: FollowerPressure | None, judged: bool
     ) -> tuple[Array, Array, Array]:
         held: Array = predicted * self.free
+        pressed: list[csr_array] = []
+        if pressure is not None:
+            forces, pressed = forces + pressure.forces(held), pressure.symmetric_tangents(held)
         u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
         f = forces.transpose(2, 1, 0).astype(self.dtype)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             f_points = self._gradient(u)
             for i in range(self.dimension):
                 f_points[i, i] += 1
-            state, rotation = State(f_points, self.material), rotations(self._at_nodes(f_points))
+            state, rotation = self._state_at(f_points), rotations(self._at_nodes(f_points))
             force = self._balanced(f - self._divergence(state.stress()))
-            x, left, softest = self._conjugate_gradients(state, rotation, force, STEPS)
+            tangent = partial(self._tangent, state, pressed)
+            x, left, softest = self._conjugate_gradients(tangent, rotation, force, STEPS)
             rest = np.zeros_like(x)
             if judged:
                 rest = self._response(left, rotation)
                 load = np.broadcast_to(self._generic, u.shape)
-                _, _, found = self._conjugate_gradients(state, rotation, load, GENERIC_STEPS)
+                _, _, found = self._conjugate_gradients(tangent, rotation, load, GENERIC_STEPS)
                 softest = np.minimum(softest, found)
         x[..., ~state.sound] = np.inf
         kept: Array = np.where(np.isfinite(x), rest, 0).astype(np.float64).transpose(2, 1, 0)
         softest = np.where(state.sound, softest, -np.inf)
         return predicted - held - x.transpose(2, 1, 0), kept, softest
 
+    def _tangent(
+        self, state: State | MeanDilationState, pressed: list[csr_array], change: Values
+    ) -> Values:
+        """K(u) x in the unit of forces, of changes x in m: (d, n_nodes, N) → same."""
+        forces = self._divergence(state.stress_change(self._gradient(change)))
+        for case, matrix in enumerate(pressed):
+            added = matrix @ change[..., case].T.ravel()
+            forces[..., case] += added.reshape(-1, self.dimension).T
+        return self._balanced(forces)
+
     def _conjugate_gradients(
-        self, state: State, rotation: Values, force: Values, steps: int
+        self, tangent_of: Callable[[Values], Values], rotation: Values, force: Values, steps: int
     ) -> tuple[Values, Values, Array]:
         """Do some steps towards K(u) x = force.
 
@@ -177,9 +208,7 @@ class FastEstimate:
             work = (force * z).sum((0, 1))
             growth = np.where(before > 0, work / before, 0)
             direction = z + growth * direction
-            tangent = self._balanced(
-                self._divergence(state.stress_change(self._gradient(direction)))
-            )
+            tangent = tangent_of(direction)
             curvature = (direction * tangent).sum((0, 1))
             length = work / curvature
             length = np.where((length > 0) & (length < np.inf), length, step == 0)
@@ -259,50 +288,6 @@ def smallest_ritz_value(works: Array, curvatures: Array, growths: Array) -> Arra
     found = np.full(samples, -np.inf)
     found[finite] = np.linalg.eigvalsh(matrix[finite])[:, 0]
     return np.where(left_out[0], np.inf, found)
-
-
-class State:
-    """Stresses at one deformation, and their changes.
-
-    Parameters
-    ----------
-    f : array, (d, d, n_points, N)
-        Deformation gradients.
-    material : NeoHookean
-
-    Attributes
-    ----------
-    sound : array of bool, (N,)
-        True where no point is inverted.
-    """
-
-    def __init__(self, f: Values, material: NeoHookean) -> None:
-        cofactor = cofactors(f)
-        j = (f[0] * cofactor[0]).sum(0)
-        self.sound = (j > 0).all(axis=0)
-        self._f, self._mu = f, material.lame_mu
-        self._inverse = cofactor / j
-        lam, term = material.lame_lambda, material.volumetric_term
-        self._pressure, self._second = term.first(lam, j), term.second(lam, j)
-
-    def stress(self) -> Values:
-        """P = μ F + (J U' − μ) F⁻ᵀ in Pa."""
-        return self._mu * self._f + (self._pressure - self._mu) * self._inverse
-
-    def stress_change(self, h: Values) -> Values:
-        """∂P/∂F : H = μ H + (μ − J U') F⁻ᵀ Hᵀ F⁻ᵀ + (J U' + J² U'') (F⁻ᵀ : H) F⁻ᵀ in Pa."""
-        a = self._inverse
-        trace = (a * h).sum((0, 1))
-        turned = product(product(a, h.swapaxes(0, 1)), a)
-        return self._mu * h + (self._mu - self._pressure) * turned + self._second * trace * a
-
-
-def product(a: Values, b: Values) -> Values:
-    """Matrix products a b: (d, d, …) twice → same."""
-    result: Values = a[:, :1] * b[0]
-    for k in range(1, len(a)):
-        result += a[:, k : k + 1] * b[k]
-    return result
 
 
 def sums_at_nodes(cells: NDArray[np.int64], nodes: int) -> tuple[csr_array, csr_array]:

@@ -23,6 +23,7 @@ from surrogate.data.dataset import Dataset
 from surrogate.data.joined_dataset import read_dataset
 from surrogate.device import choose_device
 from surrogate.inference.calibrated_bounds import fit_fast_certificate, fit_intervals
+from surrogate.inference.given_load import separated
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.measures.error_metrics import ErrorMeasures, measure, sample_errors
@@ -248,7 +249,7 @@ def evaluate(
     intervals, fast, others, calibration = None, None, None, None
     if conformal is not None:
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
-    if certify and has_estimate(surrogate):
+    if certify and has_estimate(surrogate, force):
         fast = fit_fast_certificate(surrogate, data, passes, seed)
     predicted = surrogate.averaged_passes(force, passes, seed)
     if surrogate.is_probabilistic:
@@ -276,14 +277,16 @@ def evaluate(
         content["extrapolation"] = others.plain()
         if fast is not None:
             theirs, samples = others.predicted, others.samples
+            dead, pressure = separated(surrogate.geometry, samples.force)
             content["extrapolation"]["fast_certificate"] = fast.measures(
-                samples.force, theirs.mean, samples.displacement, theirs.std
+                dead, theirs.mean, samples.displacement, theirs.std, pressure
             )
     if intervals is not None:
         scale = surrogate.score_scale(predicted)
         content["conformal"] = intervals.measures(predicted.mean, scale, reference, free)
     if fast is not None:
-        bounds = fast.measures(force, predicted.mean, reference, predicted.std)
+        dead, pressure = separated(surrogate.geometry, force)
+        bounds = fast.measures(dead, predicted.mean, reference, predicted.std, pressure)
         content["fast_certificate"] = bounds
     return Evaluation(
         run=folder.folder,
@@ -302,10 +305,11 @@ def evaluate(
     )
 
 
-def has_estimate(surrogate: Surrogate) -> bool:
-    """Whether there are fast estimates for the body of a run; if not, log a warning why."""
+def has_estimate(surrogate: Surrogate, force: Array) -> bool:
+    """Whether there are fast estimates for the body and samples of a run; if not, log why."""
     try:
         surrogate.fast_estimate  # noqa: B018
+        separated(surrogate.geometry, force)
     except InputError as error:
         logger.warning("no fast certificate: %s", error)
         return False

@@ -90,9 +90,9 @@ class TrainedBody:
             require_linear_elements(case, "bounds, proposed loads, refinement and pages' estimates")
         if self.geometry.pressed is not None:
             raise InputError(
-                "the loads of the case have a pressure that follows the surface: bounds, proposed "
-                "loads, refinement and estimates on a page are for dead loads; full certificates "
-                "and corrections are there"
+                "the loads of the case have a pressure that follows the surface: proposed loads, "
+                "refinement and estimates on a page are for dead loads; certificates and "
+                "corrections are there"
             )
         return self.equilibrium
 

@@ -13,6 +13,7 @@ from shared_schema.common.errors import InputError, first_line
 from surrogate.certify.conformal import KINDS, ConformalCalibration, Intervals
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.dataset import Dataset
+from surrogate.inference.given_load import separated
 from surrogate.inference.surrogate import Surrogate
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.split import split_training
@@ -94,7 +95,7 @@ def fit_fast_certificate(
     ------
     InputError
         If the run has no held-out samples, does not name its material, or was trained on another
-        dataset.
+        dataset; or the pressures of its samples cannot be told from other forces.
     """
     description = surrogate.description
     if dataset.manifest.digest != description.data.digest:
@@ -114,6 +115,7 @@ def fit_fast_certificate(
     samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
     predicted = samples.predicted
     std = predicted.std if surrogate.is_probabilistic else None
+    dead, pressure = separated(surrogate.geometry, samples.force)
     return FastCertificate.fit(
-        surrogate.fast_estimate, samples.force, predicted.mean, samples.truth, std
+        surrogate.fast_estimate, dead, predicted.mean, samples.truth, std, pressure
     )

@@ -12,10 +12,12 @@ from torch import Tensor
 
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
+from shared_schema.common.bodies.facet_quadrature import area_vectors
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 
+ROUNDING = 1e-6  # of a force in single precision, and more
 LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
 Load: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
@@ -103,9 +105,59 @@ def checked_pressure(
     return FollowerPressure(geometry.coordinates, surfaces, values)
 
 
-def dead_part(forces: Array, pressure: FollowerPressure | None) -> Array:
-    """Forces in N without those of pressures on the undeformed body, of the same shape."""
-    return forces if pressure is None else forces - pressure.at_rest.reshape(forces.shape)
+def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | None) -> Array:
+    """Forces in N without those of pressures on the undeformed body, of the same shape.
+
+    Differences that are rounding of single precision are zero.
+    """
+    if pressure is None:
+        return forces
+    at_rest = pressure.at_rest.reshape(forces.shape)
+    dead = (forces - at_rest) * geometry.free
+    return np.where(np.abs(dead) <= ROUNDING * np.abs(at_rest), 0.0, dead)
+
+
+def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressure | None]:
+    """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
+
+    The pressure of a surface is the median of those that explain the force of each of its nodes. It
+    is exact if fewer than half of these have another force.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    forces : array, (N, n_nodes, d)
+        Nodal forces in N, with those of pressures on the undeformed body.
+
+    Returns
+    -------
+    dead : array, (N, n_nodes, d)
+        In N.
+    pressure : FollowerPressure or None
+        None for a body without such surfaces.
+
+    Raises
+    ------
+    InputError
+        If another force acts on half of the nodes, or no node belongs to one surface alone.
+    """
+    if not geometry.surfaces:
+        return forces, None
+    areas = np.stack([area_vectors(geometry.coordinates, s) for s in geometry.surfaces])
+    areas *= geometry.free
+    own = areas.any(axis=2) & (areas.any(axis=2).sum(axis=0) == 1)
+    pressures, known = np.zeros((len(forces), len(areas))), own.any(axis=1).all()
+    for number, (area, nodes) in enumerate(zip(areas, own, strict=True)):
+        if known:
+            a, f = area[nodes], forces[:, nodes]
+            pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
+    pressure = FollowerPressure(geometry.coordinates, geometry.surfaces, pressures)
+    dead = dead_part(geometry, forces, pressure)
+    for nodes in own:
+        known = known and (2 * dead[:, nodes].any(axis=2).sum(axis=1) < nodes.sum()).all()
+    if not known:
+        raise InputError("the pressures of the samples cannot be told from their other forces")
+    return dead, pressure
 
 
 def following(given: CommandLoads) -> FollowerPressure | None:

@@ -102,9 +102,11 @@ def propose(
     Raises
     ------
     InputError
-        If the family or a number is wrong, or the run does not name its material.
+        If the family or a number is wrong, the run does not name its material, or the case has a
+        pressure, which is not drawn.
     """
     geometry, data = surrogate.geometry, surrogate.description.data
+    surrogate.balanced()
     if count < 1:
         raise InputError(f"--count {count}: expected 1 at least")
     loads = random_loads(family, geometry, data.info.force.max_abs, data.load_numbers)

@@ -133,7 +133,7 @@ class Surrogate(TrainedNetwork):
         half_width = None
         if fast is not None:
             std = network.std if self.is_probabilistic and not correct else None
-            certificate = bounds = fast.certify(force, displacement, level, std)
+            certificate = bounds = fast.certify(dead, displacement, level, std, pressure)
             half_width = bounds.half_width
         elif certify:
             certificate = self._certified(dead, pressure, displacement)
@@ -186,22 +186,29 @@ class Surrogate(TrainedNetwork):
         nodal = checked_forces(self.geometry, forces)
         follows = checked_pressure(self.geometry, pressure, nodal)
         displacement = self._displacement(nodal, predicted)
-        return self._certified(dead_part(nodal, follows), follows, displacement)
+        return self._certified(dead_part(self.geometry, nodal, follows), follows, displacement)
 
     def bounds(
-        self, forces: ArrayLike, predicted: ArrayLike | None = None, level: float = LEVEL
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        level: float = LEVEL,
+        *,
+        pressure: ArrayLike | None = None,
     ) -> Bounds:
         """Bound the errors of predictions in real time, by the run's fast certificate.
 
         Parameters
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N.
+            Nodal forces in N, as those of `certify`.
         predicted : array of the same shape, optional
             Displacements in m; by default the network's, whose standard deviations give the
             intervals of single components.
         level : float
             Probability of each bound.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `certify`.
 
         Returns
         -------
@@ -215,10 +222,14 @@ class Surrogate(TrainedNetwork):
             of this level.
         """
         fast, nodal, std = self._fast_of_level(level), checked_forces(self.geometry, forces), None
+        follows = checked_pressure(self.geometry, pressure, nodal)
         if predicted is None and self.is_probabilistic:
             network = self._averaged(nodal, PASSES, 0)
             predicted, std = network.mean, network.std
-        return fast.certify(nodal, self._displacement(nodal, predicted), level, std)
+        displacement = self._displacement(nodal, predicted)
+        return fast.certify(
+            dead_part(self.geometry, nodal, follows), displacement, level, std, follows
+        )
 
     def _certified(
         self, dead: Array, pressure: FollowerPressure | None, displacement: Array
@@ -257,7 +268,7 @@ class Surrogate(TrainedNetwork):
         nodal = checked_force(self.geometry, forces)
         follows = checked_pressure(self.geometry, pressure, nodal)
         displacement = self._displacement(nodal, predicted)
-        return self._corrected(dead_part(nodal, follows), follows, displacement)
+        return self._corrected(dead_part(self.geometry, nodal, follows), follows, displacement)
 
     def correct_each(
         self,
@@ -288,7 +299,7 @@ class Surrogate(TrainedNetwork):
             raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
         follows = checked_pressure(self.geometry, pressure, nodal)
         displacement, found = self._displacement(nodal, predicted), []
-        for number, dead in enumerate(dead_part(nodal, follows)):
+        for number, dead in enumerate(dead_part(self.geometry, nodal, follows)):
             one = None if follows is None else follows[slice(number, number + 1)]
             try:
                 found.append(self._corrected(dead, one, displacement[number]))
@@ -326,8 +337,9 @@ class Surrogate(TrainedNetwork):
         from surrogate.certify.fast_estimate import FastEstimate
 
         case, material = self.description.data.case, self.description.data.material
-        require_linear_elements(case, "bounds and proposed loads")
-        return FastEstimate(self.geometry, material, self.balanced())
+        if not self.geometry.mean_dilation:
+            require_linear_elements(case, "bounds and proposed loads")
+        return FastEstimate(self.geometry, material, self.equilibrium)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
 
@@ -73,6 +74,21 @@ class FollowerPressure:
         """
         for case, surface, pressure in self._acting():
             yield case, surface, -facet_derivatives(self.coordinates + u[case], surface, pressure)
+
+    def symmetric_tangents(self, u: Array) -> list[csr_array]:
+        """Symmetric part of what the forces add to the tangent, −∂f/∂u, of every load case.
+
+        Rows and columns are numbered node · d + component: (N, n_nodes, d) in m → N matrices,
+        (n_nodes d, n_nodes d) in N/m.
+        """
+        (_, nodes, d), found = u.shape, [csr_array((u[0].size, u[0].size)) for _ in u]
+        for case, facets, blocks in self.tangents(u):
+            numbers = (d * facets[:, :, None] + np.arange(d)).reshape(len(facets), -1)
+            rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None])
+            values = ((blocks + blocks.transpose(0, 2, 1)) / 2).ravel()
+            entries = values, (rows.ravel(), columns.ravel())
+            found[case] = found[case] + coo_array(entries, shape=(nodes * d, nodes * d)).tocsr()
+        return found
 
     def _acting(self) -> Iterator[tuple[int, NDArray[np.int64], float]]:
         for case, pressures in enumerate(self.pressures):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,10 +12,15 @@ from shared_schema.common.bodies.polar_decomposition import cofactors, rotations
 from shared_schema.material import NeoHookean, Volumetric
 from surrogate.certify import fast_estimate
 from surrogate.certify.correction import correct
-from surrogate.certify.fast_estimate import FastEstimate, State
+from surrogate.certify.deformed_state import State
+from surrogate.certify.fast_estimate import FastEstimate
+from surrogate.certify.full_certificate import certify
+from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.mechanics.test_follower_pressure import KINDS, pressed
+from tests.surrogate.mechanics.test_follower_pressure import body as under_pressure
 
 
 def random_deformations(d: int) -> np.ndarray:
@@ -67,6 +74,60 @@ def test_forces_and_tangent_are_those_of_the_solid(cell_type: str, volumetric: V
     difference = (forces(u + step * v) - forces(u - step * v)) / (2 * step)
     found = fast._divergence(change).transpose(2, 1, 0)
     np.testing.assert_allclose(found, difference, atol=1e-6 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
+def test_mean_dilation(cell_type: str, volumetric: Volumetric) -> None:
+    """Forces are the derivatives of the energy by PyTorch, and the tangent is theirs."""
+    material = NeoHookean(young_modulus=500, poisson_ratio=0.49, volumetric=volumetric)
+    body = replace(box(cell_type), mean_dilation=True)
+    equilibrium = Equilibrium(body, material)
+    fast = FastEstimate(body, material, equilibrium)
+    u, v = 0.03 * np.random.default_rng(1).normal(size=(2, 1, *body.coordinates.shape))
+    f = fast._gradient(u.transpose(2, 1, 0))
+    for i in range(body.dimension):
+        f[i, i] += 1
+    state, step = fast._state_at(f), 1e-5
+
+    def forces(field: np.ndarray) -> np.ndarray:
+        result: np.ndarray = equilibrium.solid.internal_forces(torch.from_numpy(field)).numpy()
+        return result
+
+    found, expected = fast._divergence(state.stress()).transpose(2, 1, 0), forces(u)
+    np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+    change = state.stress_change(fast._gradient(v.transpose(2, 1, 0)))
+    difference = (forces(u + step * v) - forces(u - step * v)) / (2 * step)
+    found = fast._divergence(change).transpose(2, 1, 0)
+    np.testing.assert_allclose(found, difference, atol=1e-7 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_estimate_under_pressure(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many steps end at Newton's step with the symmetric part of the tangent."""
+    body = under_pressure(kind)
+    pressure = pressed(body, 9.0)
+    equilibrium = Equilibrium(body, MATERIAL)
+    x, force = body.coordinates, end_load(body, *(1.0, -2.0, 0.5)[: body.dimension])
+    truth = correct(equilibrium.under(pressure), force, 0 * x).displacement
+    wrong = 1e-3 * (x[:, :1] / 2) ** 2 * np.array([0.6, -0.8, 0.3])[: body.dimension]
+    predicted, fast = (truth + wrong)[None], FastEstimate(body, MATERIAL, equilibrium)
+    monkeypatch.setattr(fast_estimate, "STEPS", 60)
+    found, _, softest = fast.with_stability(force[None], predicted, pressure)
+    under = equilibrium.under(pressure)
+    (band,) = under._bands(predicted)
+    for _, facets, blocks in pressure.tangents(predicted):
+        under.layout.add(band, facets, blocks)  # the lower triangle of (K + Kᵀ) / 2
+    factor = BandCholesky.of(band)
+    assert factor is not None
+    assert softest[0] > 0.05
+    expected = -under._solved([factor], under.out_of_balance(predicted, force[None]))
+    size = np.linalg.norm(expected)
+    assert np.linalg.norm(found - expected) < 1e-6 * size
+    full = certify(under, force[None], predicted).error
+    assert np.linalg.norm(found - full) < 0.5 * np.linalg.norm(full)  # whose tangent is K
+    as_dead = fast(force[None] + pressure.at_rest, predicted)
+    assert np.linalg.norm(as_dead - full) > 5 * size  # forces at rest are others
 
 
 def test_newtons_step_at_rest() -> None:

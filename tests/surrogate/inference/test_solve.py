@@ -12,7 +12,10 @@ import torch
 
 import surrogate
 from shared_schema.common.errors import InputError
+from surrogate.certify.fast_certificate import Bounds
 from surrogate.command_line import main
+from surrogate.inference.given_load import separated
+from surrogate.inference.proposal import propose
 from surrogate.mechanics.follower_pressure import FollowerPressure
 
 FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
@@ -205,10 +208,43 @@ def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowerPressure:
     return FollowerPressure(body.coordinates, body.surfaces, np.array([[pressure]]))
 
 
-def test_what_has_no_fast_bound_says_so() -> None:
-    """Not that a calibration is missing, which could not be made."""
+def test_fast_bounds_under_pressure() -> None:
+    """Of loads and of arrays, and not beyond the pressures of the calibration."""
+    model = surrogate.load("finger3d")
+    found = model.solve("notches:1000", certify="fast")
+    assert isinstance(found.certificate, Bounds)
+    assert found.certificate.reasons == (None,)
+    forces = found.force
+    error = model.solve("notches:1000", correct=True).displacement - found.displacement
+    assert np.linalg.norm(error, axis=1).max() <= found.certificate.largest
+    assert np.abs(error).mean() <= found.certificate.mean
+    by_array = model.bounds(forces, pressure=1000)
+    assert by_array.reasons == (None,)
+    assert by_array.largest == pytest.approx(found.certificate.largest, rel=1e-2)
+    (reason,) = model.bounds(1.6 * forces, pressure=1600).reasons
+    assert reason is not None
+    assert "pressure 1600 Pa, 0 to 1475 there" in reason
+    with pytest.raises(InputError, match="pressure is missing"):
+        model.bounds(forces)
+
+
+def test_pressures_of_samples_are_told_from_their_forces() -> None:
+    """In single precision, as a dataset has their sum; a force everywhere hides the pressure."""
+    body = surrogate.load("finger3d").geometry
+    pressure = FollowerPressure(body.coordinates, body.surfaces, np.array([[1000.0], [0], [20]]))
+    dead = np.zeros((3, *body.coordinates.shape))
+    dead[:2, body.surfaces[0][5, 0]] = 0.1, -0.02, 0.05
+    total = ((dead + pressure.at_rest) * body.free).astype(np.float32).astype(np.float64)
+    found, pressures = separated(body, total)
+    assert pressures is not None
+    assert pressures.pressures == pytest.approx(pressure.pressures, rel=1e-6)
+    np.testing.assert_allclose(found, dead, atol=1e-8)
+    assert np.array_equal(found.any(axis=2), dead.any(axis=2))
+    with pytest.raises(InputError, match="cannot be told from their other forces"):
+        separated(body, total + 0.01 * body.free)
+
+
+def test_what_is_for_dead_loads_says_so() -> None:
     finger = surrogate.load("finger3d")
-    with pytest.raises(InputError, match="'incompressible': bounds"):
-        finger.solve("notches:1000", certify="fast")
-    with pytest.raises(InputError, match="bounds, proposed loads, refinement and estimates"):
-        finger.balanced()
+    with pytest.raises(InputError, match="proposed loads, refinement and estimates"):
+        propose(finger, 1)

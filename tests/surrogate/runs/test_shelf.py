@@ -118,7 +118,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert f"{evaluation['test']['mean_error']:.2e} m" in line
     assert line.endswith("full, fast")
     (line,) = (line for line in lines if line.startswith("finger3d "))
-    assert line.endswith(" full")
+    assert line.endswith("full, fast")
     _, *lines = configurations.splitlines()
     assert [line.split()[0] for line in lines] == sorted(p.stem for p in SHIPPED.glob("*.yaml"))
     (line,) = (line for line in lines if line.startswith("det-fast "))
