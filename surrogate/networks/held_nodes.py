@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array, diags
 from scipy.sparse.linalg import splu
 from torch import Tensor, nn
 from torch.nn import functional
@@ -152,5 +152,5 @@ def screened_laplacian(
     weights = 1 / np.square(coordinates[pairs[0]] - coordinates[pairs[1]]).sum(axis=1)
     graph = coo_array((weights, (pairs[0], pairs[1])), shape=(n, n)).tocsc()
     neighbours = np.bincount(pairs[0], minlength=n)
-    laplacian = diags_array(np.asarray(graph.sum(axis=1)).ravel()).tocsc() - graph
-    return laplacian, diags_array(neighbours / (2 * d * length**2)).tocsc()
+    laplacian = csc_array(diags(np.asarray(graph.sum(axis=1)).ravel())) - graph
+    return laplacian, csc_array(diags(neighbours / (2 * d * length**2)))
