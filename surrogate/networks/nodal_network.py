@@ -100,7 +100,7 @@ class NodalNetwork(nn.Module):
             assert self.network.linear is not None
             single = linear.float()
             rest = single - self.to_nodes(self.network.linear.to_grid(single))
-            nodal = nodal + rest.repeat(len(nodal) // len(rest), 1, 1)
+            nodal = nodal + rest.repeat(nodal.shape[0] // rest.shape[0], 1, 1)
         return torch.as_tensor(self.held(nodal))
 
     def on_grid(self, force: Tensor) -> Tensor:
