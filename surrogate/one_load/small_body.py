@@ -140,7 +140,7 @@ class SmallSeries:
         self.shares = response.higher.shares.numpy()
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
-            slopes = response.higher.gradient(units.double())
+            slopes = response.higher.gradient(units.to(response.higher.slopes.dtype))
             of_slopes, self.shape = _rows(slopes).T, slopes.shape[1:]
             volumes = np.tile(response.higher.volumes.numpy(), d * d)[:, None]
             self.slopes = _by_column(csr_array(of_slopes))
