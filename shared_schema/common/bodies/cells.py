@@ -72,10 +72,17 @@ def outward_facets(
     -------
     array of int, (n_facets, n_facet_corners)
     """
-    first = coordinates[cells[:, list(NEIGHBOURS[cell_type][0])]] - coordinates[cells[:, [0]]]
-    turned = np.linalg.det(first)[:, None] < 0
+    turned = is_turned(coordinates, cells, cell_type)[:, None]
     facets = [cells[:, facet] for facet in FACETS[cell_type]]
     return _of_one_cell(np.concatenate([np.where(turned, f[:, ::-1], f) for f in facets]))
+
+
+def is_turned(
+    coordinates: NDArray[np.float64], cells: NDArray[np.int64], cell_type: str
+) -> NDArray[np.bool_]:
+    """Cells whose nodes are numbered against VTK's order, by the first corner: (n_cells,)."""
+    neighbours = coordinates[cells[:, list(NEIGHBOURS[cell_type][0])]]
+    return np.asarray(np.linalg.det(neighbours - coordinates[cells[:, [0]]]) < 0)
 
 
 def _of_one_cell(facets: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shared_schema.common.bodies.cells import FACETS, NEIGHBOURS
+from shared_schema.common.bodies.cells import FACETS, NEIGHBOURS, is_turned
 
 Ints = NDArray[np.int64]
 NAMED = 6  # cells that a message names
@@ -81,12 +81,6 @@ def node_problem(cells: Ints, count: int) -> str | None:
     if repeated.any():
         return f"{cell_names(repeated)}: a node twice, expected {cells.shape[1]} different ones"
     return None
-
-
-def is_turned(coordinates: NDArray[np.float64], cells: Ints, cell_type: str) -> NDArray[np.bool_]:
-    """Cells whose nodes are numbered against VTK's order, by the first corner: (n_cells,)."""
-    neighbours = coordinates[cells[:, list(NEIGHBOURS[cell_type][0])]]
-    return np.asarray(np.linalg.det(neighbours - coordinates[cells[:, [0]]]) < 0)
 
 
 def cell_names(cells: ArrayLike) -> str:

@@ -25,6 +25,7 @@ class SpaceDrawing(Drawing):
     def __init__(self, axes: Axes, mesh: Mesh) -> None:
         super().__init__(axes, mesh)
         axes.set_axis_off()
+        self._faces = surface_faces(mesh)
         turn = np.array((np.cos(AZIMUTH), np.sin(AZIMUTH)))
         lift = np.array((np.cos(ELEVATION), np.sin(ELEVATION)))
         self._paper = np.array(
@@ -43,15 +44,15 @@ class SpaceDrawing(Drawing):
 
     def seen_nodes(self, x: Array) -> NDArray[np.int64]:
         """Find the nodes on the surface that no face hides."""
-        nodes = np.unique(self._from_the_back(x))
-        return nodes[~self._hidden(x, self._lifted(x)[nodes])]
+        nodes, buffer = np.unique(self._from_the_back(x)), self._buffer(x)
+        return nodes[~self._hidden(buffer, self._lifted(x, buffer.pixel)[nodes])]
 
     def _edges(self, x: Array) -> list[Array]:
         return self._unhidden(x, each_once(edges_of(self._from_the_back(x))))
 
     def _outline(self) -> list[Array]:
         """Sharp edges, and those where the surface turns away from the eye."""
-        x, faces = self._mesh.coordinates, surface_faces(self._mesh)
+        x, faces = self._mesh.coordinates, self._faces
         in_front = np.repeat(self._faces_the_eye(x, faces), faces.shape[1])
         edges, number = np.unique(np.sort(edges_of(faces), axis=1), axis=0, return_inverse=True)
         faces_in_front = np.bincount(number.ravel(), in_front, len(edges))
@@ -65,11 +66,12 @@ class SpaceDrawing(Drawing):
         """Hatch the loaded faces; lightly if they cannot be seen."""
         faces = self._from_the_back(x)
         loaded = faces[np.isin(faces, nodes).all(axis=1)]
-        seen = loaded[~self._hidden(x, self._lifted(x)[loaded].mean(axis=1))]
+        buffer = self._buffer(x)
+        middles = self._lifted(x, buffer.pixel)[loaded].mean(axis=1)
+        seen = loaded[~self._hidden(buffer, middles)]
         hatched = seen
         if not len(seen):
-            every = surface_faces(self._mesh)
-            hatched = every[np.isin(every, nodes).all(axis=1)]
+            hatched = self._faces[np.isin(self._faces, nodes).all(axis=1)]
         self.axes.add_collection(
             PolyCollection(
                 list(self._on_paper(x)[hatched]),
@@ -84,37 +86,37 @@ class SpaceDrawing(Drawing):
     def _unhidden(self, x: Array, edges: NDArray[np.int64]) -> list[Array]:
         """Lines (2, 2) on the paper: edges (n_edges, 2), whole or the parts that can be seen."""
         ends = np.linspace(0, 1, PARTS + 1)
-        lifted = self._lifted(x)[edges]
-        hidden = self._hidden(x, _between(lifted, (ends[1:] + ends[:-1]) / 2))
+        buffer = self._buffer(x)
+        lifted = self._lifted(x, buffer.pixel)[edges]
+        hidden = self._hidden(buffer, _between(lifted, (ends[1:] + ends[:-1]) / 2))
         paper = self._seen(x)[edges]
         whole = list(paper[~hidden.any(axis=1)])
         edge, part = np.nonzero(~hidden & hidden.any(axis=1, keepdims=True))
         points = _between(paper, ends)
         return whole + list(np.stack((points[edge, part], points[edge, part + 1]), axis=1))
 
-    def _hidden(self, x: Array, points: Array) -> NDArray[np.bool_]:
-        """Whether the surface, its nodes at `x`, hides points (…, 3)."""
-        return self._buffer(x).hides(self._on_paper(points), self._distance(points))
+    def _hidden(self, buffer: DepthBuffer, points: Array) -> NDArray[np.bool_]:
+        """Whether the surface of a depth buffer hides points (…, 3)."""
+        return buffer.hides(self._on_paper(points), self._distance(points))
 
     def _buffer(self, x: Array) -> DepthBuffer:
         return DepthBuffer(self._on_paper(x), self._distance(x), self._from_the_back(x))
 
-    def _lifted(self, x: Array) -> Array:
+    def _lifted(self, x: Array, pixel: float) -> Array:
         """Nodes (n_nodes, 3) a little off the surface, so that it does not hide itself."""
-        faces = surface_faces(self._mesh)
+        faces = self._faces
         normal = np.zeros_like(x)
         np.add.at(normal, faces, _normals(x, faces)[:, None])
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         unit = np.divide(normal, length, out=np.zeros_like(x), where=length > 0)
-        return np.asarray(x + LIFT * self._buffer(x).pixel * unit)
+        return np.asarray(x + LIFT * pixel * unit)
 
     def _faces_the_eye(self, x: Array, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
         return np.asarray(_normals(x, faces) @ self._inward < 0)
 
     def _from_the_back(self, x: Array) -> NDArray[np.int64]:
         """Faces that are turned to the eye, the farthest first."""
-        faces = surface_faces(self._mesh)
-        faces = faces[self._faces_the_eye(x, faces)]
+        faces = self._faces[self._faces_the_eye(x, self._faces)]
         order = np.argsort(-self._distance(x)[faces].mean(axis=1), kind="stable")
         return faces[order]
 
