@@ -117,6 +117,14 @@ def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | No
     return np.where(np.abs(dead) <= ROUNDING * np.abs(at_rest), 0.0, dead)
 
 
+def without_pressure(
+    geometry: Geometry, forces: Array, pressure: ArrayLike | None
+) -> tuple[Array, FollowerPressure | None]:
+    """Tell given pressures from the dead forces beside them: `checked_pressure`, `dead_part`."""
+    follows = checked_pressure(geometry, pressure, forces)
+    return dead_part(geometry, forces, follows), follows
+
+
 def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressure | None]:
     """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
 

@@ -20,10 +20,9 @@ from surrogate.inference.given_load import (
     Load,
     checked_force,
     checked_forces,
-    checked_pressure,
-    dead_part,
     following,
     given_load,
+    without_pressure,
 )
 from surrogate.inference.trained_network import TrainedNetwork
 from surrogate.mechanics.follower_pressure import FollowerPressure
@@ -184,9 +183,8 @@ class Surrogate(TrainedNetwork):
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
         nodal = checked_forces(self.geometry, forces)
-        follows = checked_pressure(self.geometry, pressure, nodal)
-        displacement = self._displacement(nodal, predicted)
-        return self._certified(dead_part(self.geometry, nodal, follows), follows, displacement)
+        dead, follows = without_pressure(self.geometry, nodal, pressure)
+        return self._certified(dead, follows, self._displacement(nodal, predicted))
 
     def bounds(
         self,
@@ -222,14 +220,11 @@ class Surrogate(TrainedNetwork):
             of this level.
         """
         fast, nodal, std = self._fast_of_level(level), checked_forces(self.geometry, forces), None
-        follows = checked_pressure(self.geometry, pressure, nodal)
+        dead, follows = without_pressure(self.geometry, nodal, pressure)
         if predicted is None and self.is_probabilistic:
             network = self._averaged(nodal, PASSES, 0)
             predicted, std = network.mean, network.std
-        displacement = self._displacement(nodal, predicted)
-        return fast.certify(
-            dead_part(self.geometry, nodal, follows), displacement, level, std, follows
-        )
+        return fast.certify(dead, self._displacement(nodal, predicted), level, std, follows)
 
     def _certified(
         self, dead: Array, pressure: FollowerPressure | None, displacement: Array
@@ -266,9 +261,8 @@ class Surrogate(TrainedNetwork):
             If no equilibrium is found.
         """
         nodal = checked_force(self.geometry, forces)
-        follows = checked_pressure(self.geometry, pressure, nodal)
-        displacement = self._displacement(nodal, predicted)
-        return self._corrected(dead_part(self.geometry, nodal, follows), follows, displacement)
+        dead, follows = without_pressure(self.geometry, nodal, pressure)
+        return self._corrected(dead, follows, self._displacement(nodal, predicted))
 
     def correct_each(
         self,
@@ -297,12 +291,12 @@ class Surrogate(TrainedNetwork):
         nodal = checked_forces(self.geometry, forces)
         if nodal.ndim != 3:
             raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
-        follows = checked_pressure(self.geometry, pressure, nodal)
+        dead, follows = without_pressure(self.geometry, nodal, pressure)
         displacement, found = self._displacement(nodal, predicted), []
-        for number, dead in enumerate(dead_part(self.geometry, nodal, follows)):
+        for number in range(len(nodal)):
             one = None if follows is None else follows[slice(number, number + 1)]
             try:
-                found.append(self._corrected(dead, one, displacement[number]))
+                found.append(self._corrected(dead[number], one, displacement[number]))
             except WorkError as error:
                 raise WorkError(f"load {number}: {error}") from None
         return found
