@@ -202,8 +202,12 @@ class FastCertificate:
 
         Components that cannot move are left out.
         """
-        half, moves = self.half_widths(self.estimate(force, predicted), std, level), std.any(axis=0)
-        return np.asarray((np.abs(predicted - truth) <= half)[:, moves].mean(axis=1))
+        return self._inside(self.estimate(force, predicted), predicted - truth, std, level)
+
+    def _inside(self, estimated: Array, error: Array, std: Array, level: float) -> Array:
+        """Share of the components of every sample's true error inside their intervals, (N,)."""
+        half, moves = self.half_widths(estimated, std, level), std.any(axis=0)
+        return np.asarray((np.abs(error) <= half)[:, moves].mean(axis=1))
 
     def factor(self, level: float, measure: str = "mean") -> float:
         """Return q of a level 1 − α.
@@ -315,7 +319,8 @@ class FastCertificate:
         """
         error, rest, softest = self.estimate.with_stability(force, predicted, pressure)
         refusals = self.refusals(force, predicted, error, softest, pressure)
-        true = sizes(predicted - truth)
+        true_error = predicted - truth
+        true = sizes(true_error)
         content: dict[str, Any] = {"samples": len(self.ratios["mean"])}
         content["refused"] = 1 - refusals.count(None) / max(len(refusals), 1)
         for name in MEASURES:
@@ -330,7 +335,7 @@ class FastCertificate:
                 entry = {"level": level, "coverage": float(covered), "median_width": float(wide)}
                 content[name].append(entry)
         if std is not None and self.knows_components:
-            shares = [self.covered(force, predicted, truth, std, level) for level in LEVELS]
+            shares = [self._inside(error, true_error, std, level) for level in LEVELS]
             content[COMPONENT] = [
                 {"level": level, "coverage": float(share.mean())}
                 for level, share in zip(LEVELS, shares, strict=True)
