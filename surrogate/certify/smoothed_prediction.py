@@ -14,9 +14,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
+from surrogate.mechanics.cell_matrices import sum_of_cells
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.neo_hookean import determinant
 
@@ -83,9 +84,7 @@ def laplacian_of(equilibrium: Equilibrium) -> tuple[csc_array, Array]:
     gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
     cells = solid.cells.numpy()
     values = np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
-    rows, columns = np.repeat(cells, cells.shape[1], axis=1), np.tile(cells, cells.shape[1])
-    shape = (solid.nodes, solid.nodes)
-    matrix = csc_array(coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+    matrix = csc_array(sum_of_cells(values, cells, solid.nodes))
     outward = np.zeros((solid.nodes, gradients.shape[3]))
     np.add.at(outward, cells, np.einsum("cq,cqaj->caj", volumes, gradients))
     return matrix, outward

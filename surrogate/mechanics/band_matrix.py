@@ -19,11 +19,11 @@ import torch
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf
-from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
+from surrogate.mechanics.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]  # in single or double precision
@@ -118,9 +118,8 @@ def _narrow_order(
     coordinates: Array, cells: NDArray[np.int64], free: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], int]:
     """Order of the free nodes with the narrowest band; largest distance of neighbours in it."""
-    count, corners = len(coordinates), cells.shape[1]
-    rows, columns = np.repeat(cells, corners, axis=1).ravel(), np.tile(cells, corners).ravel()
-    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+    corners = cells.shape[1]
+    graph = sum_of_cells(np.ones((len(cells), corners, corners)), cells, len(coordinates))
     graph = graph[free][:, free].tocoo()
     orders = [reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
     axes = np.arange(coordinates.shape[1])

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
+from surrogate.mechanics.cell_matrices import sum_of_cells
 from surrogate.mechanics.kept_columns import LOADED, KeptColumns
 from surrogate.mechanics.out_of_balance import Equilibrium
 
@@ -167,10 +168,7 @@ def assembled(
     """
     d, size = geometry.dimension, tangents.shape[1]
     cells = (geometry.cells[:, :, None] * d + np.arange(d)).reshape(-1, size)
-    rows, columns = np.repeat(cells, size, axis=1), np.tile(cells, size)
-    n = geometry.coordinates.size
-    whole = coo_array((tangents.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()
-    return whole[dofs][:, dofs]
+    return sum_of_cells(tangents, cells, geometry.coordinates.size)[dofs][:, dofs]
 
 
 class _Response(torch.autograd.Function):

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
+from surrogate.mechanics.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 
@@ -81,13 +82,12 @@ class FollowerPressure:
         Rows and columns are numbered node · d + component: (N, n_nodes, d) in m → N matrices,
         (n_nodes d, n_nodes d) in N/m.
         """
-        (_, nodes, d), found = u.shape, [csr_array((u[0].size, u[0].size)) for _ in u]
+        d, size = u.shape[2], u[0].size
+        found = [csr_array((size, size)) for _ in u]
         for case, facets, blocks in self.tangents(u):
             numbers = (d * facets[:, :, None] + np.arange(d)).reshape(len(facets), -1)
-            rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None])
-            values = ((blocks + blocks.transpose(0, 2, 1)) / 2).ravel()
-            entries = values, (rows.ravel(), columns.ravel())
-            found[case] = found[case] + coo_array(entries, shape=(nodes * d, nodes * d)).tocsr()
+            symmetric = (blocks + blocks.transpose(0, 2, 1)) / 2
+            found[case] = found[case] + sum_of_cells(symmetric, numbers, size)
         return found
 
     def _acting(self) -> Iterator[tuple[int, NDArray[np.int64], float]]:
