@@ -27,7 +27,6 @@ summed, and before the rows of the clamped nodes are replaced.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,51 +41,20 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import DistributedAssembly, SerialAssembly
 from datagen.solver.corotation import Corotation
+from datagen.solver.drag import Drag
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.minimum_jacobian import MinimumJ
-from datagen.solver.newton import Newton, NewtonResult, reason_name
+from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Supports
 from datagen.solver.weak_form import weak_form
-from shared_schema.common.bodies.force_tolerance import ForceTolerance, RoundOff, mean_edge
+from shared_schema.common.bodies.force_tolerance import ForceTolerance, mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.material import Material
 
 INVERTED = "inverted element (J <= 0)"
 STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Drag:
-    """Forces c D (u − u₀), which hold a body back near a state u₀, on the rows of one rank.
-
-    Attributes
-    ----------
-    factor : float
-        c.
-    metric : PETSc.Vec
-        Diagonal of D in N/m, zero where displacements are known and of other unknowns.
-    origin : array
-        u₀ in m, without ghosts.
-    """
-
-    factor: float
-    metric: PETSc.Vec
-    origin: Array
-
-    def add_forces(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Add the forces at a state x to the residual."""
-        b.array_w[:] += self.factor * self.metric.array_r * (x.array_r - self.origin)
-
-    def add_tangent(self, matrix: PETSc.Mat) -> None:
-        """Add c D to the tangent (collective)."""
-        diagonal = self.metric.copy()
-        diagonal.scale(self.factor)
-        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-        matrix.assemble()
-        diagonal.destroy()
 
 
 class EquilibriumProblem:
@@ -399,11 +367,9 @@ class EquilibriumProblem:
         if self.comm.size > 1:
             self.u.x.scatter_forward()
 
-    def out_of_balance(self) -> PETSc.Vec:
-        """Return `residual` with f_int(u) − s f − s f_p(u) in all rows, those of supports too."""
-        return self._out_of_balance(self.residual)
-
-    def _out_of_balance(self, b: PETSc.Vec) -> PETSc.Vec:
+    def out_of_balance(self, b: PETSc.Vec | None = None) -> PETSc.Vec:
+        """Set `residual`, or b, to f_int(u) − s f − s f_p(u), in the rows of supports as well."""
+        b = self.residual if b is None else b
         self._assembly.assemble_forces(b)
         self.load.subtract_forces(b, self.load_factor)
         if self.load.presses:
@@ -417,7 +383,7 @@ class EquilibriumProblem:
             self._inverted = True
             b.array_w[:] = np.nan  # SNES stops with DIVERGED_FNORM_NAN; the load step is cut back
             return
-        grip = self.supports.replace_rows(self._out_of_balance(b), x, self.load_factor)
+        grip = self.supports.replace_rows(self.out_of_balance(b), x, self.load_factor)
         if self.drag is not None:
             self.drag.add_forces(b, x)
         if self.supports.has_grip:
@@ -434,11 +400,3 @@ class EquilibriumProblem:
         else:
             self._next_tangent()
         self.corotation.turn()
-
-
-def round_off(stiffness: PETSc.Mat, cell_size: float) -> RoundOff:
-    """Estimate the rounding errors of residuals by K₀ in N/m and the cells' size (collective)."""
-    diagonal = stiffness.getDiagonal()
-    norm, largest = diagonal.norm(), diagonal.norm(PETSc.NormType.NORM_INFINITY)
-    diagonal.destroy()
-    return RoundOff.of(norm, largest, cell_size)

@@ -27,6 +27,7 @@ from datagen.solver.linear_solver import (
     set_up_preconditioned,
 )
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.bodies.force_tolerance import RoundOff
 
 EXACT = 1e-10  # relative tolerance of Krylov iterations under loads that rounding may hide
 PREDICTING = 1e-4  # of those of nearly incompressible cells
@@ -241,3 +242,11 @@ def reason_name(reason: int) -> str:
     """Name of a SNESConvergedReason, as PETSc spells it."""
     names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
     return names.get(reason, str(reason))
+
+
+def round_off(stiffness: PETSc.Mat, cell_size: float) -> RoundOff:
+    """Estimate the rounding errors of residuals by K₀ in N/m and the cells' size (collective)."""
+    diagonal = stiffness.getDiagonal()
+    norm, largest = diagonal.norm(), diagonal.norm(PETSc.NormType.NORM_INFINITY)
+    diagonal.destroy()
+    return RoundOff.of(norm, largest, cell_size)

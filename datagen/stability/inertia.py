@@ -25,7 +25,8 @@ from petsc4py import PETSc
 from scipy.sparse import csc_array, csr_array, diags, vstack
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
-from datagen.solver.equilibrium import Drag, EquilibriumProblem
+from datagen.solver.drag import Drag
+from datagen.solver.equilibrium import EquilibriumProblem
 
 SEQUENTIAL_ROOT = 13  # ICNTL of MUMPS: ScaLAPACK does not count pivots
 NEGATIVE_PIVOTS = 12  # INFOG of MUMPS

@@ -30,7 +30,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.solver.equilibrium import Drag, EquilibriumProblem
+from datagen.solver.drag import Drag
+from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.stability.inertia import GROWTH, metric_of, shifted, unstable_modes
 from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
