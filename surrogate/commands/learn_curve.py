@@ -32,7 +32,10 @@ def add_to(commands: Commands) -> None:
         "as many steps as that on all samples",
     )
     parser.add_argument(
-        "--goal", type=positive, metavar="M", help="mean error in m whose number of samples is told"
+        "--goal",
+        type=positive,
+        metavar="M",
+        help="mean error whose number of samples is told, in m or the unit of the case",
     )
     add_set(parser, "the configuration", "training.epochs=20")
     add_device(parser)

@@ -22,6 +22,7 @@ import numpy as np
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.text_table import laid_out
 from surrogate.evaluation.run_evaluation import evaluate
 from surrogate.models.model import Model, TrainedModel
@@ -109,33 +110,39 @@ class LearningCurve:
         By ascending number of samples.
     law : PowerLaw or None
         Power law through the points, if there are two at least.
+    units : Units
+        Labels of the units of the errors.
     """
 
     config: Model
     points: tuple[Point, ...]
     law: PowerLaw | None
+    units: Units = SI
 
     def __repr__(self) -> str:
         rows: list[tuple[str, ...]] = [("samples", "ē", "σ(e)", "training")]
         for point in self.points:
-            mean, std = f"{point.mean_error:.2e} m", f"{point.std_error:.2e} m"
+            mean, std = self._written(point.mean_error), self._written(point.std_error)
             rows.append((str(point.samples), mean, std, f"{point.minutes:.3g} min"))
         return laid_out(rows)
 
+    def _written(self, error: float) -> str:
+        return f"{error:.2e} {self.units.length}"
+
     def outlook(self, goal: float | None = None) -> Iterator[str]:
-        """Say what the power law expects of more samples, and how many an error in m needs."""
+        """Say what the power law expects of more samples, and how many an error needs."""
         if self.law is None:
             return
         most = self.points[-1].samples
         yield (
             f"fitted: ē falls as N^{-self.law.exponent:.2f}; {2 * most} samples would have "
-            f"{self.law.error(2 * most):.2e} m"
+            f"{self._written(self.law.error(2 * most))}"
         )
         if goal is not None:
             needed = self.law.samples(goal)
             means = f"about {needed:.3g} training samples" if isfinite(needed) else "other means"
             far = ", far beyond those that were tried" if needed > FAR * most else ""
-            yield f"ē = {goal:.2e} m needs {means}{far}"
+            yield f"ē = {self._written(goal)} needs {means}{far}"
 
     def as_json(self) -> str:
         """Return curve and power law as JSON."""
@@ -150,7 +157,7 @@ class LearningCurve:
         """Draw the errors over the number of training samples, and the power law."""
         from surrogate.evaluation.learning_curve_figure import learning_curve_figure
 
-        return learning_curve_figure(self.points, self.law)
+        return learning_curve_figure(self.points, self.law, self.units)
 
 
 def default_counts(training: int) -> list[int]:
@@ -224,7 +231,7 @@ def learning_curve(
             )
         )
     law = PowerLaw.of(points) if len(points) > 1 else None
-    curve = LearningCurve(config, tuple(points), law)
+    curve = LearningCurve(config, tuple(points), law, data.geometry.units)
     write_text(folder / "learning-curve.json", curve.as_json())
     save(curve.plot(), folder / "learning-curve.png")
     return curve

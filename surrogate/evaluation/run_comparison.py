@@ -43,11 +43,13 @@ class Compared:
     samples : int
         Number of test samples.
     mean_error, std_error, max_error : float
-        ē, σ(e) and the largest absolute error of a component, in m.
+        ē, σ(e) and the largest absolute error of a component.
     relative_tip_error : float
         Median over the samples of the relative error at the tip node.
     data : str
         Digest of the dataset of the test samples.
+    unit : str
+        Unit of the errors.
     """
 
     run: str
@@ -61,6 +63,7 @@ class Compared:
     max_error: float
     relative_tip_error: float
     data: str
+    unit: str = "m"
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +84,7 @@ class Comparison:
             rows.append(
                 (
                     run.run,
-                    *(f"{error:.2e} m" for error in errors),
+                    *(f"{error:.2e} {run.unit}" for error in errors),
                     f"{run.relative_tip_error:.2%}",
                     f"{run.parameters / 1e6:.2f} M",
                     str(run.epochs),
@@ -92,7 +95,7 @@ class Comparison:
         return laid_out(rows)
 
     def csv(self) -> str:
-        """Return the table as comma-separated values; errors in m."""
+        """Return the table as comma-separated values; errors in the unit of their row."""
         text = StringIO()
         names = [field.name for field in fields(Compared)]
         writer = csv.DictWriter(text, names, lineterminator="\n")
@@ -144,7 +147,8 @@ def compare(
     compared = []
     for run, name in zip(runs, names, strict=True):
         folder = RunFolder(find_run(run))
-        config = folder.description().run
+        description = folder.description()
+        config = description.run
         content: Mapping[str, Any]
         if dataset is None:
             content = folder.read_evaluation()
@@ -164,6 +168,7 @@ def compare(
                 max_error=test["max_error"],
                 relative_tip_error=test["relative_tip_error_median"],
                 data=content["data_digest"],
+                unit=description.data.units.length,
             )
         )
     if len({run.data for run in compared}) > 1:

@@ -69,6 +69,7 @@ class TrainedNetwork(TrainedBody):
             data.loads,
             geometry.grid,
             PressedNodes.of(geometry, data.case),
+            data.units,
         )
         self.passes = Passes(network)
         self._batched = BatchedPrediction(

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid
 from surrogate.data.load_range import LoadRange, PressedNodes
 
@@ -36,6 +37,8 @@ class TrainingRange:
         Grid whose points `limit` is that of, if they are no nodes.
     pressed : PressedNodes, optional
         Nodes under the pressures of the training, whose number is no number of single forces.
+    units : Units
+        Labels of the units of the forces.
     """
 
     def __init__(
@@ -45,8 +48,9 @@ class TrainingRange:
         loads: LoadRange | None,
         grid: Grid | None = None,
         pressed: PressedNodes | None = None,
+        units: Units = SI,
     ) -> None:
-        self._pressed = pressed
+        self._pressed, self._unit = pressed, units.force
         self._grid = None if grid is None or grid.points_are_nodes else grid
         self._limit = np.array(limit)
         self._largest = self._limit * MARGIN
@@ -86,8 +90,8 @@ class TrainingRange:
         at_some = forces[:, some]  # most loads act on a few nodes
         values = at_some if self._grid is None else _on_grid(forces, self._grid)
         if (np.abs(values) > self._largest).any():
-            text = f"force components reach beyond those of the training data ({_pm(self._limit)})"
-            yield "range", text
+            limit = self._pm(self._limit)
+            yield "range", f"force components reach beyond those of the training data ({limit})"
         if self._elsewhere[some].any():
             yield "places", "a loaded node was never loaded in the training data"
         if self._loads is None:
@@ -104,15 +108,14 @@ class TrainingRange:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             yield "number", f"number of {loaded} {unusual[0]}, {numbers} in the training data"
         if (np.abs(at_some.sum(axis=1)) > self._largest_resultant).any():
-            limit = np.array(self._loads.resultant)
-            yield "resultant", f"the resultant is beyond that of the training data ({_pm(limit)})"
+            limit = self._pm(np.array(self._loads.resultant))
+            yield "resultant", f"the resultant is beyond that of the training data ({limit})"
+
+    def _pm(self, limit: Array) -> str:
+        return f"±{', '.join(f'{value:.3g}' for value in limit)} {self._unit}"
 
 
 def _on_grid(forces: Array, grid: Grid) -> Array:
     """(N, n_nodes, d) → (N, n_grid_points, d)."""
     on_grid = grid.forces_to_grid(forces)
     return np.asarray(on_grid.reshape(*on_grid.shape[:2], -1).swapaxes(1, 2))
-
-
-def _pm(limit: Array) -> str:
-    return f"±{', '.join(f'{value:.3g}' for value in limit)} N"

@@ -32,17 +32,18 @@ HEAD = Row(*Row._fields)
 def row_of(name: str) -> Row:
     """Describe a network: errors are those of its test split, mean ē and median at the tip."""
     run = RunFolder(find_run(name))
-    config, evaluation = run.description().run, run.read_evaluation()
+    description, evaluation = run.description(), run.read_evaluation()
+    config, unit = description.run, description.data.units.length
     coordinates = run.read_tensors()[PREFIX + "coordinates"]
     extent = coordinates.amax(dim=0) - coordinates.amin(dim=0)
     test = evaluation["test"]
     return Row(
         name,
         f"{config.architecture}; {config.likelihood.replace('_', ' ')}",
-        " × ".join(f"{length:.3g}" for length in extent.tolist()) + " m",
+        " × ".join(f"{length:.3g}" for length in extent.tolist()) + f" {unit}",
         str(len(coordinates)),
         f"{evaluation['trainable_parameters'] / 1e6:.2f} M",
-        f"{test['mean_error']:.2e} m",
+        f"{test['mean_error']:.2e} {unit}",
         f"{test['relative_tip_error_median']:.2%}",
         f"{size_of(run.folder) / 1e6:.1f} MB",
         certificates_of(run),

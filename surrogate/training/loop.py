@@ -19,6 +19,7 @@ from torch import Tensor
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.errors import WorkError
+from shared_schema.common.keys.units import Units
 from shared_schema.common.progress import Progress
 from surrogate.data.dataset import Dataset
 from surrogate.hardware import hardware
@@ -45,6 +46,7 @@ from surrogate.training.setup import (
     require_a_sample_each,
     require_options,
     split_for,
+    warn_of_size,
 )
 from surrogate.training.trainer import Trainer, all_finite
 from surrogate.training.training_log import TrainingLog
@@ -118,6 +120,7 @@ def train(
         if run.is_finished and run.description().went_on_from == description.went_on_from:
             return load(run.folder, target.type)
         ranks.from_first(lambda: held.enter_context(run.owned()))
+        ranks.from_first(lambda: warn_of_size(data))
         if isinstance(config, TrainedModel):
             trainer = make_trainer(config, data, split, target, ranks, start)
             ranks.from_first(lambda: run.start(description))
@@ -159,7 +162,7 @@ def train_epochs(
     bool
         True if the training is over.
     """
-    config, ranks = trainer.config, trainer.ranks
+    config, ranks, units = trainer.config, trainer.ranks, description.data.units
     epoch, seconds = 0, 0.0
     if run.checkpoint.is_file():
         epoch, seconds = load_checkpoint(run.checkpoint, trainer.states(), trainer.optimisers)
@@ -180,10 +183,10 @@ def train_epochs(
             trained = time.perf_counter()
             require_finite(trainer.network, measures["train_loss"], epoch + 1, saved)
             measures |= ranks.from_first(trainer.validate)
-            require_bounded(trainer.network, measures, epoch + 1)
+            require_bounded(trainer.network, measures, epoch + 1, units)
             epoch += 1
             trainer.finish_epoch(epoch, measures)
-            trainer.note = epoch_note(epoch, measures)
+            trainer.note = epoch_note(epoch, measures, units)
             now = time.perf_counter()
             seconds += now - began
             rate = len(trainer.train) / (trained - began)
@@ -197,18 +200,21 @@ def train_epochs(
                 saved, saved_at = epoch, time.perf_counter()
     progress.close(", ".join(filter(None, (trainer.note, f"{seconds:.0f} s"))))
     is_over = trainer.is_over(epoch)
-    if ranks.is_first and is_over and measures and (advised := advice(trainer, measures)):
+    if ranks.is_first and is_over and measures and (advised := advice(trainer, measures, units)):
         logger.info("advice: %s", advised)
     return is_over
 
 
-def require_bounded(network: FieldNetwork, measures: Mapping[str, float], epoch: int) -> None:
+def require_bounded(
+    network: FieldNetwork, measures: Mapping[str, float], epoch: int, units: Units
+) -> None:
     """Raise WorkError if errors on the validation samples are far beyond all displacements."""
     error, size = measures.get("validation_error", 0.0), float(network.displacement_rms)
     if error > DIVERGED * size:
         raise WorkError(
-            f"diverged in epoch {epoch}, with an error of {error:.2g} m on validation samples, "
-            f"whose displacements are {size:.2g} m; expected a smaller learning rate"
+            f"diverged in epoch {epoch}, with an error of {error:.2g} {units.length} on validation "
+            f"samples, whose displacements are {size:.2g} {units.length}; expected a smaller "
+            "learning rate"
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from shared_schema.common.keys.units import SI, Units
 from surrogate.models.model import TrainedModel
 from surrogate.runs.description import RunDescription
 from surrogate.training.trainer import Trainer
@@ -62,23 +63,26 @@ def beginning_anew(config: TrainedModel, other: str) -> str:
     )
 
 
-def epoch_note(epoch: int, measures: Mapping[str, float]) -> str:
+def epoch_note(epoch: int, measures: Mapping[str, float], units: Units = SI) -> str:
     """Describe an epoch for the progress line.
 
     Parameters
     ----------
     epoch : int
     measures : mapping of str to float
-        Its line of measures; errors in m.
+        Its line of measures.
+    units : Units
+        Labels of the units of the errors.
     """
     note = f"epoch {epoch}, loss {measures['train_loss']:.3g}"
     if "validation_error" not in measures:
         return note
     error, relative = measures["validation_error"], measures["validation_relative_error"]
-    return f"{note}, validation error {error:.2e} m ({relative:.2%} of the largest displacement)"
+    size = f"{error:.2e} {units.length} ({relative:.2%} of the largest displacement)"
+    return f"{note}, validation error {size}"
 
 
-def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
+def advice(trainer: Trainer, measures: Mapping[str, float], units: Units = SI) -> str | None:
     """Say if the grid is too coarse, or the training samples are too few.
 
     The grid comes first: more samples do not change its part of the error.
@@ -89,28 +93,30 @@ def advice(trainer: Trainer, measures: Mapping[str, float]) -> str | None:
         Trainer of a training that is over.
     measures : mapping of str to float
         Measures of the last epoch.
+    units : Units
+        Labels of the units of the errors.
     """
     if "validation_error" not in measures:
         return None
-    size = float(trainer.network.displacement_rms)
-    if measures["validation_error"] > size:
-        return (
-            f"not trained: the error on validation samples, {measures['validation_error']:.2e} m, "
-            f"is above that of no displacement at all (root mean square {size:.2e} m); more epochs "
-            "or a smaller learning rate would help"
-        )
+    size, m = float(trainer.network.displacement_rms), units.length
     error, of_grid = measures["validation_error"], measures.get("grid_error", 0.0)
+    if error > size:
+        return (
+            f"not trained: the error on validation samples, {error:.2e} {m}, is above "
+            f"that of no displacement at all (root mean square {size:.2e} {m}); more epochs or a "
+            "smaller learning rate would help"
+        )
     if of_grid > LARGE_PART * error:
         return (
-            f"the error on validation samples is {error:.2e} m, and {of_grid:.2e} m without an "
-            "error at the grid's points; a finer grid would help (`datagen structure --error`, or "
-            "`--grid`)"
+            f"the error on validation samples is {error:.2e} {m}, and {of_grid:.2e} {m} without "
+            "an error at the grid's points; a finer grid would help (`datagen structure --error`, "
+            "or `--grid`)"
         )
     on_training = trainer.training_error()
     if not error > OVERFITTED * on_training:
         return None
     return (
-        f"the error on validation samples is {error:.2e} m, on training samples "
-        f"{on_training:.2e} m; more than {len(trainer.train)} training samples would help "
+        f"the error on validation samples is {error:.2e} {m}, on training samples "
+        f"{on_training:.2e} {m}; more than {len(trainer.train)} training samples would help "
         "(`datagen run CASE --samples K` lets a dataset grow)"
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import torch
 
+from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.data.joined_dataset import read_dataset
@@ -90,6 +91,14 @@ def split_for(config: Model, dataset: Dataset) -> Split:
             FEW,
         )
     return split
+
+
+def warn_of_size(dataset: Dataset) -> None:
+    """Log a warning if the displacements of the test split are of an unusual size for the body."""
+    displacement = dataset.nodal_test.displacement
+    what = f"the largest displacement of the {len(displacement)} test samples"
+    if unusual := size_warning(displacement, dataset.geometry.coordinates, what):
+        logger.warning(unusual)
 
 
 def make_trainer(

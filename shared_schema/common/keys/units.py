@@ -2,8 +2,8 @@
 
 All numbers of a case are in one consistent set, a stress in force over length squared. Its labels
 are metres and newtons unless the case has others under ``units``; nothing is converted by them.
-Lengths are written with the prefix that leaves digits before the point: a node that moves by 2e-7 m
-moves by 0.2 µm.
+Lengths are written in a unit that leaves few zeros: a node that moves by 0.4 m moves by 400 mm, and
+one that moves by 2e-7 m by 0.2 µm.
 """
 
 from __future__ import annotations
@@ -82,6 +82,10 @@ class Units(Frozen):
     def fitting(self, length: float, most: float = MOST) -> tuple[str, float]:
         """Unit that a length is written in, and the factor from the unit of the case to it.
 
+        The usual unit is that of the case, millimetres for metres. Beyond `most` of it, it is the
+        longest one that leaves a digit before the point; below 0.001 of it, the longest one that
+        leaves one of the first three behind it.
+
         Parameters
         ----------
         length : float
@@ -93,7 +97,8 @@ class Units(Frozen):
             return usual, 1.0
         size = abs(length) * LENGTHS[self.length]
         if not FEWEST <= size / LENGTHS[usual] < most and 0 < size < float("inf"):
-            fit = [unit for unit in LENGTHS_SHOWN if size >= LENGTHS[unit]]
+            least = 1.0 if size >= LENGTHS[usual] else FEWEST
+            fit = [unit for unit in LENGTHS_SHOWN if size >= least * LENGTHS[unit]]
             usual = fit[-1] if fit else LENGTHS_SHOWN[0]
         return usual, LENGTHS[self.length] / LENGTHS[usual]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from shared_schema.common.keys.units import Units
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.evaluation.learning_curves import (
@@ -80,6 +81,20 @@ def test_command(
     weights = RunFolder(out / f"n{total}").model.stat().st_mtime_ns
     assert main(command) == 0  # nothing is trained again
     assert RunFolder(out / f"n{total}").model.stat().st_mtime_ns == weights
+
+
+def test_units_of_the_case(make_config: Callable[..., UNetModel]) -> None:
+    """Numbers of a body in mm are written and drawn in mm; where digits would be lost, in µm."""
+    points = tuple(point(n, 1e-3 * n**-0.5) for n in (100, 400))
+    in_mm = Units(length="mm")
+    curve = LearningCurve(make_config(), points, PowerLaw.of(points), in_mm)
+    assert "1.00e-04 mm" in repr(curve)
+    fitted, goal = curve.outlook(1e-5)
+    assert fitted.endswith("800 samples would have 3.54e-05 mm")
+    assert goal.startswith("ē = 1.00e-05 mm needs about 1e+04 training samples")
+    (axes,) = curve.plot().axes
+    assert axes.get_ylabel() == "mean error [µm]"
+    assert np.asarray(axes.lines[0].get_ydata()) == pytest.approx([0.1, 0.05])
 
 
 def test_figure(tmp_path: Path, make_config: Callable[..., UNetModel]) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.evaluation.run_comparison import Comparison, compare
 from surrogate.runs.folder import RunFolder
@@ -62,6 +64,23 @@ def test_figure(evaluated: Path, tmp_path: Path) -> None:
     assert "[mm]" in axes.get_xlabel()
     mean = np.asarray(axes.lines[0].get_xdata())
     np.testing.assert_allclose(mean, 1e3 * run.mean_error)
+
+
+def test_units_of_the_cases(evaluated: Path) -> None:
+    """A run in mm beside one in m is drawn in the unit of the first; feet are not converted."""
+    (run,) = compare([evaluated]).runs
+    small = replace(run, unit="mm")
+    text = repr(Comparison((small, run)))
+    assert f"{run.mean_error:.2e} mm" in text
+    assert f"{run.mean_error:.2e} m " in text
+    (axes,) = Comparison((small, run)).plot().axes
+    assert axes.get_xlabel() == "error on the test split [mm]"
+    mean = np.asarray(axes.lines[0].get_xdata())
+    np.testing.assert_allclose(mean, [run.mean_error, 1e3 * run.mean_error])
+    feet = replace(run, unit="ft")
+    assert Comparison((feet, feet)).plot().axes[0].get_xlabel().endswith("[ft]")
+    with pytest.raises(InputError, match="the runs are in ft and m: expected one unit of length"):
+        Comparison((feet, run)).plot()
 
 
 def test_refusals(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

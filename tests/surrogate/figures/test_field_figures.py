@@ -40,14 +40,14 @@ def test_uncertainty_field_is_in_millimetres_on_the_mean_mesh(dataset: Dataset) 
 
 
 def test_figures_name_the_units_of_the_case(dataset: Dataset) -> None:
-    """A body in mm, moved by σ of 5e-4 mm: its axes are in mm, the field in nm: 500."""
+    """A body in mm, moved by σ of 5e-4 mm: its axes are in mm, the field in µm: 0.5."""
     geometry = with_elements(dataset.geometry, {"units": {"length": "mm", "force": "kN"}})
     x = geometry.coordinates
     std = np.broadcast_to([3e-4, 4e-4], x.shape)
     figure = uncertainty_field(geometry, 0 * x, std)
     assert figure.axes[0].get_xlabel() == "x [mm]"
-    assert figure.axes[1].get_ylabel().endswith("[nm]")
-    np.testing.assert_allclose(np.asarray(figure.axes[0].collections[0].get_array()), 500.0)
+    assert figure.axes[1].get_ylabel().endswith("[µm]")
+    np.testing.assert_allclose(np.asarray(figure.axes[0].collections[0].get_array()), 0.5)
     force = np.zeros_like(x)
     force[-1, 1] = 2.0
     axes = deformed_figure(geometry, 0 * x, force).axes

@@ -37,7 +37,7 @@ def test_labels_of_the_case(in_millimetres: Surrogate) -> None:
     assert " Pa" in repr(usual)
 
 
-@pytest.mark.parametrize(("length", "unit"), [(1e-6, "nm"), (1.0, "mm"), (1e3, "m")])
+@pytest.mark.parametrize(("length", "unit"), [(1e-6, "µm"), (1.0, "mm"), (1e3, "m")])
 def test_bodies_of_4_micrometres_and_4_kilometres(length: float, unit: str) -> None:
     model, factor = scaled("beam2d_any", length)
     force = np.zeros_like(model.geometry.coordinates)

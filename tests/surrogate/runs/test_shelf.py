@@ -130,7 +130,7 @@ def test_a_network_says_what_it_is(elsewhere: Path) -> None:
     """The name of a network of the package works from any folder; 0.03 M as in its evaluation."""
     model = surrogate.load("beam2d_any")
     error = RunFolder(find_run("beam2d_any")).read_evaluation()["test"]["mean_error"]
-    expected = f"Surrogate(beam2d_any, 64 nodes, U-Net 0.03 M, ē {1e9 * error:.3g} nm)"
+    expected = f"Surrogate(beam2d_any, 64 nodes, U-Net 0.03 M, ē {1e6 * error:.3g} µm)"
     assert repr(model) == expected
     model.mean_error = None
     assert repr(model) == "Surrogate(beam2d_any, 64 nodes, U-Net 0.03 M)"

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from shared_schema.common.keys.units import Units
 from surrogate.data import read_dataset
 from surrogate.inference.loading import load
 from surrogate.measures.error_metrics import measure, sample_errors
@@ -18,7 +19,7 @@ from surrogate.runs.config_reader import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.split import split_training
 from surrogate.training.loop import train
-from surrogate.training.remarks import advice
+from surrogate.training.remarks import advice, epoch_note
 from tests.surrogate.data.test_embedded_dataset import embedded
 from tests.surrogate.embedded_box import on_points
 
@@ -83,6 +84,10 @@ def test_advice_is_a_finer_grid_where_its_part_is_large() -> None:
     measures["grid_error"] = 4e-3
     said = str(advice(trainer, measures))  # type: ignore[arg-type]
     assert "more than 40 training samples would help" in said
+    in_mm = str(advice(trainer, measures, Units(length="mm")))  # type: ignore[arg-type]
+    assert "validation samples is 1.00e-02 mm, on training samples 1.00e-03 mm" in in_mm
+    note = epoch_note(1, {**measures, "train_loss": 0.5, "validation_relative_error": 0.2})
+    assert note.endswith("validation error 1.00e-02 m (20.00% of the largest displacement)")
 
 
 def test_the_best_epoch_is_that_of_the_nodes(

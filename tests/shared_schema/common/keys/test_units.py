@@ -37,7 +37,11 @@ def test_stresses_are_in_force_over_length_squared(
         ("m", 0.000267, "0.267 mm"),
         ("m", 0.123456, "123 mm"),
         ("m", 0.0, "0 mm"),
-        ("m", 2.67e-7, "267 nm"),
+        ("m", 1e-6, "0.001 mm"),
+        ("m", 9.9e-7, "0.99 µm"),
+        ("m", 2.67e-7, "0.267 µm"),
+        ("m", 1e-9, "0.001 µm"),
+        ("m", 2.67e-10, "0.267 nm"),
         ("m", 1.09e-5, "0.0109 mm"),
         ("m", 3e-11, "0.03 nm"),
         ("m", 0.9, "900 mm"),
@@ -45,8 +49,10 @@ def test_stresses_are_in_force_over_length_squared(
         ("m", 4321.0, "4.32 km"),
         ("m", float("inf"), "inf mm"),
         ("mm", 0.267, "0.267 mm"),
-        ("mm", 2.67e-4, "267 nm"),
+        ("mm", 2.67e-4, "0.267 µm"),
         ("µm", 10.9, "10.9 µm"),
+        ("µm", 2.67e-4, "0.267 nm"),
+        ("km", 2.67e-4, "0.267 m"),
         ("in", 2.67e-4, "0.000267 in"),
     ],
 )
@@ -71,7 +77,7 @@ def test_axes_have_a_unit_that_fits_their_largest_length() -> None:
     assert Units().drawn(np.array([0.0, 2.5])) == ("mm", 1e3)
     assert Units().drawn(np.zeros(0), np.zeros(3)) == ("mm", 1e3)
     unit, factor = Units().drawn(np.array([4e-8]), np.array([4e-7]))
-    assert unit == "nm"
-    assert factor == pytest.approx(1e9)
+    assert unit == "µm"
+    assert factor == pytest.approx(1e6)
     assert Units(length="mm").drawn(np.array([0.3])) == ("mm", 1.0)
     assert Units(length="in").drawn(np.array([4e-7])) == ("in", 1.0)
