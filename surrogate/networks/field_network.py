@@ -25,6 +25,7 @@ SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the varianc
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 ROUNDING = 2.0**-25  # of numbers in single precision, relative
 TINY = 1e-30  # no division by zero
+POWERS = (-10, 31)  # of two: shares of the linear response that are tried
 
 
 class FieldNetwork(nn.Module):
@@ -57,6 +58,8 @@ class FieldNetwork(nn.Module):
         Channels of every input.
     last_gradient : slice or None
         Channels of the last gradient, which gives the size of the output (`amplitude`), if any.
+    linear_share : Tensor, (), or None
+        Share of the linear gradient in that size, on an embedded grid; `scale_output` fits it.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
@@ -80,6 +83,7 @@ class FieldNetwork(nn.Module):
     force_scale: Tensor
     displacement_rms: Tensor
     displacement_scale: Tensor
+    linear_share: Tensor | None
     free: Tensor
     movable: Tensor
     free_components: Tensor
@@ -114,6 +118,8 @@ class FieldNetwork(nn.Module):
         self.register_buffer(
             "free_components", movable.flatten().nonzero().squeeze(1), persistent=False
         )
+        has_share = self.last_gradient is not None and not geometry.grid.points_are_nodes
+        self.register_buffer("linear_share", torch.zeros(()) if has_share else None)
         self.register_buffer("aleatoric_factor", torch.ones(()))
         self.register_buffer("epistemic_factor", torch.ones(()))
         self.count_factor = LoadCountFactor()
@@ -121,6 +127,8 @@ class FieldNetwork(nn.Module):
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
         if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
+        if self.linear_share is not None:
+            state.setdefault(prefix + "linear_share", torch.zeros(()))  # of runs before 0.3
         super()._load_from_state_dict(state, prefix, *others)
 
     def scale_output(self, prepared: Samples, by_node: bool) -> None:
@@ -136,6 +144,10 @@ class FieldNetwork(nn.Module):
             Scale every component of every node by its own, not all by a common one.
         """
         sizes = prepared.displacement.abs()
+        if self.linear_share is not None:
+            linear = self.largest(prepared.force, "linear_gradient").flatten()
+            last = self.largest(prepared.force, "last_gradient").flatten()
+            self.linear_share.copy_(share_of_linear(sizes.flatten(1).mean(dim=1), last, linear))
         if self.last_gradient is not None:
             sizes = sizes / (self.amplitude(prepared.force) + TINY)
         if not by_node:
@@ -191,12 +203,22 @@ class FieldNetwork(nn.Module):
         return Prediction(mean, std)
 
     def amplitude(self, inputs: Tensor) -> Tensor:
-        """Largest norm of the gradient of the series' last term: (N, inputs, …) → (N, 1, …).
+        """Size of what the series leaves over: (N, inputs, …) → (N, 1, …).
 
-        The remainder of the series follows it closely, over many decades, so that it is the unit of
-        the network's output, which vanishes with the load.
+        It is the largest norm of the gradient of the series' last term, which the remainder
+        follows closely, over many decades, so that it is the unit of the network's output, which
+        vanishes with the load. On an embedded grid a part of the remainder follows the linear
+        response, since the force of a node acts on the nodes around, too: a share of the linear
+        gradient is added.
         """
-        gradient = inputs[:, self.last_gradient].flatten(2)
+        last = self.largest(inputs, "last_gradient")
+        if self.linear_share is None:
+            return last
+        return last + self.linear_share * self.largest(inputs, "linear_gradient")
+
+    def largest(self, inputs: Tensor, name: Input) -> Tensor:
+        """Largest norm of a gradient on the grid: (N, inputs, …) → (N, 1, …)."""
+        gradient = inputs[:, self.channels[name]].flatten(2)
         return root(gradient.square().sum(dim=1).amax(dim=1), inputs.ndim)
 
     def rounding(self, inputs: Tensor) -> Tensor:
@@ -224,8 +246,8 @@ class FieldNetwork(nn.Module):
         if self.last_gradient is None:
             return inputs
         start, stop = self.last_gradient.start, self.last_gradient.stop
-        amplitude = self.amplitude(inputs)
-        direction = inputs[:, start:stop] / (amplitude + torch.where(amplitude > 0, TINY, 1.0))
+        last = self.largest(inputs, "last_gradient")
+        direction = inputs[:, start:stop] / (last + torch.where(last > 0, TINY, 1.0))
         return torch.cat([inputs[:, :start], direction, inputs[:, stop:]], dim=1)
 
     def inputs_of(
@@ -283,6 +305,29 @@ class FieldNetwork(nn.Module):
             torch.cat([part.force for part in parts]),
             torch.cat([part.displacement for part in parts]),
         )
+
+
+def share_of_linear(sizes: Tensor, last: Tensor, linear: Tensor) -> Tensor:
+    """Share s with which last + s · linear follows sizes best: their ratio varies least.
+
+    Parameters
+    ----------
+    sizes, last, linear : Tensor, (N,)
+        Of every sample; samples without a load have no part in it.
+
+    Returns
+    -------
+    Tensor, ()
+        Zero, or a power of two times the median of last / linear.
+    """
+    acts = (sizes > 0) & (last > 0)
+    if not acts.any():
+        return torch.zeros(())
+    sizes, last, linear = sizes[acts], last[acts], linear[acts]
+    factors = torch.cat([torch.zeros(1), 2.0 ** torch.arange(*POWERS)]).to(last)
+    shares = factors * (last / linear).median()
+    ratios = sizes / (last + shares[:, None] * linear)
+    return shares[ratios.log().std(dim=1, correction=0).argmin()]
 
 
 def root(square: Tensor, dimensions: int) -> Tensor:

@@ -71,7 +71,7 @@ class UNetConfig(Frozen):
     skip : {"none", "linear", "series"}
         With ``linear`` the network predicts the difference from the linear response, with
         ``series`` that from the series of the displacement in the load, in units of the gradient
-        of its last term.
+        of its last term; on an embedded grid a share of the linear gradient is added.
     series_order : int
         Order of the last term of that series.
     force_transforms : tuple of {"linear", "asinh", "saturating"}

@@ -72,6 +72,8 @@ class OneLoad:
         self.network, self.members = network, members
         field = network.network
         self.last_gradient = field.last_gradient
+        self.linear_gradient = field.channels.get("linear_gradient")
+        self.linear_share = np.float32(0 if field.linear_share is None else field.linear_share)
         d, weights = len(field.displacement_scale), network.to_nodes.weights.numpy()
         scale = (field.displacement_scale * field.movable).reshape(d, -1).numpy().T
         self.sources = network.to_nodes.sources.numpy().reshape(weights.shape)
@@ -106,8 +108,12 @@ class OneLoad:
             y = self._output(inputs)
         else:
             last = inputs[..., self.last_gradient]
-            amplitude = np.sqrt((last * last).sum(axis=2).max(axis=1))[:, None, None]
+            amplitude = largest(last)
             last /= amplitude + SMALLEST
+            if self.linear_share:
+                amplitude = amplitude + self.linear_share * largest(
+                    inputs[..., self.linear_gradient]
+                )
             y = self._output(inputs) * amplitude
         u = (y.take(self.sources, axis=1) * self.scales).sum(axis=1).astype(np.float64)
         if self.network.held is not None:
@@ -133,6 +139,11 @@ def before_network(network: NodalNetwork) -> BeforeNetwork:
     if SmallBody.fits(network):
         return SmallBody(network)
     return LargeBody(network) if LargeBody.fits(network) else InputsByPyTorch(network)
+
+
+def largest(gradient: Single) -> Single:
+    """Largest norm of gradients on the grid: (N, n_points, d²) → (N, 1, 1)."""
+    return np.sqrt((gradient * gradient).sum(axis=2).max(axis=1))[:, None, None]
 
 
 class InputsByPyTorch:
