@@ -8,23 +8,38 @@ changes are those of the sources of dolfinx and FFCx at their releases. Once 0.5
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from functools import cache, wraps
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 import basix
 import dolfinx
+import dolfinx.jit
 import numpy as np
 import ufl
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from datagen.stale_locks import remove_stale_locks
 from shared_schema.common.errors import WorkError, first_line
 
+P = ParamSpec("P")
+R = TypeVar("R")
 __all__ = ["NewtonSolverNonlinearProblem", "functionspace"]
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+# Options for the compiler of the kernels. 0.7: FFCx writes each term of a sum as a statement of its
+# own (81 for a pair of shape functions in space, 27 before); with these the compiler adds up first,
+# which takes 0.6 of the time. Unlike -ffast-math, they let NaN stay NaN. A process waits "timeout"
+# seconds for another one that compiles the same kernel; the default, 10, is short.
+COMPILER_OPTIONS: dict[str, Any] = {
+    "timeout": 120,
+    "cffi_extra_compile_args": ["-O3"]
+    + ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"] * (VERSION >= (0, 7)),
+}
 
 
 def _no_news(record: logging.LogRecord) -> bool:
@@ -43,7 +58,43 @@ def _quiet_compiler() -> Iterator[None]:
         root.removeFilter(_no_news)
 
 
-@_quiet_compiler()
+def _cache() -> Path:
+    """Folder of compiled kernels (0.6; before, the options were parameters)."""
+    of = dolfinx.jit.get_options if VERSION >= (0, 6) else dolfinx.jit.get_parameters
+    return Path(of()["cache_dir"])
+
+
+@cache
+def _clean() -> None:
+    """Remove what earlier processes left, once in this one."""
+    if MPI.COMM_WORLD.rank == 0:
+        remove_stale_locks(_cache(), COMPILER_OPTIONS["timeout"])
+
+
+def _compiling(make: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function that compiles: it does not wait for a process that was killed.
+
+    Without MPI, what such a process left shortly before is removed after the time-out; otherwise
+    the error names the file to delete.
+    """
+
+    @wraps(make)
+    def made(*args: P.args, **kwargs: P.kwargs) -> R:
+        _clean()
+        with _quiet_compiler():
+            try:
+                return make(*args, **kwargs)
+            except TimeoutError as error:
+                is_alone = MPI.COMM_WORLD.size == 1
+                if is_alone and remove_stale_locks(_cache(), COMPILER_OPTIONS["timeout"]):
+                    return made(*args, **kwargs)
+                text = f"another process compiles, or was killed: {first_line(error)}"
+                raise WorkError(text) from None
+
+    return made
+
+
+@_compiling
 def create_mesh(
     comm: MPI.Comm, cells: NDArray[np.int64], cell: str, x: NDArray[np.float64]
 ) -> dolfinx.mesh.Mesh:
@@ -72,7 +123,7 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
 
 
-@_quiet_compiler()
+@_compiling
 def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]]) -> Any:
     """Space of vectors, by family, degree and shape (0.7; before ``VectorFunctionSpace``)."""
     if VERSION >= (0, 7):
@@ -81,7 +132,7 @@ def functionspace(domain: dolfinx.mesh.Mesh, element: tuple[str, int, tuple[int]
     return dolfinx.fem.VectorFunctionSpace(domain, (family, degree), dim=d)
 
 
-@_quiet_compiler()
+@_compiling
 def mixed_space(domain: dolfinx.mesh.Mesh, degree: int, d: int, scalar: tuple[str, int]) -> Any:
     """Space of continuous vectors and two scalars (0.7: elements are basix's, before UFL's).
 
@@ -127,38 +178,13 @@ def _as_array(adjacency: Any) -> NDArray[np.int32]:
     return np.asarray(adjacency.array, dtype=np.int32).reshape(adjacency.num_nodes, -1)
 
 
-# Options for the compiler of the kernels. 0.7: FFCx writes each term of a sum as a statement of its
-# own (81 for a pair of shape functions in space, 27 before); with these the compiler adds up first,
-# which takes 0.6 of the time. Unlike -ffast-math, they let NaN stay NaN. A process waits "timeout"
-# seconds for another one that compiles the same kernel; the default, 10, is short.
-COMPILER_OPTIONS: dict[str, Any] = {
-    "timeout": 120,
-    "cffi_extra_compile_args": ["-O3"]
-    + ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"] * (VERSION >= (0, 7)),
-}
-
-
-@contextmanager
-def _stale_lock_is_named() -> Iterator[None]:
-    """Say which file to delete, if another compilation seems to go on for ever.
-
-    A compilation that was killed leaves its file without the one that tells of its end.
-    """
-    try:
-        yield
-    except TimeoutError as error:
-        raise WorkError(f"another process compiles, or was killed: {first_line(error)}") from None
-
-
-@_stale_lock_is_named()
-@_quiet_compiler()
+@_compiling
 def form(expression: Any, jit_options: dict[str, Any]) -> Any:
     """Compile a form (0.6; before, the options were ``jit_params``)."""
     return dolfinx.fem.form(expression, **_named(jit_options))
 
 
-@_stale_lock_is_named()
-@_quiet_compiler()
+@_compiling
 def point_expression(
     expression: Any, points: NDArray[np.float64], jit_options: dict[str, Any]
 ) -> Any:

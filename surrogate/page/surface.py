@@ -33,7 +33,7 @@ class Surface:
     features : array of int, (n_features, 2)
         Those of them that show the body's shape: the boundary, in space the sharp edges.
     supports : array of int, (n_supports, d)
-        Boundary edges (in space: triangles) whose nodes are all clamped.
+        Boundary edges (in space: triangles) whose nodes are all held, in one component at least.
     """
 
     vertices: Integers
@@ -63,7 +63,7 @@ def surface_of(geometry: Geometry) -> Surface:
     vertices, corners = smooth_vertices(faces, around, pairs)
     lines = np.unique(around, axis=0)
     sharp = facets if geometry.dimension == 2 else sharp_edges(geometry.coordinates, faces)
-    held = facets[geometry.clamped[facets].all(axis=1)]
+    held = facets[geometry.held[facets].all(axis=1).any(axis=1)]
     return Surface(
         vertices=vertices.astype(np.int32),
         triangles=triangulated(corners).astype(np.int32),

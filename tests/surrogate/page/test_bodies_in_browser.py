@@ -17,6 +17,7 @@ from surrogate.page.page import write_page
 from tests.surrogate.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage
 from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
+from tests.surrogate.rollers import held_components
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -108,6 +109,37 @@ def test_three_dimensional_estimate_is_that_of_the_program(
     expected = model.certify(page.forces, page.field("displacement"))
     assert settled == bool(expected.settled)
     np.testing.assert_allclose(error, expected.error, atol=1e-6 * float(expected.max_error))
+
+
+@pytest.mark.parametrize("body", ["plane", "plane, embedded grid", "space"])
+def test_page_of_a_body_on_rollers(
+    body: str,
+    dataset: Dataset,
+    dataset_3d: Dataset,
+    open_page: Callable[..., OpenPage],
+    tmp_path: Path,
+) -> None:
+    """Single components are held: response and estimate are those of the program all the same."""
+    data = dataset_3d if body == "space" else dataset
+    held = held_components(data.geometry.dimension)
+    geometry = replace(data.geometry, single=held, clamped=held.all(axis=1))
+    if "embedded" in body:
+        geometry = embedded(geometry)
+    run = untrained(tmp_path / "run", data, geometry, LINEAR)
+    assert write_page(run, tmp_path / "page.html").estimates
+    model = load(run)
+    page = open_page(tmp_path / "page.html")
+    page.load(int(np.flatnonzero(geometry.loadable)[-1]), *[0.5, -0.3, 0.4][: geometry.dimension])
+    found, expected = page.field("displacement"), model.averaged_passes(page.forces).mean
+    assert np.abs(found - expected).max() < RELATIVE * np.abs(expected).max()
+    assert not found[held].any()
+    assert np.abs(found[geometry.free]).max() > 0
+    error, settled = page.certificate()
+    certificate = model.certify(page.forces, found)
+    assert settled == bool(certificate.settled)
+    np.testing.assert_allclose(
+        error, certificate.error, atol=1e-6 * float(np.max(certificate.max_error))
+    )
 
 
 def test_page_without_material_has_no_estimate(

@@ -30,6 +30,14 @@ def test_surface_of_hexahedra() -> None:
     assert geometry.clamped[surface.supports].all()
 
 
+def test_supports_in_single_components() -> None:
+    """A roller along one side of the sheet, beside the clamped one: 6 + 3 edges are marked."""
+    geometry = box("quad")
+    held = np.repeat(geometry.clamped[:, None], 2, axis=1)
+    held[:, 1] |= geometry.coordinates[:, 1] == geometry.coordinates[:, 1].min()
+    assert len(surface_of(replace(geometry, single=held)).supports) == 6 + 3
+
+
 @pytest.mark.parametrize("cell_type", ["hexahedron", "tetra"])
 def test_triangles_enclose_the_volume_seen_from_outside(cell_type: str) -> None:
     """The divergence theorem: Σ a · (b × c) / 6 over the triangles is the volume, 2 m³."""
