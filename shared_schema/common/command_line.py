@@ -121,8 +121,16 @@ def add_command(commands: Commands, name: str, what: str, *examples: str) -> Par
         epilog="\n  ".join(["example:" if len(examples) == 1 else "examples:", *examples]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.register("type", Path, _path)
     parser._negative_number_matcher = NEGATIVE  # a vector such as -1,0 is no option
     return parser
+
+
+def _path(text: str) -> Path:
+    """Read a path; ArgumentTypeError for an empty text, which would be the working directory."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a path, not an empty text")
+    return Path(text)
 
 
 def add_set(parser: Parser, file: str, example: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,40 @@ def test_a_load_is_text_or_forces_at_all_nodes(solution: datagen.Solution) -> No
 def test_wrong_input(load: object, options: dict[str, object], words: str) -> None:
     with pytest.raises(datagen.InputError, match=words):
         datagen.solve("beam2d", load, **options)  # type: ignore[arg-type]
+
+
+def test_an_empty_path_is_not_the_working_directory(
+    solution: datagen.Solution, nodal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    calls: list[Callable[[], object]] = [
+        lambda: datagen.run("beam2d", "", samples=2),
+        lambda: datagen.run("beam2d", out, samples=2, loads=""),
+        lambda: datagen.dry_run("beam2d", samples=2, loads=""),
+        lambda: datagen.structure(nodal, ""),
+        lambda: datagen.structure("", out),
+        lambda: datagen.add_noise(nodal, "", relative=0.1),
+        lambda: datagen.add_noise("", out, relative=0.1),
+        lambda: datagen.export(nodal, ""),
+        lambda: datagen.export("", out),
+        lambda: datagen.export_plaid(nodal, ""),
+        lambda: datagen.export_plaid("", out),
+        lambda: datagen.import_plaid("", out),
+        lambda: datagen.import_plaid(nodal, ""),
+        lambda: datagen.plot(nodal, ""),
+        lambda: datagen.plot("", out),
+        lambda: datagen.info(""),
+        lambda: datagen.check(""),
+        lambda: datagen.read_case(""),
+        lambda: datagen.solve("", LOAD),
+        lambda: datagen.solve("beam2d", LOAD, start=""),
+        lambda: solution.save(""),
+    ]
+    for call in calls:
+        with pytest.raises(datagen.InputError, match=r"^\w+ = '': expected .*not an empty text$"):
+            call()
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_case_that_is_read_takes_no_other_values() -> None:

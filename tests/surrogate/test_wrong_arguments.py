@@ -33,7 +33,7 @@ NO_FIELDS: dict[str, Any] = {
     "too short": ZERO[1:],
     "batch of batches": np.zeros((1, 1, *NODES)),
 }
-PATHS: tuple[Any, ...] = (None, 3, b"x", ["a"], True, float("nan"), "a\0b", "x" * 5000)
+PATHS: tuple[Any, ...] = (None, 3, b"x", ["a"], True, float("nan"), "", "a\0b", "x" * 5000)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,11 @@ def test_unknown_options_are_errors_of_the_program(model: surrogate.Surrogate) -
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: repr(path)[:10])
-def test_paths(model: surrogate.Surrogate, path: Any, tmp_path: Path) -> None:
+def test_paths(
+    model: surrogate.Surrogate, path: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is written, also not into the working directory, which an empty text would name."""
+    monkeypatch.chdir(tmp_path)
     out = tmp_path / "out"
     calls: list[Callable[[], object]] = [
         lambda: surrogate.load(path),
@@ -147,13 +151,14 @@ def test_paths(model: surrogate.Surrogate, path: Any, tmp_path: Path) -> None:
         lambda: surrogate.write_page(path, out),
         lambda: surrogate.write_report("beam2d_any", path),
         lambda: surrogate.propose(path, 2),
+        lambda: surrogate.propose(model, 2, among=4).save(path),
         lambda: model.solve("4,1:0,-1").save(path),
     ]
     for call in calls:
         with pytest.raises(InputError) as found:
             call()
         assert "\n" not in str(found.value)
-    assert not out.exists()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("device", [None, "foo", "meta", "mps", 3, "cuda:99"])

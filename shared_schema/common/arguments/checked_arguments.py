@@ -26,7 +26,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a function so that it raises InputError for arguments of another type.
 
     Types are those of its annotations: texts, paths, numbers, sequences of these, literals, and
-    classes that its module imports. A path is one that a file may have.
+    classes that its module imports. A path is one that a file may have, and no empty text.
     Annotations of other kinds, such as arrays, are not looked at.
     """
     signature = inspect.signature(function)
@@ -74,7 +74,10 @@ def require_type(name: str, value: Any, kind: Any) -> None:
         shown = repr(value).replace("\n", " ")
         shown = shown if len(shown) <= SHOWN else f"{shown[:SHOWN]}…"
         raise InputError(f"{name} = {shown}: expected {_in_words(kind)}")
-    for path in _paths(value, kind):
+    for text in _paths(value, kind):
+        if text == "":  # as a path, it would be the working directory
+            raise InputError(f"{name} = '': expected {_in_words(kind)}, not an empty text")
+        path = Path(text)
         try:
             path.stat()
         except ValueError as error:
@@ -84,10 +87,10 @@ def require_type(name: str, value: Any, kind: Any) -> None:
                 raise InputError(f"{name} = '{str(path)[:SHOWN]}…': too long a path") from None
 
 
-def _paths(value: Any, kind: Any) -> list[Path]:
-    """Return the paths that a value of a type is or holds."""
+def _paths(value: Any, kind: Any) -> list[str | os.PathLike[str]]:
+    """Return the paths that a value of a type is or holds, as they are given."""
     if isinstance(value, str | os.PathLike):
-        return [Path(value)] if Path in _alternatives(kind) else []
+        return [value] if Path in _alternatives(kind) else []
     if not isinstance(value, list | tuple):
         return []
     parts = [get_args(one)[0] for one in _alternatives(kind) if get_origin(one) is Sequence]

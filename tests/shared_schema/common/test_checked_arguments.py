@@ -79,6 +79,12 @@ def test_wrong_paths(path: Any) -> None:
         function("a", path)
 
 
+@pytest.mark.parametrize("given", [("",), ("a", "")])
+def test_an_empty_text_is_not_the_working_directory(given: tuple[str, ...]) -> None:
+    with pytest.raises(InputError, match="paths = '': expected a text or a path, not an empty"):
+        function(*given)
+
+
 def test_arguments_that_there_are_not() -> None:
     with pytest.raises(
         TypeError, match=r"function\(\): got an unexpected keyword argument 'other'"

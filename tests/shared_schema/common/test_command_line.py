@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from shared_schema.common.command_line import run_command
+from shared_schema.common.command_line import add_command, make_parser, run_command
 from shared_schema.common.errors import InputError, WorkError
 
 
@@ -35,6 +36,15 @@ def test_exit_code_and_line(
     assert captured.out == ""
     assert captured.err.startswith(line)
     assert captured.err.count("\n") == (0 if error is None else 1)
+
+
+def test_an_empty_path_is_not_the_working_directory(capsys: pytest.CaptureFixture[str]) -> None:
+    parser, commands = make_parser("prog", "does nothing", "1")
+    add_command(commands, "run", "run").add_argument("--out", type=Path)
+    assert parser.parse_args(["run", "--out", "a"]).out == Path("a")
+    with pytest.raises(SystemExit):
+        parser.parse_args(["run", "--out", ""])
+    assert "argument --out: expected a path, not an empty text" in capsys.readouterr().err
 
 
 def test_one_of_many_ranks_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
