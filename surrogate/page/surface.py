@@ -63,7 +63,7 @@ def surface_of(geometry: Geometry) -> Surface:
     vertices, corners = smooth_vertices(faces, around, pairs)
     lines = np.unique(around, axis=0)
     sharp = facets if geometry.dimension == 2 else sharp_edges(geometry.coordinates, faces)
-    held = facets[geometry.held[facets].all(axis=1).any(axis=1)]
+    held = facets[np.any(geometry.held[facets].all(axis=1), axis=1)]
     return Surface(
         vertices=vertices.astype(np.int32),
         triangles=triangulated(corners).astype(np.int32),

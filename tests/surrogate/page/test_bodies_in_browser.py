@@ -122,7 +122,7 @@ def test_page_of_a_body_on_rollers(
     """Single components are held: response and estimate are those of the program all the same."""
     data = dataset_3d if body == "space" else dataset
     held = held_components(data.geometry.dimension)
-    geometry = replace(data.geometry, single=held, clamped=held.all(axis=1))
+    geometry = replace(data.geometry, single=held, clamped=np.asarray(held.all(axis=1)))
     if "embedded" in body:
         geometry = embedded(geometry)
     run = untrained(tmp_path / "run", data, geometry, LINEAR)
