@@ -40,6 +40,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["checker", "dataset_reader"],
     ],
     "datagen": [
+        ["stale_locks"],
         ["quantities", "ranks", "dolfinx_versions", "own_class"],
         ["mesh", "loads", "discretisation", "materials"],
         ["solver"],
