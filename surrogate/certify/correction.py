@@ -269,6 +269,7 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
         return ("prediction", held) if distance <= farthest else ("undeformed body", 0 * f)
     while equilibrium.inverted(linear).any():
         linear = linear / 2
+    linear = equilibrium.relaxed(linear, f)
     starts = {
         "prediction": held,
         "linear response": linear,

@@ -44,6 +44,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 
@@ -81,7 +82,9 @@ class FastEstimate:
         self.dimension, self.loadable = geometry.dimension, geometry.loadable
         self.units = equilibrium.units
         self._dofs = layout.dofs
-        self._factor = equilibrium.undeformed.single if large else equilibrium.undeformed
+        factor = equilibrium.undeformed
+        assert isinstance(factor, BandCholesky)
+        self._factor = factor.single if large else factor
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
         count, points, corners, d = gradients.shape
         self._shape = count, points

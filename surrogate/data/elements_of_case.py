@@ -1,8 +1,8 @@
 """Elements that a body is solved with, as far as the learner knows them.
 
-The learner assembles linear and quadratic elements, and `incompressible` quadrilaterals and
-hexahedra. Certificates and corrections are statements about the very equations that made the data,
-so they are refused for a body of other elements. The linear response K⁻¹f in a network's input only
+The learner assembles linear, quadratic and `incompressible` elements. Certificates and corrections
+are statements about the very equations that made the data, so they are refused for a body of other
+elements, of a later version. The linear response K⁻¹f in a network's input only
 has to resemble the body's: for quadratic and other elements, and in load series, it is that of
 linear elements on the same nodes, with a Poisson's ratio of at most 0.4, for which they hardly
 lock; the network learns the difference.
@@ -19,6 +19,8 @@ from shared_schema.common.keys.units import Units
 from shared_schema.material import Materials, RubberLike, ShippedMaterial, ratio_at_rest
 from surrogate.data.geometry import Geometry
 
+ELEMENTS = ("linear", "quadratic", "incompressible")
+SIMPLICES = ("triangle", "tetra")
 LARGEST_RATIO = 0.4  # of Poisson, for linear elements that stand for others
 
 
@@ -38,6 +40,12 @@ def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:
     return element_of(case) == "incompressible" and cell_type in ("quad", "hexahedron")
 
 
+def has_points_between(case: Mapping[str, Any], cell_type: str) -> bool:
+    """Whether the elements of a case have displacements between the nodes of the mesh."""
+    element = element_of(case)
+    return element == "quadratic" or (element == "incompressible" and cell_type in SIMPLICES)
+
+
 def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
     """Raise InputError unless a case has linear elements."""
     element = element_of(case)
@@ -47,14 +55,22 @@ def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
         )
 
 
-def require_known_elements(case: Mapping[str, Any], cell_type: str) -> None:
+def require_nodes_alone(case: Mapping[str, Any], cell_type: str, what: str) -> None:
+    """Raise InputError if the elements of a case have points between the nodes."""
+    if has_points_between(case, cell_type):
+        raise InputError(
+            f"key 'element' of the run's case = '{element_of(case)}': {what} are for elements "
+            "without points between the nodes; --certify full and --correct are for all"
+        )
+
+
+def require_known_elements(case: Mapping[str, Any]) -> None:
     """Raise InputError unless the learner computes the equilibria of a case's elements."""
     element = element_of(case)
-    if element not in ("linear", "quadratic") and not has_mean_dilation(case, cell_type):
+    if element not in ELEMENTS:
         raise InputError(
             f"key 'element' of the run's case = '{element}': certificates, corrections and "
-            "stresses are for linear and quadratic elements, and incompressible quadrilaterals "
-            "and hexahedra; `datagen solve` has those of others"
+            f"stresses are for {', '.join(ELEMENTS)} elements; `datagen solve` has those of others"
         )
 
 

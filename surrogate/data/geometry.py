@@ -46,7 +46,8 @@ class Geometry:
         Number of the surface that each of them belongs to; None in runs of earlier versions.
     mean_dilation : bool
         True if the volume of a cell changes as a whole
-        (`surrogate.mechanics.solids.mean_dilation`). Not among the arrays: the case says it
+        (`surrogate.mechanics.solids.mean_dilation`), or that of quadratic triangles and tetrahedra
+        linearly (`surrogate.mechanics.solids.taylor_hood`). Not among the arrays: the case says it
         (`surrogate.data.elements_of_case`).
     units : Units
         Labels of the units of the case, which says them too.

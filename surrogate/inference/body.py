@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,9 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from surrogate.data.elements_of_case import (
     element_of,
+    has_points_between,
     require_known_elements,
-    require_linear_elements,
+    require_nodes_alone,
 )
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import fields_at_nodes
@@ -65,12 +67,14 @@ class TrainedBody:
             equilibria of its elements.
         """
         data = self.description.data
-        require_known_elements(data.case, self.geometry.cell_type)
-        quadratic, whole = element_of(data.case) == "quadratic", self.geometry.mean_dilation
+        require_known_elements(data.case)
+        whole = element_of(data.case) == "incompressible"
+        between = has_points_between(data.case, self.geometry.cell_type)
         found: Equilibrium | None = None
-        if quadratic:
-            found = QuadraticEquilibrium(self.geometry, data.material)
-        for module in () if quadratic else self.network.modules():
+        if between:
+            geometry = replace(self.geometry, mean_dilation=whole)
+            found = QuadraticEquilibrium(geometry, data.material)
+        for module in () if between else self.network.modules():
             if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
                 found = module.equilibrium
         found = found or Equilibrium(self.geometry, data.material)
@@ -83,16 +87,15 @@ class TrainedBody:
         Raises
         ------
         InputError
-            As `equilibrium`, or if the case has loads that follow the body, or quadratic elements.
+            As `equilibrium`, or if the case has loads that follow the body, or elements with points
+            between the nodes.
         """
-        case = self.description.data.case
-        if element_of(case) == "quadratic":
-            require_linear_elements(case, "bounds, proposed loads, refinement and pages' estimates")
+        what = "proposed loads, refinement and estimates on a page"
+        require_nodes_alone(self.description.data.case, self.geometry.cell_type, what)
         if self.geometry.pressed is not None:
             raise InputError(
-                "the loads of the case have a pressure that follows the surface: proposed loads, "
-                "refinement and estimates on a page are for dead loads; certificates and "
-                "corrections are there"
+                f"the loads of the case have a pressure that follows the surface: {what} are for "
+                "dead loads; certificates and corrections are there"
             )
         return self.equilibrium
 

@@ -15,7 +15,7 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
-from surrogate.data.elements_of_case import require_linear_elements
+from surrogate.data.elements_of_case import require_nodes_alone
 from surrogate.inference.given_load import (
     Load,
     checked_force,
@@ -331,8 +331,7 @@ class Surrogate(TrainedNetwork):
         from surrogate.certify.fast_estimate import FastEstimate
 
         case, material = self.description.data.case, self.description.data.material
-        if not self.geometry.mean_dilation:
-            require_linear_elements(case, "bounds and proposed loads")
+        require_nodes_alone(case, self.geometry.cell_type, "fast bounds and proposed loads")
         return FastEstimate(self.geometry, material, self.equilibrium)
 
     @cached_property

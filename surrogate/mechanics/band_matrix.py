@@ -10,6 +10,7 @@ factorised by ``gbtrf``, Gauss's elimination with pivoting, in about five times 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -100,6 +101,34 @@ class BandLayout:
         kept = (column >= 0) & (row >= 0)
         skew = (blocks - blocks.transpose(0, 2, 1)) / 2
         np.add.at(full, (column[kept], (2 * self.width + row - column)[kept]), skew[kept])
+
+    def factor(self, band: Array) -> BandCholesky | None:
+        """Factorise a band, which stays; None if the matrix is not positive definite."""
+        return BandCholesky.of(band.copy())
+
+    def diagonal(self, band: Array) -> Array:
+        """Diagonal of a band."""
+        return band[:, 0].copy()
+
+    def on_springs(self, band: Array, springs: Array) -> Array:
+        """The band with more stiffness on its diagonal, (n,)."""
+        stiffer = band.copy()
+        stiffer[:, 0] += springs
+        return stiffer
+
+    def under_pressure(
+        self, band: Array, surfaces: Sequence[tuple[NDArray[np.int64], Array]]
+    ) -> tuple[BandLU | None, bool]:
+        """Factorise the sum of a band, which is overwritten, and matrices of facets.
+
+        None if it is singular; the second result says whether its symmetric part is definite.
+        """
+        for facets, blocks in surfaces:
+            self.add(band, facets, blocks)
+        full = unfolded(band)
+        for facets, blocks in surfaces:
+            self.add_skew(full, facets, blocks)
+        return BandLU.of(full), BandCholesky.of(band) is not None
 
     def _rows_and_columns(
         self, parts: NDArray[np.int64]

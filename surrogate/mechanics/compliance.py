@@ -74,7 +74,9 @@ class Compliance(nn.Module):
     ) -> None:
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
-        self.factor: BandCholesky | None = self.equilibrium.undeformed
+        factor = self.equilibrium.undeformed
+        assert isinstance(factor, BandCholesky)  # elements have no points between the nodes
+        self.factor: BandCholesky | None = factor
         self.quick: BandCholesky | None = None
         dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
@@ -91,7 +93,7 @@ class Compliance(nn.Module):
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
             self.factor = None
         else:
-            self.quick = in_single_precision(self.factor)
+            self.quick = in_single_precision(factor)
             nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
             tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
             self.stiffness = assembled(tangents, geometry, dofs)

@@ -30,6 +30,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
@@ -40,12 +41,16 @@ from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.keys.units import SI
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout, BandLU, unfolded
+from surrogate.mechanics.band_matrix import BandCholesky, BandLayout, BandLU
 from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.saddle_point import SaddlePointFactor, SaddlePointLayout
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 Array = NDArray[np.float64]
+Factor: TypeAlias = BandCholesky | BandLU | SaddlePointFactor
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
 LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
@@ -122,17 +127,22 @@ class Equilibrium:
     pressure: FollowerPressure | None = None
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
-        body = geometry.coordinates, geometry.cells
-        solid = MeanDilationSolid if geometry.mean_dilation else Solid
+        body = geometry.coordinates, geometry.cells, geometry.cell_type
         self.geometry, self.nodes = geometry, len(geometry.coordinates)
-        self.solid = solid(*body, geometry.cell_type, material, geometry.parts)
+        self.solid = solid_kind(geometry)(*body, material, geometry.parts)
         self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
         self.units = SI
         self._size = geometry.coordinates.size
         self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
-        self.layout = BandLayout(*body, geometry.held)
+        self.layout: BandLayout | SaddlePointLayout
+        if isinstance(self.solid, TaylorHoodSolid):
+            corners = self.solid.corners.shape[1]
+            units = self.cell_size, 2 * moduli  # λ + 2μ or more
+            self.layout = SaddlePointLayout(geometry.cells, geometry.held, corners, *units)
+        else:
+            self.layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
         per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
@@ -200,14 +210,13 @@ class Equilibrium:
         diagonal D of K(0). Inverse iteration with :math:`K + c D`, which is positive definite,
         finds it from the body's imperfection, and with it which of v and −v.
         """
-        band, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
-        if BandCholesky.of(band.copy()) is not None:
+        (tangent,), layout = self._tangents(u), self.layout
+        if layout.factor(tangent) is not None:
             return None
-        metric, shift, factor = undeformed[:, 0].copy(), LEAST_SHIFT, None
+        metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
         while factor is None:
-            shifted = band.copy()
-            shifted[:, 0] += shift * metric
-            factor, shift = BandCholesky.of(shifted), SHIFT_GROWTH * shift
+            factor = layout.factor(layout.on_springs(tangent, shift * metric))
+            shift *= SHIFT_GROWTH
         found = self.imperfection().ravel()[self.layout.dofs]
         for _ in range(INVERSE_ITERATIONS):
             found = factor.solve(metric * found)
@@ -260,13 +269,13 @@ class Equilibrium:
         Where that leads to inverted cells, or the relaxed tangent is not positive definite,
         displacements stay as they are: (N, n_nodes, d) in m, without inverted cells → same.
         """
-        if not isinstance(self.solid, MeanDilationSolid):
+        if not isinstance(self.solid, MeanDilationSolid | TaylorHoodSolid):
             return u
         found, r = u.copy(), self.out_of_balance(u, f)
         for row in range(len(u)):
             one = slice(row, row + 1)
             cells = self.solid.cell_tangents(torch.from_numpy(u[one]), relaxed=True)
-            factor = BandCholesky.of(self.layout.assembled(cells)[0])
+            factor = self.layout.factor(self.layout.assembled(cells)[0])
             if factor is not None:
                 trial = u[one] + self._solved([factor], r[one])
                 found[one] = trial if self.inverted(trial)[0] == 0 else u[one]
@@ -306,17 +315,16 @@ class Equilibrium:
         factor, stable = self._factors(u[None])[0]
         return partial(self._response, factor) if stable else None
 
-    def _response(self, factor: BandCholesky | BandLU, f: Array) -> Array:
+    def _response(self, factor: Factor, f: Array) -> Array:
         response = np.zeros((len(f), self._size))
         forces = f.reshape(response.shape)[:, self.layout.dofs]
         response[:, self.layout.dofs] = factor.solve(forces.T).T
         return response.reshape(f.shape)
 
     @cached_property
-    def undeformed(self) -> BandCholesky:
+    def undeformed(self) -> BandCholesky | SaddlePointFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        rest = np.zeros((1, *self.free.shape))
-        factor = BandCholesky.of(self._bands(rest)[0])
+        factor = self.layout.factor(self._tangents(np.zeros((1, *self.free.shape)))[0])
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
@@ -324,39 +332,32 @@ class Equilibrium:
     @cached_property
     def round_off(self) -> RoundOff:
         """Rounding errors of r."""
-        diagonal = self._bands(np.zeros((1, *self.free.shape)))[0, :, 0]
+        diagonal = self.layout.diagonal(self._at_rest)
         return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self.cell_size)
 
-    def _factors(
-        self, u: Array, first_shift: float = FIRST_SHIFT
-    ) -> list[tuple[BandCholesky | BandLU, bool]]:
+    def _factors(self, u: Array, first_shift: float = FIRST_SHIFT) -> list[tuple[Factor, bool]]:
         """Factorise every K(u), or K(u) + τ K(0); say whether K(u) is stable."""
-        found: list[tuple[BandCholesky | BandLU, bool]] = []
+        found: list[tuple[Factor, bool]] = []
         if self.pressure is not None:
             return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
-        for row, band in enumerate(self._bands(u)):
-            factor = BandCholesky.of(band)
-            shifted = factor or self._shifted(u[row : row + 1], first_shift)
+        for tangent in self._tangents(u):
+            factor = self.layout.factor(tangent)
+            shifted = factor or self._shifted(tangent, first_shift)
             found.append((shifted, factor is not None))
         return found
 
-    def _factor_under_pressure(self, u: Array) -> tuple[BandCholesky | BandLU, bool]:
+    def _factor_under_pressure(self, u: Array) -> tuple[Factor, bool]:
         """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
-        (band,), parts = self._bands(u), list(self._pressures_of(u).tangents(u))
-        for _, facets, blocks in parts:
-            self.layout.add(band, facets, blocks)
-        full = unfolded(band)
-        for _, facets, blocks in parts:
-            self.layout.add_skew(full, facets, blocks)
-        factor = BandLU.of(full)
-        return factor or self.undeformed, BandCholesky.of(band) is not None
+        surfaces = [(facets, blocks) for _, facets, blocks in self._pressures_of(u).tangents(u)]
+        factor, stable = self.layout.under_pressure(self._tangents(u)[0], surfaces)
+        return factor or self.undeformed, stable
 
     def _pressures_of(self, u: Array) -> FollowerPressure:
         """Pressures on every displacement."""
         assert self.pressure is not None
         return self.pressure[np.zeros(len(u), dtype=np.int64)]
 
-    def _solved(self, factors: Sequence[BandCholesky | BandLU], r: Array) -> Array:
+    def _solved(self, factors: Sequence[Factor], r: Array) -> Array:
         """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
         flat = r.reshape(len(r), self._size)
         found = np.zeros_like(flat)
@@ -364,18 +365,31 @@ class Equilibrium:
             found[row, self.layout.dofs] = -factor.solve(flat[row, self.layout.dofs])
         return found.reshape(r.shape)
 
-    def _bands(self, u: Array) -> Array:
+    def _tangents(self, u: Array) -> Any:
+        """K(u) of every displacement, as `layout` assembles them."""
         return self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
 
-    def _shifted(self, u: Array, shift: float) -> BandCholesky:
+    @property
+    def _at_rest(self) -> Any:
+        """K(0)."""
+        return self.layout.assembled(self.solid.stiffness_at_rest())[0]
+
+    def _shifted(self, tangent: Any, shift: float) -> Factor:
         """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
-        tangent, undeformed = self._bands(np.concatenate([u, np.zeros_like(u)]))
+        undeformed = self._at_rest
         while shift < 1 / EPSILON:
-            factor = BandCholesky.of(tangent + shift * undeformed)
+            factor = self.layout.factor(tangent + shift * undeformed)
             if factor is not None:
                 return factor
             shift *= SHIFT_GROWTH
         return self.undeformed
+
+
+def solid_kind(geometry: Geometry) -> type[Solid]:
+    """Kind of the solid of a body."""
+    if not geometry.mean_dilation:
+        return Solid
+    return TaylorHoodSolid if geometry.cell_type in LINEAR else MeanDilationSolid
 
 
 def norms(fields: Array) -> Array:

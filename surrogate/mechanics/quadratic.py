@@ -6,7 +6,8 @@ points between them are where the strain energy is least:
 
 .. math:: u_m(u_c) = \arg\min_{u_m} E(u_c, u_m).
 
-Newton's method with a line search finds them from their linear interpolation. So a displacement of
+Newton's method with a line search finds them from their linear interpolation, in `incompressible`
+triangles and tetrahedra after a step that makes the volumes right. So a displacement of
 the nodes is one of all points, and the error of a prediction is not that of the interpolation: at
 the nodes of an equilibrium, the points are those of the equilibrium itself.
 
@@ -94,6 +95,7 @@ class QuadraticEquilibrium(Equilibrium):
     def _least_energy(self, u: Array) -> Array:
         """Move the points between the nodes to where the energy is least, (1, n_points, d)."""
         body, nothing = self._between, np.zeros_like(u)
+        u = body.relaxed(u, nothing)
         for _ in range(ITERATIONS):
             energy, r = body.potential(u, nothing), body.out_of_balance(u, nothing)
             step, _ = body.newton_step(u, r)

@@ -15,6 +15,7 @@ from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.neo_hookean import determinant
 from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     h = np.einsum("ncbi,cbj->ijcn", displacement[:, geometry.cells], gradients)
     identity = np.eye(geometry.dimension)[:, :, None, None]
     gradient = torch.from_numpy(h + identity)
-    if isinstance(solid, MeanDilationSolid):  # F̄ of the cell's dilation
+    if isinstance(solid, MeanDilationSolid | TaylorHoodSolid):  # F̄ of the cell's dilation
         ratio = solid.dilation(torch.from_numpy(displacement)) / determinant(gradient)
         gradient = ratio ** (1 / geometry.dimension) * gradient
     f = completed(gradient[..., None])

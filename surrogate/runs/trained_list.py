@@ -54,7 +54,7 @@ def certificates_of(run: RunFolder) -> str:
     """Say what `surrogate predict --certify` has for a run: "full, fast", "full" or "none"."""
     data = run.description().data
     try:
-        require_known_elements(data.case, data.cell_type)
+        require_known_elements(data.case)
         data.material  # noqa: B018
     except InputError:
         return "none"

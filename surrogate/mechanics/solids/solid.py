@@ -138,13 +138,21 @@ class Solid(nn.Module):
         density = self.by_material(energy_density, self.deformation_gradient(u))
         return (self.volumes[:, None] * density).sum((0, 2))
 
+    def first_piola(self, u: Tensor) -> Tensor:
+        """P in Pa at the quadrature points: (N, n_nodes, d) → (d, d, n_cells, N, n_points)."""
+        return self.by_material(stress, self.deformation_gradient(u))
+
     def internal_forces(self, u: Tensor) -> Tensor:
         """f_int = ∂E/∂u in N, no meaning if a cell is inverted: (N, n_nodes, d) in m → same."""
         count, points, corners, d = self.gradients.shape
-        p = self.volumes[:, None] * self.by_material(stress, self.deformation_gradient(u))
+        p = self.volumes[:, None] * self.first_piola(u)
         p = p.permute(2, 3, 0, 4, 1).reshape(count, len(u) * d, points * d)
         slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
         return self.sum_at_nodes(torch.bmm(p, slopes).reshape(count, len(u), d, corners))
+
+    def stiffness_at_rest(self) -> Tensor:
+        """Positive definite stiffness K(0) of every cell, of the shape of `cell_tangents`."""
+        return self.cell_tangents(self.gradients.new_zeros(1, self.nodes, self.gradients.shape[3]))
 
     def cell_tangents(self, u: Tensor) -> Tensor:
         """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).

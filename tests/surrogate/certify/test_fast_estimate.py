@@ -15,7 +15,7 @@ from surrogate.certify.correction import correct
 from surrogate.certify.deformed_state import State
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.certify.full_certificate import certify
-from surrogate.mechanics.band_matrix import BandCholesky
+from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -115,7 +115,8 @@ def test_estimate_under_pressure(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(fast_estimate, "STEPS", 60)
     found, _, softest = fast.with_stability(force[None], predicted, pressure)
     under = equilibrium.under(pressure)
-    (band,) = under._bands(predicted)
+    (band,) = under._tangents(predicted)
+    assert isinstance(under.layout, BandLayout)
     for _, facets, blocks in pressure.tangents(predicted):
         under.layout.add(band, facets, blocks)  # the lower triangle of (K + Kᵀ) / 2
     factor = BandCholesky.of(band)

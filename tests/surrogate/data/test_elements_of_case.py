@@ -10,8 +10,10 @@ from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, Yeoh, ratio_at_rest
 from surrogate.data.elements_of_case import (
     body_of_response,
+    has_points_between,
     require_known_elements,
     require_linear_elements,
+    require_nodes_alone,
     with_elements,
 )
 from tests.surrogate.mechanics.bodies import box
@@ -30,33 +32,35 @@ def test_linear_elements_are_known() -> None:
     """A case without the key has them."""
     for case in ({}, {"element": "linear"}):
         require_linear_elements(case, "stresses")
-        require_known_elements(case, "tetra")
+        require_known_elements(case)
 
 
 @pytest.mark.parametrize(
-    ("cell_type", "is_known"),
+    ("cell_type", "whole"),
     [("quad", True), ("hexahedron", True), ("triangle", False), ("tetra", False)],
 )
-def test_incompressible_elements(cell_type: str, is_known: bool) -> None:
-    """F-bar is known, Taylor and Hood's pair is not."""
+def test_incompressible_elements(cell_type: str, whole: bool) -> None:
+    """F-bar is assembled at the nodes; Taylor and Hood's pair has points between them."""
     geometry = with_elements(box(cell_type), SOFT)
-    assert geometry.mean_dilation == is_known
+    assert geometry.mean_dilation == whole
     assert not with_elements(geometry, {}).mean_dilation
-    if is_known:
-        require_known_elements(SOFT, cell_type)
+    require_known_elements(SOFT)
+    assert has_points_between(SOFT, cell_type) == (not whole)
+    if whole:
+        require_nodes_alone(SOFT, cell_type, "bounds")
         assert body_of_response(geometry, SILICONE, SOFT, series=False) == (geometry, SILICONE)
     else:
-        with pytest.raises(InputError, match="'element' of the run's case = 'incompressible'"):
-            require_known_elements(SOFT, cell_type)
+        with pytest.raises(InputError, match="'incompressible': bounds are for elements without"):
+            require_nodes_alone(SOFT, cell_type, "bounds")
 
 
 def test_quadratic_elements_are_known() -> None:
     """Of every cell; a network's linear response stays that of linear elements."""
     case = {"element": "quadratic"}
-    for cell_type in ("triangle", "quad", "tetra", "hexahedron"):
-        require_known_elements(case, cell_type)
+    require_known_elements(case)
+    assert has_points_between(case, "quad")
     with pytest.raises(InputError, match="'of a later version': certificates"):
-        require_known_elements({"element": "of a later version"}, "quad")
+        require_known_elements({"element": "of a later version"})
 
 
 def test_response_of_other_elements_does_not_lock() -> None:
