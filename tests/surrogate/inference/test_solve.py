@@ -165,7 +165,7 @@ def test_plot(name: str) -> None:
     assert figure.axes[1].get_ylabel() == r"displacement $\|u\|_2$ [mm]"
     if name == "beam2d_any":
         figure = model.solve(force, certify="full").plot()
-        assert figure.axes[1].get_ylabel() == "estimated error of a node [µm]"
+        assert figure.axes[1].get_ylabel() == "estimated error of a node [nm]"
 
 
 def test_pressure_is_certified_and_corrected() -> None:
