@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 PROGRAMS = {  # in whose environment a benchmark is measured
     "alarms": "surrogate",
+    "batches": "surrogate",
     "bounded-loads": "surrogate",
     "certificates": "surrogate",
     "corrections": "datagen",

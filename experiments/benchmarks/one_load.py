@@ -30,16 +30,16 @@ Array = NDArray[np.float64]
 Function = Callable[[int], object]  # of the number of the load
 
 
-def loads(model: Surrogate, kind: str) -> Array:
-    """Random loads on 1 to 4 nodes, or on all nodes that may be loaded: (20, n_nodes, d) in N."""
+def loads(model: Surrogate, kind: str, count: int = LOADS) -> Array:
+    """Random loads on 1 to 4 nodes, or on all nodes that may be loaded: (N, n_nodes, d) in N."""
     random, geometry = np.random.default_rng(0), model.geometry
     limit = np.array(model.description.data.info.force.max_abs)
     nodes = np.flatnonzero(geometry.loadable & ~geometry.held.any(axis=1))
-    forces = np.zeros((LOADS, *geometry.coordinates.shape))
+    forces = np.zeros((count, *geometry.coordinates.shape))
     for force in forces:
-        count = random.integers(1, FEW + 1) if kind == "few" else len(nodes)
-        chosen = random.choice(nodes, count, replace=False)
-        force[chosen] = random.uniform(-limit, limit, (count, len(limit))) / np.sqrt(count)
+        some = random.integers(1, FEW + 1) if kind == "few" else len(nodes)
+        chosen = random.choice(nodes, some, replace=False)
+        force[chosen] = random.uniform(-limit, limit, (some, len(limit))) / np.sqrt(some)
     return forces
 
 

@@ -69,12 +69,28 @@ class PressedNodes:
         others = sum(_single_forces(family) for family in several)
         return cls(np.where(geometry.held, 0.0, areas), others)
 
-    def count_others(self, forces: Array) -> NDArray[np.int64]:
-        """Count the nodes whose force is not along the normal there: (N, n_nodes, d) → (N,)."""
-        squares = (self.areas**2).sum(axis=1)
-        pressure = (forces * self.areas).sum(axis=2) / np.where(squares > 0, squares, 1.0)
-        left = np.linalg.norm(forces - pressure[..., None] * self.areas, axis=2)
-        return np.count_nonzero(left > ALONG * np.linalg.norm(forces, axis=2), axis=1)
+    def count_others(self, forces: Array, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Count the nodes whose force is not along the normal there.
+
+        Parameters
+        ----------
+        forces : array, (N, n, d)
+            In N, on some nodes; all others are free of forces.
+        nodes : array of int, (n,)
+            These nodes.
+
+        Returns
+        -------
+        array of int, (N,)
+        """
+        areas = self.areas[nodes]
+        squares = (areas**2).sum(axis=1)
+        pressure = (forces * areas).sum(axis=2) / np.where(squares > 0, squares, 1.0)
+        left = forces - pressure[..., None] * areas
+        is_other = np.einsum("nid,nid->ni", left, left) > ALONG**2 * np.einsum(
+            "nid,nid->ni", forces, forces
+        )
+        return np.count_nonzero(is_other, axis=1)
 
 
 def _single_forces(family: Mapping[str, Any]) -> float:

@@ -48,7 +48,8 @@ def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
         held component.
     """
     nodal = fields_at_nodes(geometry, forces, "forces")
-    if not np.abs(nodal).max(initial=0.0) < LARGEST_FORCE:  # true for NaN as well
+    least, most = nodal.min(initial=0.0), nodal.max(initial=0.0)
+    if not (least > -LARGEST_FORCE and most < LARGEST_FORCE):  # true for NaN as well
         raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
     held = np.flatnonzero(geometry.held)  # degrees of freedom, node · d + component
     at_held = nodal.reshape(-1, geometry.held.size)[:, held]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid
@@ -51,7 +52,7 @@ class TrainingRange:
         units: Units = SI,
     ) -> None:
         self._pressed, self._unit = pressed, units.force
-        self._grid = None if grid is None or grid.points_are_nodes else grid
+        self._to_grid = None if grid is None or grid.points_are_nodes else forces_to_grid(grid)
         self._limit = np.array(limit)
         self._largest = self._limit * MARGIN
         self._elsewhere = ~loadable
@@ -88,7 +89,10 @@ class TrainingRange:
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
         some = np.flatnonzero(forces.any(axis=(0, 2)))
         at_some = forces[:, some]  # most loads act on a few nodes
-        values = at_some if self._grid is None else _on_grid(forces, self._grid)
+        values = at_some
+        if self._to_grid is not None:  # rows of all loads beside one another
+            rows = forces.swapaxes(0, 1).reshape(len(self._elsewhere), -1)
+            values = (self._to_grid @ rows).reshape(-1, *forces.shape[::2])
         if (np.abs(values) > self._largest).any():
             limit = self._pm(self._limit)
             yield "range", f"force components reach beyond those of the training data ({limit})"
@@ -102,7 +106,7 @@ class TrainingRange:
         if self._pressed is not None:
             most = int(min(self._pressed.others, most))
             fewest, loaded = 0, "nodes with other forces"
-            counts = self._pressed.count_others(forces)
+            counts = self._pressed.count_others(at_some, some)
         unusual = [n for n in counts if n and not fewest <= n <= most]
         if unusual:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
@@ -115,7 +119,9 @@ class TrainingRange:
         return f"±{', '.join(f'{value:.3g}' for value in limit)} {self._unit}"
 
 
-def _on_grid(forces: Array, grid: Grid) -> Array:
-    """(N, n_nodes, d) → (N, n_grid_points, d)."""
-    on_grid = grid.forces_to_grid(forces)
-    return np.asarray(on_grid.reshape(*on_grid.shape[:2], -1).swapaxes(1, 2))
+def forces_to_grid(grid: Grid) -> csr_array:
+    """Bᵀ, which takes forces to the points of an embedded grid: (n_grid_points, n_nodes)."""
+    nodes, corners = grid.points.shape
+    places = grid.points.ravel(), np.repeat(np.arange(nodes), corners)
+    shape = int(np.prod(grid.shape)), nodes
+    return coo_array((grid.point_weights.ravel(), places), shape).tocsr()

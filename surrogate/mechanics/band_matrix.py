@@ -29,7 +29,7 @@ from surrogate.mechanics.cell_matrices import sum_of_cells
 Array = NDArray[np.float64]
 Values = NDArray[Any]  # in single or double precision
 MOST = 2**27  # entries of a band: 1 GB
-MANY = 16  # right-hand sides, or diagonals, from which on blocks are faster
+MANY = 16  # right-hand sides, or diagonals, from which on blocks are faster; half in single
 
 
 class BandLayout:
@@ -256,7 +256,8 @@ class BandCholesky:
     def solve(self, right: Values) -> Values:
         """A⁻¹ b: (n,) or (n, m) → same; many right-hand sides are solved for block by block."""
         pbtrs, trtrs = get_lapack_funcs(("pbtrs", "trtrs"), (self.factor,))
-        if right.ndim == 1 or right.shape[1] < MANY or len(self.factor) < MANY:
+        many = MANY if self.factor.dtype == np.float64 else MANY // 2
+        if right.ndim == 1 or right.shape[1] < many or len(self.factor) < MANY:
             return pbtrs(self.factor, right, lower=1)[0]
         x, start = np.array(right, self.factor.dtype, order="C"), 0
         for diagonal, below in self._blocks:  # L y = b

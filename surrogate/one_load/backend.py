@@ -32,15 +32,22 @@ from surrogate.one_load.unet_in_numpy import UNetInNumPy
 from surrogate.probabilistic.ensemble import Ensemble
 
 SMALLEST = np.float32(TINY)
-AT_ONCE = 64  # loads that are predicted together
-BY_PYTORCH = 8  # the same in PyTorch: their fields stay in the cache
+BY_PYTORCH = 32  # loads that PyTorch predicts together: a solve reads its factor once for them
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 GridFunction = Callable[[Single], Single]  # (N, n_points, inputs) to (N, n_points, outputs)
 
 
 class BeforeNetwork(Protocol):
-    """What is computed before the network."""
+    """What is computed before the network.
+
+    Attributes
+    ----------
+    at_once : int
+        Number of loads that are predicted together.
+    """
+
+    at_once: int
 
     def known(self, forces: Array) -> NDArray[np.bool_]:
         """Tell which loads, (N, n_nodes, d), are computed here; PyTorch is as fast for others."""
@@ -93,7 +100,7 @@ class OneLoad:
         known = self.before.known(forces)
         displacement = np.empty(forces.shape)
         for numbers, at_once, predict in (
-            (known.nonzero()[0], AT_ONCE, self._together),
+            (known.nonzero()[0], self.before.at_once, self._together),
             ((~known).nonzero()[0], BY_PYTORCH, self.by_pytorch),
         ):
             for start in range(0, len(numbers), at_once):
@@ -115,7 +122,10 @@ class OneLoad:
                     inputs[..., self.linear_gradient]
                 )
             y = self._output(inputs) * amplitude
-        u = (y.take(self.sources, axis=1) * self.scales).sum(axis=1).astype(np.float64)
+        u = y.take(self.sources[0], axis=1) * self.scales[0]
+        for sources, scales in zip(self.sources[1:], self.scales[1:], strict=True):
+            u += y.take(sources, axis=1) * scales
+        u = u.astype(np.float64)
         if self.network.held is not None:
             u = self.network.held.of_some(u)
         return u if response is None else u + response
@@ -148,6 +158,8 @@ def largest(gradient: Single) -> Single:
 
 class InputsByPyTorch:
     """Inputs and response by PyTorch: of U-Nets on large bodies."""
+
+    at_once = 64  # a solve reads its factor once for them
 
     def __init__(self, network: NodalNetwork) -> None:
         self.network, self.field = network, network.network

@@ -41,6 +41,8 @@ class SmallBody:
         What finds the response and the gradient of the last term in a load series.
     """
 
+    at_once = 16  # their fields stay in the cache
+
     def __init__(self, network: NodalNetwork) -> None:
         field = network.network
         self.last_gradient, self.points = field.last_gradient, field.free.numel()

@@ -53,6 +53,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     "name",
     [
         "alarms-lshape2d",
+        "batches",
         "bounded-loads",
         "certificates-beam2d_any",
         "certificates-beam3d_any",

@@ -14,7 +14,7 @@ from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.inference.given_load import given_load
-from surrogate.inference.training_range import TrainingRange
+from surrogate.inference.training_range import TrainingRange, forces_to_grid
 from surrogate.runs.folder import RunFolder
 
 
@@ -136,3 +136,7 @@ def test_range_on_an_embedded_grid_is_that_of_its_points() -> None:
     assert found.exceeded(np.array([[2.0, 0.0], [0.0, -1.0]])) == {}
     assert list(found.exceeded(np.array([[2.1, 0.0], [0.0, 0.0]]))) == ["range"]
     assert list(found.exceeded(np.array([[0.0, 0.0], [0.0, -1.1]]))) == ["range"]
+    both = np.array([[[2.0, 0.0], [0.0, -1.0]], [[0.0, 0.0], [0.0, -1.1]]])
+    assert list(found.exceeded(both)) == ["range"]
+    on_grid = grid.forces_to_grid(both).reshape(2, 2, 4).swapaxes(1, 2)
+    np.testing.assert_allclose([forces_to_grid(grid) @ forces for forces in both], on_grid)

@@ -53,6 +53,19 @@ def test_in_single_precision(columns: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
 
+def test_few_right_hand_sides_are_solved_for_by_blocks_in_single_precision() -> None:
+    """Eight in single precision, sixteen in double; the matrix is 2 on its diagonal."""
+    factor = BandCholesky.of(np.hstack([np.full((40, 1), 2.0), np.zeros((40, 20))]))
+    assert factor is not None
+    for columns, by_blocks in ((7, False), (8, True)):
+        some = np.ones((40, columns))
+        np.testing.assert_allclose(factor.solve(some), 0.5)
+        np.testing.assert_allclose(factor.single.solve(some.astype(np.float32)), 0.5, rtol=1e-6)
+        assert ("_blocks" in vars(factor.single), "_blocks" in vars(factor)) == (by_blocks, False)
+    np.testing.assert_allclose(factor.solve(np.ones((40, 16))), 0.5)
+    assert "_blocks" in vars(factor)
+
+
 def test_indefinite_matrix() -> None:
     """The band of [[1, 2], [2, 1]], whose eigenvalues are 3 and -1."""
     assert BandCholesky.of(np.array([[1.0, 2.0], [1.0, 0.0]])) is None

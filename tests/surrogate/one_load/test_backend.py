@@ -15,7 +15,7 @@ from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.compliance import CLOSE, Compliance
 from surrogate.models.model import Model
 from surrogate.one_load import small_body
 from surrogate.one_load.backend import InputsByPyTorch
@@ -188,27 +188,57 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
-@pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any_reduced", "finger3d"])
-def test_a_load_in_a_batch_is_that_load_alone(name: str) -> None:
-    """To the rounding of single precision; of a small body's U-Net, to much less.
+@pytest.mark.parametrize(
+    ("name", "close", "close_under_many"),
+    [
+        ("beam2d_any", 1e-9, 1e-9),
+        ("lshape2d_any", 1e-8, 1e-8),
+        ("beam3d_any_reduced", 1e-6, CLOSE),
+        ("finger3d", 1e-6, CLOSE),
+        pytest.param("beam3d_any", CLOSE, CLOSE, marks=pytest.mark.slow),
+    ],
+)
+def test_a_load_in_a_batch_is_that_load_alone(
+    name: str, close: float, close_under_many: float
+) -> None:
+    """To 1e-6; where a factor in single precision solves, to the error that it may have.
 
-    Most nodes of the last load are loaded, and those of a large body are left to PyTorch.
+    Most nodes of the last load are loaded, and those of a large body are solved for.
     """
-    model, close = load(name), 1e-9 if name == "beam2d_any" else 1e-5
+    model = load(name)
     random = np.random.default_rng(0)
-    forces = np.zeros((40, *model.geometry.coordinates.shape))
+    forces = np.zeros((20, *model.geometry.coordinates.shape))
     nodes = np.flatnonzero(model.geometry.loadable)
     limit = 0.3 * max(model.description.data.info.force.max_abs)
     for force in forces:
         force[random.choice(nodes, 2, replace=False)] = random.uniform(-limit, limit, 2)[:, None]
     forces[-1, nodes] = limit / len(nodes)
-    few = model.predict(forces[-5:])
-    for k in range(5):
-        alone = model.predict(forces[k - 5])
-        largest = np.abs(alone).max()
-        np.testing.assert_allclose(few[k], alone, rtol=0, atol=close * largest)
-        together = model.predict(forces)[k - 5]
-        np.testing.assert_allclose(together, alone, rtol=0, atol=close * largest)
+    few, many = model.predict(forces[-5:]), model.predict(forces)
+    for k in range(-5, 0):
+        alone = model.predict(forces[k])
+        bound = (close if k < -1 else close_under_many) * np.abs(alone).max()
+        np.testing.assert_allclose(few[k], alone, rtol=0, atol=bound)
+        np.testing.assert_allclose(many[k], alone, rtol=0, atol=bound)
+
+
+@pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
+def test_loads_that_are_left_to_pytorch_share_solves(
+    dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Loads on all nodes of an embedded grid, 64 of them, are two solves."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    monkeypatch.setattr(small_body, "MOST", 1000)
+    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
+    solved: list[int] = []
+    solve = Compliance.solve
+
+    def counted(self: Compliance, force: np.ndarray) -> np.ndarray:
+        solved.append(len(force))
+        return solve(self, force)
+
+    monkeypatch.setattr(Compliance, "solve", counted)
+    model.predict(np.arange(1, 65)[:, None, None] * loads(dataset)[2])
+    assert solved == [32, 32]
 
 
 def test_what_the_loads_of_a_batch_share_is_read_once(
