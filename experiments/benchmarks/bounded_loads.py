@@ -5,7 +5,9 @@ loaded nodes. The true error is that to the equilibrium that a correction reache
 
     python -m experiments benchmark bounded-loads beam2d_any lshape2d_any
 
-writes its record and its page.
+writes its record and its page. Those of bodies in space have their own:
+
+    python -m experiments benchmark bounded-loads beam3d_any beam3d_any_reduced --loads 50 --seed 47
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
 from surrogate.data import random_loads
 from surrogate.measures import node_errors
+from surrogate.runs.folder import RunFolder
+from surrogate.runs.shelf import find_run
 
 REFUSALS = {  # short names, and what the reasons contain
     "inverted": "inverted",
@@ -166,10 +170,17 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--level", type=float, default=0.95)
 
 
+def variant(options: argparse.Namespace) -> str:
+    """Name the record and page of bodies in space; those of the plane have the benchmark's."""
+    runs = [RunFolder(find_run(run)) for run in options.runs]
+    return "space" if any(run.description().data.dimension == 3 for run in runs) else ""
+
+
 BENCHMARK = Benchmark(
     name="bounded-loads",
     title="Fast bounds under loads of all kinds",
     measure=measure,
     page=page,
     arguments=arguments,
+    variant=variant,
 )

@@ -8,7 +8,7 @@ what the estimate leaves: its size is
 with the estimate x, the forces s that it leaves out of balance, and the smallest Ritz value θ. Near
 an instability the second term is the larger one. The ratio of a true error to this size is
 calibrated on held-out samples: with the conformal quantile q of these ratios
-(`surrogate.certify.conformal`),
+(`surrogate.certify.conformal`), or with 1 if that is larger,
 
 .. math:: P(e \le q \hat e) \ge 1 - α
 
@@ -210,14 +210,17 @@ class FastCertificate:
         return np.asarray((np.abs(error) <= half)[:, moves].mean(axis=1))
 
     def factor(self, level: float, measure: str = "mean") -> float:
-        """Return q of a level 1 − α.
+        """Return q of a level 1 − α, at least 1.
+
+        Where the steps converge x is the error. So the samples may say that a bound needs more than
+        the size of the estimate, but never that less will do.
 
         Raises
         ------
         ValueError
             If the level is not between 0 and 1, or there were too few samples for it.
         """
-        return float(conformal_quantile(self.ratios[measure], level))
+        return max(1.0, float(conformal_quantile(self.ratios[measure], level)))
 
     def bounds(self, error: Array, rest: Array, softest: Array, level: float) -> dict[str, Array]:
         """Bounds in m that hold with the probability `level` each, by measure: (N,).

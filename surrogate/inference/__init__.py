@@ -9,7 +9,7 @@
 `batched_prediction`   distributions under any number of loads
 `solution`             what `solve` returns; its figure is `solution_figure`
 `training_range`       warnings about forces unlike those of the training
-`calibrated_bounds`    intervals and bounds of a run, on its held-out samples
+`calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
 `proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================

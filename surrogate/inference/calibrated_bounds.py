@@ -1,7 +1,8 @@
-"""Calibration of a run's intervals and bounds, on samples that its training has held out."""
+"""Calibration of a run's intervals and bounds, on samples that its training has not seen."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.errors import InputError, WorkError, first_line
+from shared_schema.common.progress import Progress
+from surrogate.certify.calibrated_range import LEAST_STIFFNESS
 from surrogate.certify.conformal import KINDS, ConformalCalibration, Intervals
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.dataset import Dataset
@@ -28,7 +31,7 @@ class HeldOut:
     Attributes
     ----------
     force, truth : array, (n, n_nodes, d)
-        In N and m.
+        In N, with those of pressures on the undeformed body, and in m.
     predicted : Distribution
     """
 
@@ -44,6 +47,48 @@ class HeldOut:
         samples = dataset.nodal_train(rows)
         predicted = surrogate.averaged_passes(samples.force, passes, seed)
         return cls(samples.force, samples.displacement, predicted)
+
+    @classmethod
+    def corrected(cls, surrogate: Surrogate, forces: Array, passes: int, seed: int) -> HeldOut:
+        """Predict load cases that no dataset holds; the truth is the correction of a prediction.
+
+        Those whose predicted state is not stable, or that have no correction, are left out.
+
+        Parameters
+        ----------
+        surrogate : Surrogate
+        forces : array, (N, n_nodes, d)
+            In N, as `force`.
+        passes, seed : int
+            Of a stochastic network.
+
+        Raises
+        ------
+        InputError
+            If the pressures cannot be told from other forces, or the run does not name its
+            material.
+        """
+        predicted = surrogate.averaged_passes(forces, passes, seed)
+        dead, pressure = separated(surrogate.geometry, forces)
+        _, _, softest = surrogate.fast_estimate.with_stability(dead, predicted.mean, pressure)
+        values = np.zeros((len(forces), 0)) if pressure is None else pressure.pressures
+        rows, truth = [], []
+        stable = np.flatnonzero(softest > LEAST_STIFFNESS)
+        with closing(Progress(len(stable), unit="loads", title="corrected")) as progress:
+            for done, row in enumerate(stable, start=1):
+                pushed = None if pressure is None else values[row]
+                try:
+                    found = surrogate.correct(forces[row], predicted.mean[row], pressure=pushed)
+                except WorkError:
+                    continue
+                finally:
+                    progress.update(done)
+                rows.append(row)
+                truth.append(found.displacement)
+        kept = np.array(rows, dtype=np.int64)
+        parts = predicted.mean, predicted.std_epistemic, predicted.std_aleatoric
+        known = Distribution(*(part[kept] for part in parts))
+        return cls(forces[kept], np.reshape(truth, known.mean.shape), known)
 
 
 def fit_intervals(
@@ -112,7 +157,18 @@ def fit_fast_certificate(
             "--certify: the run has no held-out samples, 'training.calibration_fraction' = "
             f"{description.run.training.calibration_fraction}, expected above 0"
         )
-    samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
+    return fit_on_samples(surrogate, HeldOut.of(surrogate, dataset, rows, passes, seed))
+
+
+def fit_on_samples(surrogate: Surrogate, samples: HeldOut) -> FastCertificate:
+    """Calibrate the fast certificate on samples that were not trained on.
+
+    Raises
+    ------
+    InputError
+        If the pressures of the samples cannot be told from other forces, or the run does not name
+        its material.
+    """
     predicted = samples.predicted
     std = predicted.std if surrogate.is_probabilistic else None
     dead, pressure = separated(surrogate.geometry, samples.force)

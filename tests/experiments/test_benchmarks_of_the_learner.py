@@ -55,6 +55,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
         "alarms-lshape2d",
         "batches",
         "bounded-loads",
+        "bounded-loads-space",
         "certificates-beam2d_any",
         "certificates-beam3d_any",
         "further-training-beam3d_coarse-reduced",

@@ -103,6 +103,14 @@ def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
     assert not alone.certified(np.inf)
 
 
+def test_bounds_are_no_smaller_than_the_estimate(estimate: FastEstimate) -> None:
+    """Samples whose errors are half of their estimates do not make bounds smaller than these."""
+    ratios = {"mean": np.full(40, 0.5), "largest": np.linspace(0.5, 2.0, 40)}
+    fast = FastCertificate(estimate, ratios)
+    assert fast.factor(0.9) == 1.0
+    assert fast.factor(0.9, "largest") == np.sort(ratios["largest"])[36]  # ⌈41 · 0.9⌉ = 37
+
+
 def test_too_few_samples(estimate: FastEstimate) -> None:
     zeros = np.zeros((5, 28, 2))
     fast = FastCertificate.fit(estimate, zeros, zeros, zeros)

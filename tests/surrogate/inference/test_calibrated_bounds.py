@@ -16,7 +16,7 @@ from surrogate.certify.conformal import Intervals
 from surrogate.command_line import main
 from surrogate.data import Dataset, read_dataset
 from surrogate.evaluation.run_evaluation import evaluate
-from surrogate.inference.calibrated_bounds import fit_intervals
+from surrogate.inference.calibrated_bounds import HeldOut, fit_intervals, fit_on_samples
 from surrogate.inference.loading import load
 from surrogate.runs.split import split_training
 
@@ -135,3 +135,27 @@ def test_nodal_samples_of_the_training_split(dataset: Dataset) -> None:
         dataset.geometry.grid.to_grid(nodal.displacement).astype(np.float32),
         dataset.train.displacement[rows].numpy(),
     )
+
+
+def test_corrections_take_the_place_of_a_dataset(run: Path, data: Path) -> None:
+    """They are equilibria, within the tolerance of 1e-8 N of the corrections."""
+    surrogate, dataset = load(run), read_dataset(data)
+    rows = split_training(dataset.training, surrogate.description.run).calibration_rows
+    forces = dataset.nodal_train(rows).force
+    samples = HeldOut.corrected(surrogate, forces, 10, 0)
+    assert 0 < len(samples.force) <= len(forces)
+    residual = surrogate.equilibrium.out_of_balance(samples.truth, samples.force)
+    assert np.abs(residual).max() <= 1e-8
+    fast = fit_on_samples(surrogate, samples)
+    assert len(fast.ratios["mean"]) == len(samples.force)
+    assert fast.knows_components == surrogate.is_probabilistic
+
+
+def test_unstable_predictions_are_not_corrected() -> None:
+    """A force of 60 N along the beam's axis is far beyond its buckling load of 8 N."""
+    surrogate = load("beam2d_any")
+    forces = np.zeros((2, *surrogate.geometry.coordinates.shape))
+    end = np.flatnonzero(surrogate.geometry.coordinates[:, 0] == 4)
+    forces[0, end, 0], forces[1, end[0], 1] = -60 / len(end), 0.5
+    samples = HeldOut.corrected(surrogate, forces, 1, 0)
+    np.testing.assert_array_equal(samples.force, forces[1:])
