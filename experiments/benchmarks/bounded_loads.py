@@ -26,8 +26,7 @@ from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
 from surrogate.data import random_loads
 from surrogate.measures import node_errors
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.shelf import find_run
+from surrogate.runs import RunFolder, find_run
 
 REFUSALS = {  # short names, and what the reasons contain
     "inverted": "inverted",

@@ -20,19 +20,23 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.inference.calibrated_bounds import fit_fast_certificate
+    from surrogate.inference.calibrated_bounds import HeldOut, fit_fast_certificate, fit_on_samples
     from surrogate.inference.export import NodalFunction
+    from surrogate.inference.given_load import separated
     from surrogate.inference.loading import load
     from surrogate.inference.proposal import farthest
     from surrogate.inference.surrogate import Surrogate
     from surrogate.inference.training_range import OutsideTrainingWarning
 
 __all__ = [
+    "HeldOut",
     "NodalFunction",
     "OutsideTrainingWarning",
     "Surrogate",
     "farthest",
     "fit_fast_certificate",
+    "fit_on_samples",
     "load",
+    "separated",
 ]
 __getattr__, __dir__ = lazy_names(__name__)

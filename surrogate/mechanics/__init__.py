@@ -11,6 +11,7 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.mechanics.compliance import Compliance
+    from surrogate.mechanics.follower_pressure import FollowerPressure
     from surrogate.mechanics.linear_response import LinearResponse
     from surrogate.mechanics.load_path import LoadPaths, follow
     from surrogate.mechanics.out_of_balance import Equilibrium, NewtonSteps, norms
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Compliance",
     "Equilibrium",
+    "FollowerPressure",
     "LinearResponse",
     "LoadPaths",
     "MeanDilationSolid",

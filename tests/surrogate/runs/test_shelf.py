@@ -153,7 +153,12 @@ def test_a_run_of_that_name_goes_first(elsewhere: Path, trained: Path) -> None:
     assert surrogate.load("beam2d_any").description.run.name == "small"
 
 
-@pytest.mark.parametrize("run", ["beam3d_none", "", ".", "../trained", "../configs"])
+def test_an_empty_name(elsewhere: Path) -> None:
+    with pytest.raises(InputError, match=r"^run = '': expected a text or a path, not an empty"):
+        surrogate.load("")
+
+
+@pytest.mark.parametrize("run", ["beam3d_none", ".", "../trained", "../configs"])
 def test_neither_a_run_nor_a_name(elsewhere: Path, run: str) -> None:
     with pytest.raises(
         InputError, match=r"no run there, .* a network of the package \(.*beam2d_any"
