@@ -105,16 +105,17 @@ def measured(
 ) -> dict[str, Any]:
     """Measure the bounds on fresh samples; those of `loads` that are not among them are refused."""
     from surrogate.inference import separated
+    from surrogate.measures import node_errors
 
     dead, pressure = separated(model.geometry, fresh.force)
     predicted = fresh.predicted.mean
     content = fast.measures(dead, predicted, fresh.truth, None, pressure)
     bounds = fast.certify(dead, predicted, LEVEL, None, pressure)
-    bounded, error = np.isfinite(bounds.largest), predicted - fresh.truth
+    bounded = np.isfinite(bounds.largest)
     content["refused"] = 1 - int(bounded.sum()) / loads
     exceeded = {
-        "mean": np.abs(error).mean((1, 2)) > bounds.mean,
-        "largest": np.linalg.norm(error, axis=2).max(1) > bounds.largest,
+        "mean": np.abs(predicted - fresh.truth).mean((1, 2)) > bounds.mean,
+        "largest": node_errors(predicted, fresh.truth).max(1) > bounds.largest,
     }
     content["bounded"] = {
         "level": LEVEL,

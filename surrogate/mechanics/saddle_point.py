@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import csc_array, diags
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
@@ -108,7 +108,7 @@ class SaddlePointLayout:
         """The matrix with more stiffness on the diagonal, (n,), at `dofs`."""
         diagonal = np.zeros(len(self._order))
         diagonal[self._places] = springs
-        return csc_array(matrix + diagonal_matrix(diagonal))
+        return csc_array(matrix + csc_array(diags(diagonal)))
 
     def under_pressure(
         self, matrix: csc_array, surfaces: Iterable[Facets]
@@ -169,12 +169,6 @@ def _of_least_degree(cells: NDArray[np.int64], points: int) -> NDArray[np.int64]
     """Order of the points that leaves few entries in factors of their graph."""
     size = cells.shape[1]
     graph = sum_of_cells(np.ones((len(cells), size, size)), cells, points)
-    graph = graph + diagonal_matrix(np.full(points, float(graph.sum())))  # definite
+    graph = graph + csc_array(diags(np.full(points, float(graph.sum()))))  # definite
     lu = splu(csc_array(graph), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     return np.asarray(np.argsort(lu.perm_c))
-
-
-def diagonal_matrix(diagonal: Array) -> csc_array:
-    """Matrix of a diagonal, (n,): (n, n)."""
-    at = np.arange(len(diagonal))
-    return coo_array((diagonal, (at, at)), shape=(len(at), len(at))).tocsc()

@@ -128,7 +128,7 @@ class FieldNetwork(nn.Module):
         if prefix + "unit" in state:  # name in run folders of version 1
             state[prefix + "displacement_rms"] = state.pop(prefix + "unit")
         if self.linear_share is not None:
-            state.setdefault(prefix + "linear_share", torch.zeros(()))  # of runs before 0.3
+            state.setdefault(prefix + "linear_share", torch.zeros(()))  # of earlier runs
         super()._load_from_state_dict(state, prefix, *others)
 
     def scale_output(self, prepared: Samples, by_node: bool) -> None:

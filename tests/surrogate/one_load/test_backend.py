@@ -222,13 +222,8 @@ def test_a_load_in_a_batch_is_that_load_alone(
 
 
 @pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
-def test_loads_that_are_left_to_pytorch_share_solves(
-    dataset: Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Loads on all nodes of an embedded grid, 64 of them, are two solves."""
-    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
-    monkeypatch.setattr(small_body, "MOST", 1000)
-    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
+def counted_solves(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that gets the number of loads of every solve from now on."""
     solved: list[int] = []
     solve = Compliance.solve
 
@@ -237,6 +232,17 @@ def test_loads_that_are_left_to_pytorch_share_solves(
         return solve(self, force)
 
     monkeypatch.setattr(Compliance, "solve", counted)
+    return solved
+
+
+def test_loads_that_are_left_to_pytorch_share_solves(
+    dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Loads on all nodes of an embedded grid, 64 of them, are two solves."""
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    monkeypatch.setattr(small_body, "MOST", 1000)
+    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
+    solved = counted_solves(monkeypatch)
     model.predict(np.arange(1, 65)[:, None, None] * loads(dataset)[2])
     assert solved == [32, 32]
 
@@ -249,14 +255,7 @@ def test_what_the_loads_of_a_batch_share_is_read_once(
     monkeypatch.setattr(small_body, "MOST", 1000)
     monkeypatch.setattr("surrogate.mechanics.compliance.LOADED", 0)
     model = untrained(dataset_3d, network=SERIES)
-    solved: list[int] = []
-    solve = Compliance.solve
-
-    def counted(self: Compliance, force: np.ndarray) -> np.ndarray:
-        solved.append(len(force))
-        return solve(self, force)
-
-    monkeypatch.setattr(Compliance, "solve", counted)
+    solved = counted_solves(monkeypatch)
     force = loads(dataset_3d)
     some = force[force.any(axis=(1, 2))]
     model.predict(some)
