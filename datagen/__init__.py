@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from datagen.cases.case import Case, read_case
     from datagen.cases.case_list import shipped_cases
     from datagen.cases.case_schema import case_keys, case_schema
+    from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.farm.run_estimate import DryRun, dry_run
     from datagen.output.dataset_figure import plot_dataset as plot
@@ -41,6 +42,7 @@ __all__ = [
     "Solution",
     "WorkError",
     "add_noise",
+    "body",
     "case_keys",
     "case_schema",
     "check",

@@ -14,6 +14,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
 
 from datagen.commands import (
+    body,
     cases,
     check,
     export,
@@ -29,7 +30,20 @@ from datagen.commands import (
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
-COMMANDS = (run, structure, noise, solve, check, info, plot, export, import_plaid, cases, schema)
+COMMANDS = (
+    body,
+    run,
+    structure,
+    noise,
+    solve,
+    check,
+    info,
+    plot,
+    export,
+    import_plaid,
+    cases,
+    schema,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

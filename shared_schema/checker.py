@@ -18,7 +18,7 @@ from shared_schema.common.checksum import require_plain, sha256
 from shared_schema.common.errors import InputError
 from shared_schema.content_problems import content_problems
 from shared_schema.layout import Arrays
-from shared_schema.manifest import Manifest, digest_of, read_manifest
+from shared_schema.manifest import Manifest, digest_of, read_manifest, require_dataset
 from shared_schema.shard import Attributes, array_problems, read_arrays, read_attributes
 from shared_schema.stiffness import STIFFNESS_FILE, read_stiffness, stiffness_problems
 
@@ -36,8 +36,14 @@ def check_dataset(dataset: Path | str) -> list[str]:
     -------
     list of str
         One line a violation: file, dataset, what was found and what was expected.
+
+    Raises
+    ------
+    InputError
+        If there is no dataset, or it is not finished.
     """
     folder = Path(dataset)
+    require_dataset(folder)
     try:
         manifest = read_manifest(folder)
     except InputError as error:

@@ -71,6 +71,11 @@ class Grid:
         return cls(node_at[..., None], weights[..., None], points, np.ones(points.shape))
 
     @classmethod
+    def in_a_row(cls, nodes: int, dimension: int) -> Grid:
+        """Make the grid on which all nodes stand in a row along x, of a mesh without order."""
+        return cls.of_nodes(np.arange(nodes).reshape(nodes, *(1,) * (dimension - 1)))
+
+    @classmethod
     def from_coordinates(cls, coordinates: NDArray[np.float64]) -> Grid:
         """Find the grid of an axis-parallel structured mesh from its node coordinates.
 
@@ -180,7 +185,7 @@ class Grid:
 
     def to_nodes(self, grid: NDArray[Any]) -> NDArray[Any]:
         """Take displacements to the nodes, u = B U: (..., d, nx, ny[, nz]) → (..., n_nodes, d)."""
-        values = grid.reshape(*grid.shape[: -len(self.shape)], -1)
+        values = grid.reshape(*grid.shape[: -len(self.shape)], int(np.prod(self.shape)))
         if self.points_are_nodes:
             nodal = values[..., self.points[:, 0]]
         else:

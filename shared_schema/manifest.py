@@ -258,6 +258,31 @@ def write_manifest(folder: Path, manifest: Manifest) -> Manifest:
     return sealed
 
 
+def require_dataset(folder: Path) -> None:
+    """Refuse a folder that holds no dataset: none with a manifest, damaged or not.
+
+    Raises
+    ------
+    InputError
+        If the folder or its manifest is missing, or the dataset is not finished.
+    """
+    if (folder / MANIFEST).is_file():
+        return
+    unfinished = find_unfinished(folder)
+    if unfinished is not None:
+        raise InputError(
+            f"{folder}: unfinished, {unfinished.finished} of {unfinished.shards} shards; "
+            f"{unfinished.how_to_go_on}"
+        )
+    if (folder / PLAID).is_file():
+        raise InputError(
+            f"{folder}: a dataset in the PLAID format; `datagen import` makes a nodal dataset "
+            "of it, and `datagen structure` that for training"
+        )
+    what = "no such dataset" if not folder.is_dir() else f"no {MANIFEST} in it"
+    raise InputError(f"{folder}: {what}; expected a dataset made by datagen")
+
+
 def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
     """Read the manifest of a dataset and check it against its own digest.
 
@@ -275,20 +300,7 @@ def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
     """
     path = folder / MANIFEST
     require_plain(folder, path)
-    if not path.is_file():
-        unfinished = find_unfinished(folder)
-        if unfinished is not None:
-            raise InputError(
-                f"{folder}: unfinished, {unfinished.finished} of {unfinished.shards} shards; "
-                f"{unfinished.how_to_go_on}"
-            )
-        if (folder / PLAID).is_file():
-            raise InputError(
-                f"{folder}: a dataset in the PLAID format; `datagen import` makes a nodal dataset "
-                "of it, and `datagen structure` that for training"
-            )
-        what = "no such dataset" if not folder.is_dir() else f"no {MANIFEST} in it"
-        raise InputError(f"{folder}: {what}; expected a dataset made by datagen")
+    require_dataset(folder)
     try:
         text = path.read_text(encoding="ascii")
         content = json.loads(text)

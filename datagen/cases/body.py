@@ -1,4 +1,4 @@
-"""The body of a case: its mesh, supports, materials, loads, and equilibrium problem."""
+"""The body of a case with its equilibrium problem."""
 
 from __future__ import annotations
 
@@ -8,89 +8,30 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from datagen.cases.case import Case
-from datagen.cases.support import can_move
-from datagen.discretisation.locking import locking_warning
-from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
+from datagen.cases.placed_body import PlacedBody, placed
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
-from datagen.mesh.regions import Region
 from datagen.solver.equilibrium import EquilibriumProblem
-from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.command_loads import CommandLoads
-from shared_schema.common.bodies.groups import group_arrays
 from shared_schema.common.errors import InputError
-from shared_schema.material import ShippedMaterial, ratio_at_rest
 
 Driven = Callable[[Mesh, NDArray[np.bool_]], CommandLoads]
 
 
 @dataclass(frozen=True)
-class Body:
-    """Mesh of a case with its supports, loadable nodes and equilibrium problem.
+class Body(PlacedBody):
+    """A body with its equilibrium problem.
 
     Attributes
     ----------
-    case : Case
     mesh : Mesh
-    held : array of bool, (n_nodes, d)
-        Components of displacement that supports hold at zero, by node number.
-    parts : array of int, (n_cells,), or None
-        Position of each cell's material in the case, if it has several.
-    loads : LoadsTogether
-        The load cases, by their sample number.
     problem : EquilibriumProblem
         Built once; distributed over the ranks of the communicator that the body was made with.
     """
 
-    case: Case
     mesh: Mesh
-    held: NDArray[np.bool_]
-    parts: NDArray[np.int64] | None
-    loads: LoadsTogether
     problem: EquilibriumProblem
-
-    @property
-    def clamped(self) -> NDArray[np.bool_]:
-        """Nodes that do not move at all, (n_nodes,)."""
-        return np.asarray(self.held.all(axis=1))
-
-    @property
-    def loadable(self) -> NDArray[np.bool_]:
-        """Nodes that the load families may load, (n_nodes,)."""
-        loadable = np.zeros(len(self.held), dtype=bool)
-        for part in self.loads.parts:
-            loadable[part.loadable.nodes] = True
-        return loadable
-
-    def warning(self) -> str | None:
-        """What the numbers of this body are not good for, if there is something."""
-        shipped = [m for m in self.case.materials if isinstance(m, ShippedMaterial)]
-        ratio = max((ratio_at_rest(material) for material in shipped), default=0.0)
-        return locking_warning(self.case.element, self.mesh.cell_type, ratio)
-
-    def shard_arrays(self) -> dict[str, Any]:
-        """Arrays of the mesh that every shard holds, by their paths in the schema."""
-        mesh = self.mesh
-        arrays: dict[str, Any] = {
-            "mesh/coordinates": mesh.coordinates,
-            "mesh/cells": mesh.cells,
-            "mesh/clamped": self.clamped,
-            "mesh/loadable": self.loadable,
-        }
-        if self.held.any(axis=1).sum() != self.clamped.sum():
-            arrays["mesh/held"] = self.held
-        if self.parts is not None:
-            arrays["mesh/material"] = self.parts
-        arrays |= group_arrays(mesh.node_sets)
-        surfaces = self.loads.surfaces
-        if surfaces:
-            arrays["mesh/pressed"] = np.concatenate(surfaces)
-            counts = [len(facets) for facets in surfaces]
-            arrays["mesh/pressed_surface"] = np.repeat(np.arange(len(surfaces)), counts)
-        return arrays
 
 
 def make_body(case: Case, comm: Any, driven: Driven | None = None) -> Body:
@@ -113,134 +54,13 @@ def make_body(case: Case, comm: Any, driven: Driven | None = None) -> Body:
     """
     try:
         mesh = make_mesh(case.mesh, comm)
-        parts = _material_of_cells(case, mesh)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    dimension = mesh.coordinates.shape[1]
-    held = np.zeros(mesh.coordinates.shape, dtype=bool)
-    for number, support in enumerate(case.supports):
-        components = support.holds(dimension)
-        if not components.any():
-            raise InputError(
-                f"case '{case.name}': key 'supports.{number}.components': the body is in the plane"
-            )
-        held[_select(case, f"supports.{number}", support, mesh)] |= components
-    several = isinstance(case.load, tuple)
-    nodes = [
-        _loadable(case, f"load.{number}.region" if several else "load.region", family, mesh, held)
-        for number, family in enumerate(case.loads)
-    ]
-    _require_supported(case, mesh, held)
+    body = placed(case, mesh)
+    drive = body.loads if driven is None else driven(mesh, body.held)
+    known = mesh, case.material, body.held, case.solver, case.element, body.parts
     try:
-        loads = LoadsTogether.of(case.loads, case.dataset.seed, nodes, held)
-        loads.check()
+        problem = EquilibriumProblem(*known, drive.moved, drive.surfaces)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    drive = loads if driven is None else driven(mesh, held)
-    body = mesh, case.material, held, case.solver, case.element, parts
-    try:
-        problem = EquilibriumProblem(*body, drive.moved, drive.surfaces)
-    except InputError as error:
-        raise InputError(f"case '{case.name}': {error}") from None
-    return Body(case, mesh, held, parts, loads, problem)
-
-
-def _material_of_cells(case: Case, mesh: Mesh) -> NDArray[np.int64] | None:
-    """Position of each cell's material, (n_cells,); None if all are of one."""
-    if not isinstance(case.material, tuple):
-        return None
-    parts = np.full(len(mesh.cells), -1, dtype=np.int64)
-    for number, material in enumerate(case.materials):
-        group = str(material.group)
-        key = f"key 'material.{number}.group' = '{group}'"
-        if group not in mesh.cell_groups:
-            names = ", ".join(sorted(mesh.cell_groups))
-            named = f"no such group of cells, but {names}" if names else "no groups of cells"
-            raise InputError(f"{key}: the mesh has {named}")
-        members = mesh.cell_groups[group]
-        if (parts[members] >= 0).any():
-            raise InputError(f"{key}: a cell of it belongs to another material's group as well")
-        parts[members] = number
-    if (parts < 0).any():
-        at = ",".join(f"{x:g}" for x in mesh.coordinates[mesh.cells[parts.argmin()]].mean(axis=0))
-        raise InputError(f"key 'material': {(parts < 0).sum()} cells have none, the first at {at}")
-    return parts
-
-
-def _loadable(
-    case: Case, key: str, family: LoadFamily, mesh: Mesh, held: NDArray[np.bool_]
-) -> LoadableNodes:
-    """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
-    region, clamped = _select(case, key, family.region, mesh), held.all(axis=1)
-    may_touch = family.integrates or family.is_everywhere
-    if (region & clamped).any() and not (may_touch and (region & ~clamped).any()):
-        at = ",".join(f"{value:g}" for value in mesh.coordinates[region & clamped][0])
-        raise InputError(
-            f"case '{case.name}': key '{key}' holds the clamped node at {at}, "
-            "expected free nodes only"
-        )
-    return LoadableNodes(
-        np.flatnonzero(region & ~clamped),
-        mesh.coordinates,
-        mesh.cells,
-        mesh.cell_type,
-        np.flatnonzero(region),
-    )
-
-
-def _require_supported(case: Case, mesh: Mesh, held: NDArray[np.bool_]) -> None:
-    """Raise InputError if a part of the mesh can move without a strain."""
-    loose = loose_nodes(mesh, np.asarray(held.any(axis=1)))
-    if loose.size:
-        at = ",".join(f"{value:g}" for value in mesh.coordinates[loose[0]])
-        raise InputError(
-            f"case '{case.name}': key 'supports': {loose.size} nodes are not connected to a "
-            f"clamped one, the first at {at}"
-        )
-    number = parts_of(mesh)
-    for part in range(int(number.max()) + 1):
-        members = number == part
-        if can_move(mesh.coordinates[members], held[members]):
-            at = ",".join(f"{value:g}" for value in mesh.coordinates[members][0])
-            raise InputError(
-                f"case '{case.name}': key 'supports': the body at {at} can still move or turn as "
-                "a whole, expected it to be held"
-            )
-
-
-def _select(case: Case, key: str, region: Region, mesh: Mesh) -> NDArray[np.bool_]:
-    """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none."""
-    try:
-        facets = boundary_facets(mesh.cells, mesh.cell_type) if region.boundary else None
-        nodes = region.select(mesh.coordinates, mesh.groups, facets)
-    except ValueError as error:
-        raise InputError(f"case '{case.name}': key '{key}': {error}") from None
-    if not nodes.any():
-        raise InputError(f"case '{case.name}': key '{key}': no node of the mesh lies there")
-    return nodes
-
-
-def loose_nodes(mesh: Mesh, clamped: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Find the nodes from which no path of cells leads to a clamped node.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    clamped : array of bool, (n_nodes,)
-
-    Returns
-    -------
-    array of int, (n_loose,)
-        Node numbers, ascending.
-    """
-    part = parts_of(mesh)
-    return np.flatnonzero(~np.isin(part, part[clamped]))
-
-
-def parts_of(mesh: Mesh) -> NDArray[np.int64]:
-    """Number of the connected part of the mesh that each node belongs to, (n_nodes,)."""
-    first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
-    count = len(mesh.coordinates)
-    edges = coo_array((np.ones(first.size), (first, mesh.cells.ravel())), shape=(count, count))
-    _, part = connected_components(edges, directed=False)
-    return np.asarray(part, dtype=np.int64)
+    return Body(case, mesh, body.held, body.parts, body.loads, problem)

@@ -7,20 +7,27 @@ import platform
 from datagen import __version__
 
 
-def software_versions() -> dict[str, str]:
-    """Versions by name of software, as the manifest stores them."""
-    import dolfinx
+def software_versions(solved: bool = True) -> dict[str, str]:
+    """Versions by name of software, as the manifest stores them; solvers only if they were used."""
     import gmsh
     import h5py
     import numpy as np
-    from petsc4py import PETSc
 
     return {
         "datagen": __version__,
         "python": platform.python_version(),
-        "dolfinx": dolfinx.__version__,
-        "petsc": ".".join(str(part) for part in PETSc.Sys.getVersion()),
+        **(_solvers() if solved else {}),
         "gmsh": gmsh.GMSH_API_VERSION,
         "h5py": h5py.__version__,
         "numpy": np.__version__,
+    }
+
+
+def _solvers() -> dict[str, str]:
+    import dolfinx
+    from petsc4py import PETSc
+
+    return {
+        "dolfinx": dolfinx.__version__,
+        "petsc": ".".join(str(part) for part in PETSc.Sys.getVersion()),
     }

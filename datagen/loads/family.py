@@ -48,7 +48,15 @@ def ascending(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def numbers(value: tuple[int, int]) -> tuple[int, int]:
+    """Return (fewest, most); ValueError unless 1 ≤ fewest ≤ most."""
+    if not 1 <= value[0] <= value[1] <= 10**9:
+        raise ValueError("expected [fewest, most] with 1 <= fewest <= most")
+    return value
+
+
 ForceRange = Annotated[tuple[Magnitude, Magnitude], AfterValidator(ascending)]
+CountRange = Annotated[tuple[int, int], AfterValidator(numbers)]
 
 
 @dataclass(frozen=True)
@@ -219,7 +227,7 @@ def load_family(content: dict[str, Any], folder: Path | None = None) -> LoadFami
             )
         content = {**content, "family_sha256": digest}
     try:
-        built: LoadFamily = family.model_validate(content)
+        built: LoadFamily = family.model_validate(content, context=folder)
     except ValidationError as error:
         raise ValueError(f"{first_problem(error)} (load family '{name}')") from None
     return built

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from pydantic import field_validator
-
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.loads.family import (
+    CountRange,
+    ForceRange,
+    LoadableNodes,
+    LoadCase,
+    LoadFamily,
+    generator,
+)
 
 
 class RandomNodes(LoadFamily):
@@ -19,14 +24,7 @@ class RandomNodes(LoadFamily):
     """
 
     range: ForceRange
-    count: tuple[int, int] = (2, 5)
-
-    @field_validator("count")
-    @classmethod
-    def _is_interval(cls, value: tuple[int, int]) -> tuple[int, int]:
-        if not 1 <= value[0] <= value[1] <= 10**9:
-            raise ValueError("expected [fewest, most] with 1 <= fewest <= most")
-        return value
+    count: CountRange = (2, 5)
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError if a sample can need more nodes than the region has."""

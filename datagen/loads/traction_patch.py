@@ -1,4 +1,4 @@
-r"""A smooth patch of traction at a random place of the boundary, as consistent nodal forces.
+r"""Smooth patches of traction at random places of the boundary, as consistent nodal forces.
 
 .. math:: t(x) = \bar t \, \Big(1 - \frac{|x - c|^2}{R^2}\Big)^2 \text{ for } |x - c| < R,
    \text{ else } 0, \qquad f_a = \int_{Γ} N_a \, t \, dS
@@ -13,8 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, field_validator
 
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from datagen.loads.family import (
+    CountRange,
+    ForceRange,
+    LoadableNodes,
+    LoadCase,
+    LoadFamily,
+    ascending,
+    generator,
+)
 from datagen.mesh.regions import Region
 from datagen.quantities import Size
 from shared_schema.common.bodies.cells import boundary_facets
@@ -63,7 +72,7 @@ class Surface:
 
 
 class TractionPatch(LoadFamily):
-    """A dead traction that falls smoothly from its centre to zero at some radius.
+    """Dead tractions that fall smoothly from their centres to zero at some radius.
 
     Attributes
     ----------
@@ -71,35 +80,57 @@ class TractionPatch(LoadFamily):
         The whole surface by default.
     range : tuple of 2 floats
         (low, high) of each component of the largest traction, in Pa.
-    radius : float
-        R in m.
+    radius : float or tuple of 2 floats
+        R in m, or (low, high) that the R of every patch is drawn from.
+    count : tuple of 2 ints
+        Smallest and largest number of patches of a sample; the number is drawn uniformly.
     """
 
     region: Region = Region(boundary=True)
     range: ForceRange
-    radius: Size
+    radius: Size | tuple[Size, Size]
+    count: CountRange = Field((1, 1), exclude_if=lambda count: count == (1, 1))
+
+    @field_validator("radius")
+    @classmethod
+    def _ascends(cls, value: float | tuple[float, float]) -> float | tuple[float, float]:
+        return ascending(value) if isinstance(value, tuple) else value
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Smallest and largest radius, in m."""
+        return self.radius if isinstance(self.radius, tuple) else (self.radius, self.radius)
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless a patch about any node of the region bears a force."""
         surface = Surface.of(loadable)
         for centre in loadable.coordinates[loadable.nodes]:
-            if not surface.weights(centre, self.radius).any():
+            if not surface.weights(centre, self.radii[0]).any():
                 at = ",".join(f"{x:g}" for x in centre)
                 raise ValueError(
-                    f"key 'radius' = {self.radius:g}: a patch about the node at {at} reaches no "
+                    f"key 'radius' = {self.radius}: a patch about the node at {at} reaches no "
                     "quadrature point of a facet of the region"
                 )
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Draw the centre and the traction, and convert the traction to nodal forces."""
-        random = generator(seed, number)
-        centre = loadable.coordinates[loadable.nodes[random.integers(len(loadable))]]
-        traction = random.uniform(*self.range, size=loadable.dimension)
-        weights = Surface.of(loadable).weights(centre, self.radius)
-        nodes = np.flatnonzero(weights)
-        return LoadCase(nodes, np.outer(weights[nodes], traction))
+        """Draw the number of patches; of each its centre, traction and radius; and add them."""
+        random, surface = generator(seed, number), Surface.of(loadable)
+        (fewest, most), (smallest, largest) = self.count, self.radii
+        patches = fewest if fewest == most else int(random.integers(fewest, most + 1))
+        forces = np.zeros(loadable.coordinates.shape)
+        for _ in range(patches):
+            centre = loadable.coordinates[loadable.nodes[random.integers(len(loadable))]]
+            traction = random.uniform(*self.range, size=loadable.dimension)
+            radius = smallest if smallest == largest else random.uniform(smallest, largest)
+            forces += np.outer(surface.weights(centre, radius), traction)
+        nodes = np.flatnonzero(forces.any(axis=1))
+        return LoadCase(nodes, forces[nodes])
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
-        """Largest number of nodes under a patch about any node of the region."""
+        """Most nodes that as many of the largest patches, about any nodes of the region, can load.
+
+        They are no more than the nodes of the region.
+        """
         surface, centres = Surface.of(loadable), loadable.coordinates[loadable.nodes]
-        return max(int(np.count_nonzero(surface.weights(c, self.radius))) for c in centres)
+        under = max(int(np.count_nonzero(surface.weights(c, self.radii[1]))) for c in centres)
+        return min(self.count[1] * under, len(np.unique(surface.facets)))

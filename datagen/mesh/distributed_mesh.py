@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,40 +19,16 @@ from shared_schema.common.errors import InputError
 
 
 @dataclass(frozen=True)
-class Mesh:
-    """A mesh in two forms: distributed by dolfinx, and as the whole arrays of the dataset.
+class Mesh(RawMesh):
+    """A mesh in two forms: distributed by dolfinx, and as whole arrays, the same on every rank.
 
     Attributes
     ----------
     domain : dolfinx.mesh.Mesh
         Distributed over the ranks of its communicator.
-    coordinates : array, (n_nodes, d)
-        All nodes by node number, in m; the same on every rank.
-    cells : array of int, (n_cells, n_corners)
-        Node numbers of every cell, in VTK order; the same on every rank.
-    cell_type : str
-        meshio's name: quad, triangle, hexahedron or tetra.
-    groups : mapping of str to array of int
-        Node numbers of every named group; the same on every rank.
-    cell_groups : mapping of str to array of int
-        Cell numbers of every named group of cells; the same on every rank.
     """
 
-    domain: Any
-    coordinates: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    cell_type: str
-    groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
-    cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
-
-    @property
-    def node_sets(self) -> dict[str, NDArray[np.bool_]]:
-        """Nodes of every named group, (n_nodes,) each."""
-        sets = {}
-        for name, members in self.groups.items():
-            sets[name] = np.zeros(len(self.coordinates), dtype=bool)
-            sets[name][members] = True
-        return sets
+    domain: Any = field(kw_only=True)
 
     def of_local_cells(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the cells of this rank, ghosts included, from those of all cells."""
@@ -101,4 +76,5 @@ def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes
     domain = create_mesh(comm, raw.cells[here][:, to_dolfinx], cell, raw.coordinates[here])
-    return Mesh(domain, raw.coordinates, raw.cells, raw.cell_type, raw.groups, raw.cell_groups)
+    whole = raw.coordinates, raw.cells, raw.cell_type, raw.groups, raw.cell_groups, raw.places
+    return Mesh(*whole, domain=domain)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,20 @@ MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron"
 
 
 @contextmanager
-def gmsh_session() -> Iterator[Any]:
+def gmsh_session(parameters: Mapping[str, float] = MappingProxyType({})) -> Iterator[Any]:
     """Start gmsh without output, yield its module, and finalize it afterwards.
 
     gmsh has one session in a process, so sessions must not be nested.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Constants that take the place of those of a script's ``DefineConstant``.
     """
     import gmsh
 
-    gmsh.initialize()
+    pairs = [("-setnumber", name, repr(value)) for name, value in parameters.items()]
+    gmsh.initialize(["gmsh", *(text for pair in pairs for text in pair)])
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("mesh")

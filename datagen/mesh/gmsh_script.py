@@ -21,6 +21,9 @@ IN_CODE = (
     re.compile(r"(')"),  # the other kind of string, in which quotation marks may stand
 )
 SKIPPED = re.compile(r"/\*.*?\*/|//[^\n]*|\"[^\"\n]*\"", re.DOTALL)  # comments and strings
+CONSTANTS = re.compile(r"\bDefineConstant\s*\[(.*?)\]\s*;", re.DOTALL)
+BRACES = re.compile(r"\{[^{}]*\}")
+NAMED = re.compile(r"(?:^|,)\s*([A-Za-z_]\w*)\s*(?:=|,|$)")
 MESH = (b"$MeshFormat", b"$NOD", b"$Comments")  # beginnings of files that gmsh reads as a mesh
 
 
@@ -38,7 +41,7 @@ def require_harmless(path: Path) -> None:
             raise ValueError("expected a mesh, which begins with '$MeshFormat'")
         return
     text = content.decode("latin-1")
-    code = SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)
+    code = _code(text)
     for pattern, where in ((ANYWHERE, text), *((pattern, code) for pattern in IN_CODE)):
         found = pattern.search(where)
         if found:
@@ -47,3 +50,16 @@ def require_harmless(path: Path) -> None:
                 f"line {line}: {found[0].strip()!r} can run programs, write or read other files or "
                 "ask questions, expected commands that make a mesh; --trust allows all"
             )
+
+
+def constants_of(path: Path) -> set[str]:
+    """Names of the constants that a ``.geo`` file defines by ``DefineConstant[name = …];``."""
+    names: set[str] = set()
+    for block in CONSTANTS.findall(_code(path.read_bytes().decode("latin-1"))):
+        names |= set(NAMED.findall(BRACES.sub(" ", block)))
+    return names
+
+
+def _code(text: str) -> str:
+    """Text of a script without comments and strings, in the same lines."""
+    return SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)

@@ -6,20 +6,22 @@ crash, exit or ask a question) without ending this one.
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from datagen.mesh.cad_file import is_cad, mesh_of_cad
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
-from datagen.mesh.gmsh_script import require_harmless
+from datagen.mesh.gmsh_script import constants_of, require_harmless
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
 from datagen.quantities import Size
@@ -28,6 +30,7 @@ from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError, first_line
 
 OF_GMSH = (".geo", ".msh")
+Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
 UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong
 
 
@@ -49,6 +52,9 @@ class MeshFile(Frozen):
     scale : float
         Factor on all coordinates of the file, such as 0.001 from mm to m. The lengths of the other
         kinds stand in the case itself.
+    parameters : mapping of str to float
+        Values of constants that a gmsh script defines by ``DefineConstant``, of such a script only:
+        each set of values is another shape of one family.
     """
 
     kind: Literal["file"]
@@ -56,6 +62,7 @@ class MeshFile(Frozen):
     size: Size | None = Field(None, exclude_if=absent)
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
+    parameters: dict[str, Parameter] = Field({}, exclude_if=lambda parameters: not parameters)
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
@@ -63,6 +70,12 @@ class MeshFile(Frozen):
         if is_cad(self.path) != (self.size is not None):
             expected = "that of the cells in m" if is_cad(self.path) else "none, it is no CAD file"
             raise ValueError(f"'size' of '{self.path}': expected {expected}")
+        return self
+
+    @model_validator(mode="after")
+    def _has_parameters_of_a_script(self) -> MeshFile:
+        if self.parameters and Path(self.path).suffix != ".geo":
+            raise ValueError(f"'parameters' of '{self.path}': expected none, it is no gmsh script")
         return self
 
     def found_from(self, folder: Path, trust: bool = False) -> MeshFile:
@@ -89,6 +102,13 @@ class MeshFile(Frozen):
                 require_harmless(path)
             except (ValueError, OSError) as error:
                 raise InputError(f"key 'mesh.path' = '{self.path}': {error}") from None
+        for name in self.parameters:
+            if name not in (known := constants_of(path)):
+                defined = f"defines {', '.join(sorted(known))}" if known else "defines no constant"
+                raise InputError(
+                    f"key 'mesh.parameters.{name}': '{self.path}' {defined}, expected a constant "
+                    "of its DefineConstant"
+                )
         digest = sha256(path)
         if self.sha256 not in (None, digest):
             raise InputError(f"key 'mesh.sha256' = {self.sha256!r}: {path} has {digest}")
@@ -106,10 +126,11 @@ class MeshFile(Frozen):
             `overlap_problem`).
         """
         path = self._folder / self.path
+        options = json.dumps({"size": self.size, "parameters": self.parameters})
         with TemporaryDirectory() as folder:
             result = Path(folder) / "mesh.npz"
             done = subprocess.run(
-                [sys.executable, "-m", __name__, str(path.absolute()), str(result), str(self.size)],
+                [sys.executable, "-m", __name__, str(path.absolute()), str(result), options],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 text=True,
@@ -129,13 +150,13 @@ def _ending(code: int) -> str:
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
-def main(path: Path, result: Path, size: str) -> int:
+def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, float]) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        if is_cad(path):
-            mesh = mesh_of_cad(path, float(size))
+        if size is not None:
+            mesh = mesh_of_cad(path, size)
         else:
-            mesh = _by_gmsh(path) if path.suffix in OF_GMSH else _by_meshio(path)
+            mesh = _by_gmsh(path, parameters) if path.suffix in OF_GMSH else _by_meshio(path)
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
@@ -146,13 +167,13 @@ def main(path: Path, result: Path, size: str) -> int:
     return 0
 
 
-def _by_gmsh(path: Path) -> RawMesh:
+def _by_gmsh(path: Path, parameters: Mapping[str, float]) -> RawMesh:
     """Open a file in gmsh, and generate its mesh unless it holds one."""
     if path.suffix == ".geo" and not path.read_bytes().endswith(b"\n"):
         raise ValueError(
             "expected a line feed at the end, gmsh leaves out what stands after the last"
         )
-    with gmsh_session() as gmsh:
+    with gmsh_session(parameters) as gmsh:
         gmsh.open(str(path))
         if len(gmsh.model.mesh.getElements()[0]) == 0:
             gmsh.model.mesh.generate(gmsh.model.getDimension())
@@ -182,4 +203,4 @@ def _by_meshio(path: Path) -> RawMesh:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]))
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), **json.loads(sys.argv[3])))

@@ -33,6 +33,8 @@ class RawMesh:
         Node numbers of every named group.
     cell_groups : mapping of str to array of int
         Cell numbers of every named group of cells.
+    places : array of int, (n_nodes,), optional
+        Place of every node in the file that the mesh is from, from 0, ascending.
     """
 
     coordinates: NDArray[np.float64]
@@ -40,12 +42,24 @@ class RawMesh:
     cell_type: str
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    places: NDArray[np.int64] | None = None
+
+    @property
+    def node_sets(self) -> dict[str, NDArray[np.bool_]]:
+        """Nodes of every named group, (n_nodes,) each."""
+        sets = {}
+        for name, members in self.groups.items():
+            sets[name] = np.zeros(len(self.coordinates), dtype=bool)
+            sets[name][members] = True
+        return sets
 
 
 def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
     """Write a mesh to an ``.npz`` file, its groups as ``group:NAME`` and ``cells:NAME``."""
     groups = {f"group:{name}": members for name, members in mesh.groups.items()}
     groups |= {f"cells:{name}": members for name, members in mesh.cell_groups.items()}
+    if mesh.places is not None:
+        groups["places"] = mesh.places
     np.savez(
         path,
         coordinates=mesh.coordinates,
@@ -61,7 +75,8 @@ def read_raw_mesh(path: Path) -> RawMesh:
         groups = _named(file, "group:")
         cell_groups = _named(file, "cells:")
         cell_type = str(file["cell_type"])
-        return RawMesh(file["coordinates"], file["cells"], cell_type, groups, cell_groups)
+        places = file.get("places")
+        return RawMesh(file["coordinates"], file["cells"], cell_type, groups, cell_groups, places)
 
 
 def _named(file: Mapping[str, NDArray[np.int64]], kind: str) -> dict[str, NDArray[np.int64]]:
@@ -120,7 +135,7 @@ def raw_mesh(
     }
     of_cells = _cell_groups(blocks, cell_sets, name)
     positions = np.ascontiguousarray(coordinates[:, :dimension])
-    mesh = RawMesh(positions, number[cells], name, numbered, of_cells)
+    mesh = RawMesh(positions, number[cells], name, numbered, of_cells, used)
     _require_regular(mesh)
     problem = conformity_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
     if problem is not None:

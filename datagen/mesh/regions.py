@@ -1,6 +1,7 @@
-"""Regions select nodes by coordinates, by a named group, or as those of the surface.
+"""Regions select nodes by coordinates, named groups or numbers, or as those of the surface.
 
-Examples are ``{x: "> 0", y: 1}``, ``{group: name}`` and ``{boundary: true, x: "> 0"}``.
+Examples are ``{x: "> 0", y: 1}``, ``{group: name}``, ``{nodes: clamped.txt, nodes_from: 1}`` and
+``{boundary: true, x: "> 0"}``.
 """
 
 from __future__ import annotations
@@ -9,12 +10,15 @@ import math
 import operator
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from datagen.mesh.node_list import numbered_nodes, read_node_list, require_different
 from shared_schema.common.configuration import Frozen, absent
 
 AXES = ("x", "y", "z")
@@ -25,6 +29,7 @@ COMPARISONS = {
     "<=": operator.le,
 }
 CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
+NodeNumbers = tuple[Annotated[int, Field(ge=0, lt=2**62)], ...]
 RELATIVE_TOLERANCE = 1e-6  # of the longest side of the mesh's bounding box
 
 
@@ -35,6 +40,11 @@ class Region(Frozen):
     ----------
     group : str or None
         Name of a group of the mesh: a physical group of gmsh, or a node or element set.
+    nodes : tuple of int, optional
+        Numbers of nodes in the file of the mesh, or the path of a text file of them, relative to
+        the case file.
+    nodes_from : 0 or 1, optional
+        Number of the first node of the mesh; expected with `nodes`.
     boundary : bool
         Only nodes of the surface: those of facets that belong to one cell.
     x, y, z : float, str or None
@@ -43,10 +53,31 @@ class Region(Frozen):
     """
 
     group: str | None = Field(None, exclude_if=absent)
+    nodes: NodeNumbers | None = Field(None, exclude_if=absent)
+    nodes_from: Literal[0, 1] | None = Field(None, exclude_if=absent)
     boundary: bool = Field(False, exclude_if=lambda boundary: not boundary)
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
+
+    @field_validator("nodes", mode="before", json_schema_input_type=NodeNumbers | str | None)
+    @classmethod
+    def _are_read(cls, value: Any, info: ValidationInfo) -> Any:
+        """Read a file of numbers; the context is the folder of a case file."""
+        if isinstance(value, str) and isinstance(info.context, Path):
+            value = read_node_list(info.context / value)
+        if isinstance(value, tuple) and all(isinstance(number, int) for number in value):
+            require_different(value)
+        return value
+
+    @model_validator(mode="after")
+    def _says_the_first_number(self) -> Region:
+        if (self.nodes is None) != (self.nodes_from is None):
+            raise ValueError(
+                "expected 'nodes', and 'nodes_from' = 0 or 1, the number of the first node of the "
+                "mesh, both or neither"
+            )
+        return self
 
     @field_validator("x", "y", "z")
     @classmethod
@@ -60,6 +91,7 @@ class Region(Frozen):
         coordinates: NDArray[np.float64],
         groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
         facets: NDArray[np.int64] | None = None,
+        places: NDArray[np.int64] | None = None,
     ) -> NDArray[np.bool_]:
         """Select the nodes of the region.
 
@@ -71,6 +103,8 @@ class Region(Frozen):
             Node numbers of every named group of the mesh.
         facets : array of int, (n_facets, n_corners), optional
             Node numbers of every facet of the surface; `boundary` needs them.
+        places : array of int, (n_nodes,), optional
+            Place of every node in the file of the mesh, from 0; all nodes in turn by default.
 
         Returns
         -------
@@ -80,7 +114,7 @@ class Region(Frozen):
         Raises
         ------
         ValueError
-            If the mesh has no such group, or `boundary` has no facets to look at.
+            If the mesh has no such group or node, or `boundary` has no facets to look at.
         """
         tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
         inside = np.ones(len(coordinates), dtype=bool)
@@ -90,6 +124,12 @@ class Region(Frozen):
                 raise ValueError(f"group '{self.group}': the mesh has {named}")
             inside[:] = False
             inside[groups[self.group]] = True
+        if self.nodes is not None:
+            assert self.nodes_from is not None
+            places = np.arange(len(coordinates)) if places is None else places
+            listed = np.zeros(len(coordinates), dtype=bool)
+            listed[numbered_nodes(self.nodes, self.nodes_from, places)] = True
+            inside &= listed
         if self.boundary:
             if facets is None:
                 raise ValueError("boundary: the facets of the surface are not known")

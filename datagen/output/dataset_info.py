@@ -138,13 +138,11 @@ def _structured(manifest: Manifest) -> list[Row]:
             ("grid", f"{shape}, embedded on the mesh"),
             ("to the grid and back", f"{mean:.2%} in the mean, {largest:.2%} at most"),
         ]
+    std = ", ".join(f"{s:.4g}" for s in structured.displacement.std) + f" {units.length}"
     return [
         *grid,
         ("split", f"{structured.train} train, {structured.test} test"),
-        (
-            "std of displacement",
-            ", ".join(f"{s:.4g}" for s in structured.displacement.std) + f" {units.length}",
-        ),
+        *([("std of displacement", std)] if manifest.samples else []),
         ("source digest", structured.source_digest),
     ]
 

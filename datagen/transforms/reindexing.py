@@ -22,6 +22,7 @@ from datagen.transforms.grid_choice import (
     require_grid_memory,
     round_trip_errors,
 )
+from datagen.transforms.running_statistics import RunningStatistics
 from shared_schema.checker import require_intact
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
@@ -34,7 +35,6 @@ from shared_schema.grid import Grid, grid_arrays
 from shared_schema.layout import Arrays
 from shared_schema.manifest import (
     MANIFEST,
-    ComponentStatistics,
     EmbeddingInfo,
     Manifest,
     NodeOrder,
@@ -322,31 +322,3 @@ def nodal_forces_of(nodal: Arrays) -> NDArray[np.float64]:
     """Force at every node, (N, n_nodes, d) in N, from the loaded nodes of a shard's samples."""
     nodes, loads = nodal["samples/loaded_nodes"], nodal["samples/force"]
     return scatter_forces(nodes, loads, len(nodal["mesh/coordinates"]))
-
-
-class RunningStatistics:
-    """Mean, standard deviation and largest magnitude of each component, shard by shard."""
-
-    def __init__(self) -> None:
-        self._count = 0
-        self._sum: Any = 0.0
-        self._squares: Any = 0.0
-        self._max: Any = 0.0
-
-    def add(self, values: NDArray[np.float32]) -> None:
-        """Add values of shape (N, d, n_nodes)."""
-        if values.size == 0:
-            return
-        exact = values.astype(np.float64)
-        self._count += exact.shape[0] * exact.shape[2]
-        self._sum = self._sum + exact.sum(axis=(0, 2))
-        self._squares = self._squares + (exact**2).sum(axis=(0, 2))
-        self._max = np.maximum(self._max, np.abs(exact).max(axis=(0, 2)))
-
-    def result(self) -> ComponentStatistics:
-        """Statistics of all values so far."""
-        mean = self._sum / self._count
-        std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
-        return ComponentStatistics(
-            mean=tuple(mean.tolist()), std=tuple(std.tolist()), max_abs=tuple(self._max.tolist())
-        )

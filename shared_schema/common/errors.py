@@ -6,7 +6,8 @@ code    meaning
 0       done
 1       the work failed, with the reason (a load case without equilibrium, say)
 2       the input is wrong: one line with the key, the value and what was expected
-3       the work is done, and its result is not certified (`surrogate predict --certify`)
+3       the work is done, and its result is not certified (`surrogate predict --certify`), or not
+        within the tolerance that was asked for
 ======  ==========================================================================
 """
 

@@ -81,7 +81,7 @@ def distorted(mesh: Mesh, size: NDArray[np.float64], amount: float) -> Mesh:
     coordinates = np.where(inner[:, None], mesh.coordinates + moves, mesh.coordinates)
     numbers = np.asarray(mesh.domain.geometry.input_global_indices)
     mesh.domain.geometry.x[:, : len(size)] = coordinates[numbers]
-    return Mesh(mesh.domain, coordinates, mesh.cells, mesh.cell_type)
+    return Mesh(coordinates, mesh.cells, mesh.cell_type, domain=mesh.domain)
 
 
 @pytest.fixture

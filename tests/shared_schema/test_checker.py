@@ -46,10 +46,13 @@ def test_truncated_shard(nodal: Path, kept: int) -> None:
     assert_only_problem(nodal, SHARD, "HDF5", "empty" if kept == 0 else "")
 
 
-def test_missing_folder_and_missing_manifest(nodal: Path) -> None:
-    assert_only_problem(nodal / "nowhere", "no such dataset")
+def test_what_is_no_dataset_is_refused(nodal: Path) -> None:
+    """As by all that reads datasets; what a dataset has wrong is listed."""
+    with pytest.raises(InputError, match="nowhere: no such dataset"):
+        check_dataset(nodal / "nowhere")
     (nodal / "manifest.json").unlink()
-    assert_only_problem(nodal, "manifest.json")
+    with pytest.raises(InputError, match=r"no manifest\.json in it"):
+        check_dataset(nodal)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2", '{"kind": nodal}', "é"])

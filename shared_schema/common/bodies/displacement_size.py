@@ -6,10 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 SMALLEST, LARGEST = 1e-5, 1.5  # of the longest side of the body
+UNITS = (
+    "are the units consistent? A mesh in mm needs stresses in MPa, or 'mesh.scale: 0.001' beside "
+    "stresses in Pa"
+)
 
 
 def size_warning(
-    displacement: NDArray[np.float64], coordinates: NDArray[np.float64], what: str
+    displacement: NDArray[np.float64],
+    coordinates: NDArray[np.float64],
+    what: str,
+    advice: str = UNITS,
 ) -> str | None:
     """Say how large displacements are for the body, if that is unusual.
 
@@ -23,6 +30,8 @@ def size_warning(
         In the same unit.
     what : str
         Subject of the sentence, such as "the largest displacement".
+    advice : str
+        End of the sentence.
     """
     fields = displacement.reshape(-1, *coordinates.shape)
     if not fields.any():
@@ -33,7 +42,4 @@ def size_warning(
     if largest >= SMALLEST and not usual > LARGEST:
         return None
     found = largest if largest < SMALLEST else usual
-    return (
-        f"{what} is {found:.2g} of the body's size, {size:.4g}; are the units consistent? A mesh "
-        "in mm needs stresses in MPa, or 'mesh.scale: 0.001' beside stresses in Pa"
-    )
+    return f"{what} is {found:.2g} of the body's size, {size:.4g}; {advice}"

@@ -97,7 +97,7 @@ def assert_completed(folder: Path, whole: Path, kept: dict[str, int]) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [0, 2])
+@pytest.mark.parametrize("ranks", [2])
 def test_a_full_disk(make_disk: DiskMaker, case_file: Path, whole: Path, ranks: int) -> None:
     """1 MiB holds 22 shards at most; in 16 MiB the same command ends what was begun."""
     disk = make_disk("size=1m")
@@ -123,7 +123,6 @@ def test_a_full_disk(make_disk: DiskMaker, case_file: Path, whole: Path, ranks: 
     [
         (3, ".journal/case.json", 0),
         (7, ".journal/shard-00001.json", 1),
-        (64, "stiffness.h5", 30),
         (65, "manifest.json", 30),
     ],
 )

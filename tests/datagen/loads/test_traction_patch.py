@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from datagen.loads.traction_patch import Surface
 from shared_schema.common.bodies.facet_quadrature import facet_points
 from tests.datagen.loads.places import family, place
 
@@ -88,3 +89,34 @@ def test_a_radius_that_reaches_nothing_is_refused() -> None:
     with pytest.raises(ValueError, match=r"key 'radius' = 0.01: a patch about the node at"):
         family("traction_patch", range=[-1, 1], radius=0.01).check(loadable)
     family("traction_patch", range=[-1, 1], radius=0.2).check(loadable)
+
+
+def test_several_patches_of_random_radius() -> None:
+    """The forces are the sum of single patches, drawn in turn: centre, traction, radius."""
+    loadable = place({"y": 1, "x": "> 0"}, (32, 4))
+    several = family("traction_patch", range=[-2, 2], radius=[0.3, 0.7], count=[1, 3])
+    several.check(loadable)
+    counts = set()
+    for number in range(20):
+        random = np.random.default_rng([7, number])
+        patches = random.integers(1, 4)
+        counts.add(int(patches))
+        expected = np.zeros(loadable.coordinates.shape)
+        for _ in range(patches):
+            centre = loadable.coordinates[loadable.nodes[random.integers(len(loadable))]]
+            traction, radius = random.uniform(-2, 2, size=2), random.uniform(0.3, 0.7)
+            expected += np.outer(Surface.of(loadable).weights(centre, radius), traction)
+        load = several.draw(number, 7, loadable)
+        assert len(load.nodes) <= several.loads_per_sample(loadable)
+        np.testing.assert_allclose(load.forces, expected[load.nodes], rtol=1e-13)
+        assert not np.delete(expected, load.nodes, axis=0).any()
+    assert counts == {1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [({"radius": [0.7, 0.3]}, "low < high"), ({"radius": 0.5, "count": [0, 2]}, "1 <= fewest")],
+)
+def test_wrong_radius_and_count(keys: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        family("traction_patch", range=[-1, 1], **keys)

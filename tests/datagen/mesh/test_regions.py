@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -82,3 +83,60 @@ def test_unused_keys_are_not_part_of_a_case() -> None:
     """Cases of before keep their digest."""
     assert Region(x="> 0").model_dump() == {"x": "> 0", "y": None, "z": None}
     assert Region(boundary=True).model_dump()["boundary"] is True
+
+
+def test_node_numbers(tmp_path: Path) -> None:
+    """Numbers of the mesh's file, from 0 or 1; its third point belongs to no cell."""
+    places = np.array([0, 1, 3, 4, 5, 6])
+    from_zero = Region(nodes=(5, 0, 3), nodes_from=0)
+    assert np.flatnonzero(from_zero.select(GRID, places=places)).tolist() == [0, 2, 4]
+    from_one = Region(nodes=(6, 1, 4), nodes_from=1, x="> 0")
+    assert np.flatnonzero(from_one.select(GRID, places=places)).tolist() == [2, 4]
+    file = tmp_path / "held.txt"
+    file.write_text("# from 1\n6, 1\n4  # the last\n")
+    read = Region.model_validate({"nodes": "held.txt", "nodes_from": 1}, context=tmp_path)
+    assert read.nodes == (6, 1, 4)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "first", "said"),
+    [
+        ((8,), 1, "node 8: expected 1 to 7"),
+        ((0,), 1, "node 0: expected 1 to 7"),
+        ((3,), 1, "node 3: belongs to no cell"),
+        ((2,), 0, "node 2: belongs to no cell"),
+    ],
+)
+def test_numbers_of_no_node(nodes: tuple[int, ...], first: Any, said: str) -> None:
+    region = Region(nodes=nodes, nodes_from=first)
+    with pytest.raises(ValueError, match=said):
+        region.select(GRID, places=np.array([0, 1, 3, 4, 5, 6]))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"nodes": (1, 2, 1), "nodes_from": 0}, "node 1 stands there twice"),
+        ({"nodes": (), "nodes_from": 0}, "expected one node at least"),
+        ({"nodes": (1, 2)}, "expected 'nodes', and 'nodes_from' = 0 or 1"),
+        ({"nodes_from": 1}, "expected 'nodes', and 'nodes_from' = 0 or 1"),
+        ({"nodes": (-1,), "nodes_from": 0}, "greater than or equal to 0"),
+        ({"nodes": (1.5,), "nodes_from": 0}, "integer"),
+        ({"nodes": (1,), "nodes_from": 2}, "0 or 1"),
+        ({"nodes": "missing.txt", "nodes_from": 0}, "no such file"),
+        ({"nodes": "words.txt", "nodes_from": 0}, "'one' in .*words.txt, expected whole numbers"),
+        ({"nodes": "empty.txt", "nodes_from": 0}, "expected one node at least"),
+        ({"nodes": "../words.bin", "nodes_from": 0}, "no such file"),
+    ],
+)
+def test_wrong_node_lists(content: dict[str, Any], said: str, tmp_path: Path) -> None:
+    (tmp_path / "words.txt").write_text("1\none\n")
+    (tmp_path / "empty.txt").write_text("# nothing\n")
+    with pytest.raises(ValidationError, match=said):
+        Region.model_validate(content, context=tmp_path)
+
+
+def test_no_file_is_read_for_a_dataset() -> None:
+    """A dataset holds the numbers themselves."""
+    with pytest.raises(ValidationError, match="nodes"):
+        Region.model_validate({"nodes": "held.txt", "nodes_from": 1})

@@ -148,14 +148,13 @@ def test_all_elements_agree_where_none_locks(simplices: bool) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", BENT)
 @pytest.mark.parametrize(
-    ("element", "simplices", "cells_across"),
+    ("element", "simplices", "cells_across", "ratio"),
     [
-        ("incompressible", False, 4),
-        ("incompressible", True, 2),
-        ("quadratic", False, 3),
-        ("quadratic", True, 4),
+        ("incompressible", False, 4, 0.49),
+        ("incompressible", True, 2, 0.49),
+        ("quadratic", False, 3, 0.45),
+        ("quadratic", True, 4, 0.49),
     ],
 )
 def test_bent_beam(element: Element, simplices: bool, cells_across: int, ratio: float) -> None:
