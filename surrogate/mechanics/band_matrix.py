@@ -23,13 +23,12 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
 
-from shared_schema.common.errors import InputError
 from surrogate.mechanics.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]  # in single or double precision
-MOST = 2**27  # entries of a band: 1 GB
-MANY = 16  # right-hand sides, or diagonals, from which on blocks are faster; half in single
+MANY, WIDE = 4, 16  # right-hand sides, and diagonals, from which on blocks are faster
+BLOCK = 128  # columns of a block
 
 
 class BandLayout:
@@ -40,42 +39,37 @@ class BandLayout:
     coordinates : array, (n_nodes, d)
         In m.
     cells : array of int, (n_cells, n_corners)
-    held : array of bool, (n_nodes, d)
-        Components that are no degrees of freedom.
+    held : array of bool, (n_nodes, m)
+        Components that are no degrees of freedom; m is d for displacements, 1 for scalars.
 
     Attributes
     ----------
     dofs : array of int, (n,)
-        Free degrees of freedom, node · d + component, in the order of the band.
+        Free degrees of freedom, node · m + component, in the order of the band.
     width : int
         Number b of diagonals below the main one.
-
-    Raises
-    ------
-    InputError
-        If a band would take more than 1 GB.
     """
 
     def __init__(
         self, coordinates: Array, cells: NDArray[np.int64], held: NDArray[np.bool_]
     ) -> None:
-        d = coordinates.shape[1]
+        d = held.shape[1]
         free = np.flatnonzero(~held.all(axis=1))
         order, distance = _narrow_order(coordinates, cells, free)
         dofs = (order[:, None] * d + np.arange(d)).ravel()
         self.dofs = dofs[~held.ravel()[dofs]]
         self.width = distance * d + d - 1
-        if len(self.dofs) * (self.width + 1) > MOST:
-            raise InputError(
-                f"the body has {len(self.dofs)} degrees of freedom in a band of {self.width}, "
-                f"expected a band of at most {MOST} entries"
-            )
-        self._dimension, self._place = d, np.full(coordinates.size, -1)
+        self._dimension, self._place = d, np.full(held.size, -1)
         self._place[self.dofs] = np.arange(len(self.dofs))
         row, column = self._rows_and_columns(cells)
         kept = (column >= 0) & (row >= column)
         self._kept = torch.from_numpy(np.flatnonzero(kept))
         self._places = torch.from_numpy((column * self.width + row)[kept])  # column-wise storage
+
+    @property
+    def entries(self) -> int:
+        """Number of entries of a band."""
+        return len(self.dofs) * (self.width + 1)
 
     def assembled(self, cell_matrices: Tensor) -> Array:
         """Add cell matrices (N, n_cells, m, m) into bands (N, n, b + 1), column by column.
@@ -103,8 +97,8 @@ class BandLayout:
         np.add.at(full, (column[kept], (2 * self.width + row - column)[kept]), skew[kept])
 
     def factor(self, band: Array) -> BandCholesky | None:
-        """Factorise a band, which stays; None if the matrix is not positive definite."""
-        return BandCholesky.of(band.copy())
+        """Factorise a band, which is overwritten; None if the matrix is not positive definite."""
+        return BandCholesky.of(band)
 
     def diagonal(self, band: Array) -> Array:
         """Diagonal of a band."""
@@ -233,9 +227,9 @@ class BandCholesky:
     def _blocks(self) -> list[tuple[Values, Values]]:
         """Blocks of L: on the diagonal and below it, from the first rows to the last."""
         rows, n = self.factor.shape
-        size, blocks = self.width, []
+        size, blocks = min(BLOCK, self.width), []
         for start in range(0, n, size):
-            end, below = min(start + size, n), min(start + 2 * size, n)
+            end, below = min(start + size, n), min(start + size + self.width, n)
             columns = self.factor[:, start:end]
             both = np.zeros((below - start, end - start), self.factor.dtype, order="F")
             for j in range(end - start):
@@ -256,8 +250,7 @@ class BandCholesky:
     def solve(self, right: Values) -> Values:
         """A⁻¹ b: (n,) or (n, m) → same; many right-hand sides are solved for block by block."""
         pbtrs, trtrs = get_lapack_funcs(("pbtrs", "trtrs"), (self.factor,))
-        many = MANY if self.factor.dtype == np.float64 else MANY // 2
-        if right.ndim == 1 or right.shape[1] < many or len(self.factor) < MANY:
+        if right.ndim == 1 or right.shape[1] < MANY or len(self.factor) < WIDE:
             return pbtrs(self.factor, right, lower=1)[0]
         x, start = np.array(right, self.factor.dtype, order="C"), 0
         for diagonal, below in self._blocks:  # L y = b

@@ -20,6 +20,8 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
+from shared_schema.common.errors import InputError
+from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.weighted_sums import padded_rows
 
@@ -60,6 +62,11 @@ class BlockSolve(nn.Module):
     compliance : Compliance
         Compliance of a large body.
 
+    Raises
+    ------
+    InputError
+        If the stiffness of the body is not stored as a band.
+
     Attributes
     ----------
     refinements : int
@@ -71,7 +78,11 @@ class BlockSolve(nn.Module):
 
     def __init__(self, compliance: Compliance) -> None:
         super().__init__()
-        assert compliance.factor is not None
+        if not isinstance(compliance.factor, BandCholesky):
+            raise InputError(
+                f"the stiffness of {len(compliance.order)} degrees of freedom is too large for an "
+                "exported file, expected a smaller body"
+            )
         k, size = compliance.stiffness, compliance.factor.width
         places = np.full(compliance.size, len(compliance.order))  # that of a zero, if held
         places[compliance.order] = np.arange(len(compliance.order))

@@ -9,7 +9,7 @@ effect.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
@@ -24,10 +24,14 @@ from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.cell_matrices import sum_of_cells
 from surrogate.mechanics.kept_columns import LOADED, KeptColumns
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.sparse_matrix import SparseFactor
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 CLOSE = 1e-5  # relative error that a factor in single precision may have
 FEW = 16  # samples whose loads are answered by columns
+
+
+StoredFactor: TypeAlias = BandCholesky | SparseFactor
 
 
 class Compliance(nn.Module):
@@ -52,9 +56,9 @@ class Compliance(nn.Module):
         Nodes that can move.
     matrix : Tensor, (d · n_free, d · n_free)
         K⁻¹ in m/N; empty for a large body.
-    factor : BandCholesky or None
+    factor : BandCholesky, SparseFactor or None
         Factor of K, of a large body.
-    quick : BandCholesky or None
+    quick : BandCholesky, SparseFactor or None
         The same for forces in single precision.
     size : int
         d · n_free.
@@ -75,9 +79,8 @@ class Compliance(nn.Module):
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
         factor = self.equilibrium.undeformed
-        assert isinstance(factor, BandCholesky)  # elements have no points between the nodes
-        self.factor: BandCholesky | None = factor
-        self.quick: BandCholesky | None = None
+        self.factor: StoredFactor | None = factor
+        self.quick: StoredFactor | None = None
         dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
         nodes, components = np.divmod(dofs, geometry.dimension)
@@ -93,7 +96,7 @@ class Compliance(nn.Module):
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
             self.factor = None
         else:
-            self.quick = in_single_precision(factor)
+            self.quick = in_single_precision(factor, len(dofs))
             nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
             tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
             self.stiffness = assembled(tangents, geometry, dofs)
@@ -147,9 +150,9 @@ class Compliance(nn.Module):
         return self._columns[dofs]
 
 
-def in_single_precision(factor: BandCholesky) -> BandCholesky:
+def in_single_precision(factor: StoredFactor, size: int) -> StoredFactor:
     """The factor in single precision, or itself if a random load tells the difference."""
-    force = np.random.default_rng(0).normal(size=(factor.factor.shape[1],))
+    force = np.random.default_rng(0).normal(size=size)
     expected = factor.solve(force)
     difference = factor.single.solve(force.astype(np.float32)) - expected
     is_close = np.linalg.norm(difference) <= CLOSE * np.linalg.norm(expected)

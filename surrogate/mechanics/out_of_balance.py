@@ -41,16 +41,18 @@ from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.keys.units import SI
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout, BandLU
+from surrogate.mechanics.band_matrix import BandCholesky, BandLU
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.saddle_point import SaddlePointFactor, SaddlePointLayout
+from surrogate.mechanics.saddle_point import SaddlePointLayout
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.sparse_matrix import SparseFactor
+from surrogate.mechanics.stiffness_layout import Layout, stiffness_layout
 
 Array = NDArray[np.float64]
-Factor: TypeAlias = BandCholesky | BandLU | SaddlePointFactor
+Factor: TypeAlias = BandCholesky | BandLU | SparseFactor
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
 LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
@@ -110,8 +112,8 @@ class Equilibrium:
     solid : Solid
     mean_dilation : bool
         Whether the volumes of its cells change as a whole.
-    layout : BandLayout
-        Order of the free degrees of freedom in the band of K.
+    layout : BandLayout or SparseLayout
+        Order of the free degrees of freedom in K.
     free : array of bool, (n_nodes, d)
         Components that are not held.
     cell_size : float
@@ -136,13 +138,13 @@ class Equilibrium:
         self.units = SI
         self._size = geometry.coordinates.size
         self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
-        self.layout: BandLayout | SaddlePointLayout
+        self.layout: Layout
         if isinstance(self.solid, TaylorHoodSolid):
             corners = self.solid.corners.shape[1]
             units = self.cell_size, 2 * moduli  # λ + 2μ or more
             self.layout = SaddlePointLayout(geometry.cells, geometry.held, corners, *units)
         else:
-            self.layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
+            self.layout = stiffness_layout(geometry.coordinates, geometry.cells, geometry.held)
         per_sample = len(self.layout.dofs) * (self.layout.width + 1)
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
@@ -187,11 +189,14 @@ class Equilibrium:
 
     def out_of_balance(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
-        r: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy() - f
-        if self.pressure is not None:
-            r -= self._pressures_of(u).forces(u)
+        internal: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy()
+        r = internal - self.external(u, f)
         r *= self.free
         return r
+
+    def external(self, u: Array, f: Array) -> Array:
+        """Dead forces f, and those of pressures on the deformed body, in N: (N, n_nodes, d)."""
+        return f if self.pressure is None else f + self._pressures_of(u).forces(u)
 
     def newton_step(
         self, u: Array, r: Array, first_shift: float = FIRST_SHIFT
@@ -210,9 +215,10 @@ class Equilibrium:
         diagonal D of K(0). Inverse iteration with :math:`K + c D`, which is positive definite,
         finds it from the body's imperfection, and with it which of v and −v.
         """
-        (tangent,), layout = self._tangents(u), self.layout
-        if layout.factor(tangent) is not None:
+        layout = self.layout
+        if layout.factor(self._tangents(u)[0]) is not None:
             return None
+        (tangent,) = self._tangents(u)  # again, since factors overwrite it
         metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
         while factor is None:
             factor = layout.factor(layout.on_springs(tangent, shift * metric))
@@ -322,7 +328,7 @@ class Equilibrium:
         return response.reshape(f.shape)
 
     @cached_property
-    def undeformed(self) -> BandCholesky | SaddlePointFactor:
+    def undeformed(self) -> BandCholesky | SparseFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
         factor = self.layout.factor(self._tangents(np.zeros((1, *self.free.shape)))[0])
         if factor is None:
@@ -340,9 +346,9 @@ class Equilibrium:
         found: list[tuple[Factor, bool]] = []
         if self.pressure is not None:
             return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
-        for tangent in self._tangents(u):
+        for row, tangent in enumerate(self._tangents(u)):
             factor = self.layout.factor(tangent)
-            shifted = factor or self._shifted(tangent, first_shift)
+            shifted = factor or self._shifted(u[row : row + 1], first_shift)
             found.append((shifted, factor is not None))
         return found
 
@@ -374,9 +380,9 @@ class Equilibrium:
         """K(0)."""
         return self.layout.assembled(self.solid.stiffness_at_rest())[0]
 
-    def _shifted(self, tangent: Any, shift: float) -> Factor:
-        """Factorise K(u) + τ K(0); K(0) alone if no τ is sufficient."""
-        undeformed = self._at_rest
+    def _shifted(self, u: Array, shift: float) -> Factor:
+        """Factorise K(u) + τ K(0) of a single displacement; K(0) if no τ is sufficient."""
+        (tangent,), undeformed = self._tangents(u), self._at_rest
         while shift < 1 / EPSILON:
             factor = self.layout.factor(tangent + shift * undeformed)
             if factor is not None:

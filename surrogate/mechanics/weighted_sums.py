@@ -9,10 +9,13 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 AT_ONCE = 24  # fields whose terms are held at once on a CPU: in the cache
+IN_SCIPY = (torch.float32, torch.float64)
 
 
 class WeightedSums(nn.Module):
     """A sparse linear map: every output is a weighted sum of a few inputs.
+
+    On a CPU, where no gradients are needed, SciPy applies it: it knows the zeros of the padding.
 
     Parameters
     ----------
@@ -37,11 +40,19 @@ class WeightedSums(nn.Module):
         values = torch.from_numpy(weights.T).to(dtype)
         self.register_buffer("sources", torch.from_numpy(sources.T.flatten()), persistent=False)
         self.register_buffer("weights", values, persistent=False)
+        places = np.repeat(np.arange(len(sources)), sources.shape[1])
+        entries = weights.ravel(), (places, sources.ravel())
+        used = 1 + int(sources.max(initial=0))
+        self._matrix = csr_array(entries, (len(sources), used)).astype(values.numpy().dtype)
+        self._matrix.eliminate_zeros()
 
     def forward(self, values: Tensor) -> Tensor:
         """Apply the map: (…, n_in) → (…, n_out)."""
         if values.device.type == "cpu" and not torch.compiler.is_compiling():
             flat = values.reshape(-1, values.shape[-1])
+            if values.dtype in IN_SCIPY and not (torch.is_grad_enabled() and values.requires_grad):
+                sums = self._in_scipy(flat.detach())
+                return sums.reshape(*values.shape[:-1], sums.shape[-1])
             if len(flat) > AT_ONCE:
                 sums = torch.cat([self(part) for part in torch.split(flat, AT_ONCE)])
                 return sums.reshape(*values.shape[:-1], sums.shape[-1])
@@ -50,6 +61,13 @@ class WeightedSums(nn.Module):
         terms = rows.index_select(0, self.sources).reshape(*count, -1)
         sums = (terms * self.weights[:, :, None]).sum(dim=0)
         return sums.T.reshape(*leading, count[1])
+
+    def _in_scipy(self, values: Tensor) -> Tensor:
+        """Apply the map: (N, n_in) → (N, n_out)."""
+        if len(self.weights) == 1:
+            return values.index_select(1, self.sources) * self.weights[0]
+        rows = values[:, : self._matrix.shape[1]].T.contiguous().numpy()
+        return torch.from_numpy((self._matrix @ rows).T)
 
 
 def transposed(
@@ -88,7 +106,7 @@ def padded_rows(matrix: csr_array) -> tuple[NDArray[np.int64], NDArray[np.float6
     sources, weights : array, (n_out, k)
     """
     counts = np.diff(matrix.indptr)
-    shape = (len(counts), max(1, int(counts.max())))
+    shape = (len(counts), int(counts.max(initial=1)))
     sources, weights = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     row = np.repeat(np.arange(len(counts)), counts)
     place = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], counts)

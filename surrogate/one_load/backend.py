@@ -32,22 +32,15 @@ from surrogate.one_load.unet_in_numpy import UNetInNumPy
 from surrogate.probabilistic.ensemble import Ensemble
 
 SMALLEST = np.float32(TINY)
-BY_PYTORCH = 32  # loads that PyTorch predicts together: a solve reads its factor once for them
+TOGETHER = 64  # loads that are predicted together: a solve reads its factor once for them
+BY_PYTORCH = 32  # the same, of loads that PyTorch predicts
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 GridFunction = Callable[[Single], Single]  # (N, n_points, inputs) to (N, n_points, outputs)
 
 
 class BeforeNetwork(Protocol):
-    """What is computed before the network.
-
-    Attributes
-    ----------
-    at_once : int
-        Number of loads that are predicted together.
-    """
-
-    at_once: int
+    """What is computed before the network."""
 
     def known(self, forces: Array) -> NDArray[np.bool_]:
         """Tell which loads, (N, n_nodes, d), are computed here; PyTorch is as fast for others."""
@@ -100,7 +93,7 @@ class OneLoad:
         known = self.before.known(forces)
         displacement = np.empty(forces.shape)
         for numbers, at_once, predict in (
-            (known.nonzero()[0], self.before.at_once, self._together),
+            (known.nonzero()[0], TOGETHER, self._together),
             ((~known).nonzero()[0], BY_PYTORCH, self.by_pytorch),
         ):
             for start in range(0, len(numbers), at_once):
@@ -158,8 +151,6 @@ def largest(gradient: Single) -> Single:
 
 class InputsByPyTorch:
     """Inputs and response by PyTorch: of U-Nets on large bodies."""
-
-    at_once = 64  # a solve reads its factor once for them
 
     def __init__(self, network: NodalNetwork) -> None:
         self.network, self.field = network, network.network

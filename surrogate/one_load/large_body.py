@@ -31,8 +31,6 @@ class LargeBody:
     network : NodalNetwork
     """
 
-    at_once = 64  # a solve reads its factor once for them
-
     def __init__(self, network: NodalNetwork) -> None:
         assert isinstance(network.network.linear, LinearResponse)
         self.network, self.linear = network, network.network.linear

@@ -81,6 +81,7 @@ class ReducedInNumPy:
             placed = on_grid(modes, network.points, modes.new_empty(1, len(shape), *shape))
             return np.ascontiguousarray(placed.flatten(2).swapaxes(1, 2).flatten(1).numpy())
 
+        self.equilibrium = network.equilibrium
         self.encoder = np.ascontiguousarray(by_point(network.encoder).T)
         self.modes = by_point(network.modes) / np.float32(len(self.members))
 
@@ -88,14 +89,16 @@ class ReducedInNumPy:
         """Predict scaled corrections from scaled forces, both (N, n_points, d) or (n_points, d)."""
         force = fields.reshape(-1, len(self.encoder))
         loaded = np.flatnonzero(force.any(axis=0))
-        if 4 * len(loaded) < len(self.encoder):
-            coefficients = force[:, loaded] @ self.encoder[loaded]
-        else:
-            coefficients = force @ self.encoder
-        return self.corrections(coefficients).reshape(fields.shape)
+        encoder, modes = self.encoder, self.modes
+        if 4 * len(loaded) < len(encoder):
+            force, encoder, modes = force[:, loaded], encoder[loaded], modes[:, loaded]
+        total = self.coefficients(force @ encoder)
+        if self.equilibrium is not None:
+            total = self.equilibrium.of_arrays(force @ modes.T, total)
+        return (total @ self.modes).reshape(fields.shape)
 
-    def corrections(self, coefficients: Single) -> Single:
-        """Scaled corrections of one load or some: (…, input_modes) → (…, n_points · d)."""
+    def coefficients(self, coefficients: Single) -> Single:
+        """Coefficients of the corrections, summed over members: (…, inputs) → (…, outputs)."""
         inputs, terms = [coefficients], []
         for factors, matrix, scale in self.orders:
             terms.append(coefficients[..., factors].prod(axis=-2) @ matrix)
@@ -106,7 +109,7 @@ class ReducedInNumPy:
             total += member(x)
         for term in terms:
             total += term * np.float32(len(self.members))
-        return total @ self.modes
+        return total
 
 
 def array(parameter: Tensor | None) -> Array:

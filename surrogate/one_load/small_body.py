@@ -18,9 +18,11 @@ from torch import Tensor
 from surrogate.mechanics.weighted_sums import padded_rows
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.series.series_response import SeriesResponse
+from surrogate.series.stress_series import Factors
 
 MOST = 2**22  # values of a matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
+SERIES_AT_ONCE = 16  # loads whose series are found together: their fields stay in the cache
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 
@@ -40,8 +42,6 @@ class SmallBody:
     series : SmallSeries or None
         What finds the response and the gradient of the last term in a load series.
     """
-
-    at_once = 16  # their fields stay in the cache
 
     def __init__(self, network: NodalNetwork) -> None:
         field = network.network
@@ -81,7 +81,12 @@ class SmallBody:
         found = flat @ matrix
         inputs = found[:, : self.inputs].reshape(len(forces), self.points, -1)
         if self.series is not None:
-            response, inputs[..., self.last_gradient] = self.series(forces)
+            response = np.empty(forces.shape)
+            for start in range(0, len(forces), SERIES_AT_ONCE):
+                some = slice(start, start + SERIES_AT_ONCE)
+                response[some], last, _ = self.series(forces[some])
+                if self.last_gradient is not None:
+                    inputs[some, :, self.last_gradient] = last
             return inputs, response
         if len(found[0]) == self.inputs:
             return inputs, None
@@ -110,7 +115,7 @@ def linear_part(network: NodalNetwork, force: Tensor) -> Tensor:
 
 
 class SmallSeries:
-    """What `SeriesResponse` finds, by a few matrices.
+    """What `SeriesResponse` finds, by a few matrices and one compiled function.
 
     Parameters
     ----------
@@ -118,70 +123,40 @@ class SmallSeries:
         Response of a body whose nodes are the grid points.
     dimension : int
         Number of space dimensions d.
-
-    Attributes
-    ----------
-    slopes : tuple of array, (k, d² · n_points) each
-        Sources and weights, from displacements of the nodes to their gradients at the quadrature
-        points.
-    forces : tuple of array, (k, n_dofs) each
-        From stresses there to their forces.
-    response : array, (n_dofs, n_dofs)
-        Forces to the displacements that balance them.
-    gradients : array, (n_dofs, n_grid_points · d²)
-        Displacements to their gradients on the grid.
     """
 
     def __init__(self, response: SeriesResponse, dimension: int) -> None:
-        from surrogate.series import compiled_fields, compiled_series  # Numba: half a second
+        from surrogate.series import compiled_series  # Numba: half a second
 
-        self.weighted_sums = compiled_fields.weighted_sums
-        self.beyond_linear = compiled_series.beyond_linear_of_some
-        d, size = dimension, dimension * response.nodes
-        self.material, self.order = response.higher.material, response.order
-        self.shares = response.higher.shares.numpy()
+        d, size, higher = dimension, dimension * response.nodes, response.higher
+        self.order, self.factors = response.order, Factors.of(higher.material)
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
-            slopes = response.higher.gradient(units.to(response.higher.slopes.dtype))
-            of_slopes, self.shape = _rows(slopes).T, slopes.shape[1:]
-            volumes = np.tile(response.higher.volumes.numpy(), d * d)[:, None]
-            self.slopes = _by_column(csr_array(of_slopes))
-            self.forces = _by_column(csr_array((of_slopes * volumes).T))
-            balancing = -response.respond(units.double())
-            self.response = _rows(balancing.transpose(1, 2))
-            gradients = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
-            self.gradients = _rows(gradients.flatten(2).transpose(1, 2))
+            gradients = np.zeros((size, 0))  # nothing needs them
+            if len(response.derivatives):
+                on_grid = response.first_on_grid(units)[1][:, : d * d] * response.gradient_rms
+                gradients = _rows(on_grid.flatten(2).transpose(1, 2))
+            self.operators = compiled_series.SmallOperators(
+                response=_rows(response.respond(units.double()).transpose(1, 2)),
+                cells=compiled_series.cells_of(higher),
+                on_grid=_by_column(gradients.T),
+            )
+        self.find, self.room = compiled_series.small_series, compiled_series.room_for_terms
 
-    def __call__(self, forces: Array) -> tuple[Array, Single]:
-        """Return the displacements in m and the gradient of the last term, of forces in N.
+    def __call__(self, forces: Array) -> tuple[Array, Array, Array]:
+        """Return the displacements in m, gradient and size in m of the last term, of forces in N.
 
-        (N, n_nodes, d) → same, (N, n_grid_points, d²)
+        (N, n_nodes, d) → same, (N, n_grid_points, d²), (N,)
         """
-        flat = forces.reshape(len(forces), -1)
-        loaded = np.flatnonzero(flat.any(axis=0))
-        first = -(flat[:, loaded] @ self.response[loaded])
-        beyond, last = self.beyond_linear(
-            self.material, self.shares, self.order, first, self._gradient, self._balanced
-        )
-        gradient = last.astype(np.float32) @ self.gradients
-        return (first + beyond).reshape(forces.shape), gradient.reshape(
-            len(forces), -1, forces.shape[-1] ** 2
-        )
-
-    def _gradient(self, u: Array) -> Array:
-        """Gradients at the quadrature points: (n_dofs,) → (d, d, n_cells · n_points)."""
-        return self.weighted_sums(*self.slopes, u).reshape(self.shape)
-
-    def _balanced(self, stresses: list[Array]) -> Array:
-        """Displacements that balance stresses: N of (d, d, n_cells · n_points) → (N, n_dofs)."""
-        forces = [self.weighted_sums(*self.forces, stress.ravel()) for stress in stresses]
-        return np.stack(forces) @ self.response.T
+        terms = self.room(1, self.order, self.operators.cells)
+        u, gradients, lengths = self.find(forces, self.operators, self.factors, terms)
+        return u, gradients.reshape(len(forces), -1, forces.shape[-1] ** 2), lengths
 
 
-def _by_column(matrix: csr_array) -> tuple[NDArray[np.int64], Array]:
-    """Columns and weights of every row, (k, n_out)."""
-    columns, weights = padded_rows(matrix)
-    return np.ascontiguousarray(columns.T), np.ascontiguousarray(weights.T)
+def _by_column(matrix: NDArray[Any]) -> tuple[NDArray[np.int64], Array]:
+    """Columns and weights of the entries of every row that are not zero, (k, n_out)."""
+    columns, weights = padded_rows(csr_array(matrix))
+    return np.ascontiguousarray(columns.T), np.ascontiguousarray(weights.T, np.float64)
 
 
 def _rows(values: Tensor) -> NDArray[Any]:

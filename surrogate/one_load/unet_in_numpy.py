@@ -9,6 +9,8 @@ with the taps t of the kernel and the neighbour n(p, t) of point p; a neighbour 
 a row of zeros. Taps that are outside at every point are left out, and batch normalisation is part
 of W and b. The decoder gathers from the coarser field directly: the neighbour of p there is the
 coarse point that n(p, t) belongs to.
+
+Loads whose grids together are large are left to PyTorch, whose convolutions of many are faster.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from surrogate.networks.unet import TRANSFORMS, UNet
 from surrogate.one_load.reduced_in_numpy import ACTIVATIONS, Activation, Array, Single, array
 
 GATHERED = 2**17  # values gathered at once: 0.5 MB, a part of a core's cache
+BY_PYTORCH, AT_ONCE = 2**11, 2**16  # fewest and most grid points of loads convolved by PyTorch
 Numbers = NDArray[np.int64]
 
 
@@ -93,10 +96,12 @@ class UNetInNumPy:
     Attributes
     ----------
     at_once : int
-        Number of loads that are convolved together: what is gathered for them stays in the cache.
+        Number of loads that are convolved together here: what is gathered for them stays in the
+        cache.
     """
 
     def __init__(self, unet: UNet, shape: tuple[int, ...], outputs: int) -> None:
+        self.unet, self.shape, self.outputs = unet, shape, outputs
         count, outside = len(unet.encoder), int(np.prod(shape))
         pads = np.reshape(unet.pads(torch.Size(shape)), (-1, 2))[::-1]  # before and after each axis
         padded = np.array(shape) + pads.sum(axis=1)
@@ -139,7 +144,10 @@ class UNetInNumPy:
         """
         if fields.ndim == 2:
             return self(fields[None])[0]
-        step = self.at_once
+        step, points = self.at_once, fields.shape[0] * fields.shape[1]
+        if len(fields) > 1 and points >= BY_PYTORCH:
+            parts = np.array_split(fields, -(-points // AT_ONCE)) if points > AT_ONCE else [fields]
+            return np.concatenate([self.by_pytorch(part) for part in parts])
         if len(fields) > step:
             return np.concatenate(
                 [self(fields[start : start + step]) for start in range(0, len(fields), step)]
@@ -159,6 +167,13 @@ class UNetInNumPy:
             for first, second in self.decoder:
                 x = second.of(first.of(x, skipped.pop()))
         return x.take(self.rows, axis=1) @ self.head + self.head_bias
+
+    @torch.inference_mode()
+    def by_pytorch(self, fields: Single) -> Single:
+        """Predict in PyTorch, (N, n_points, inputs) → (N, n_points, outputs)."""
+        x = torch.from_numpy(fields).transpose(1, 2).reshape(len(fields), -1, *self.shape)
+        y = self.unet(x)[:, : self.outputs].flatten(2).transpose(1, 2)
+        return np.ascontiguousarray(y.numpy())
 
 
 # --- points of the levels; of n points, number n is the row of zeros ---------------------------

@@ -2,7 +2,7 @@
 
 On small bodies NumPy and PyTorch spend most of the time between their sums, on large ones they read
 and write every field once an operation. The compiled functions add to fields in place. They are
-compiled at their first call, which takes some seconds once for an installation: the results are
+compiled at their first call, which takes up to 20 s once for an installation: the results are
 kept beside the code, or else in the user's cache.
 """
 
@@ -55,104 +55,94 @@ def add_linear_cofactors(a: Array, out: Array) -> None:
 
 
 @compiled
-def add_minors(factor: float, a: Array, b: Array, out: Array) -> None:
-    """Add x (A_km B_nr - A_kr B_nm), (k, n) and (m, r) after i and j, of A and B in space."""
+def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
+    """Add x A × B in space: (3, 3, n_points) twice → same; A × A = 2 cof A."""
     x = out.dtype.type(factor)
     for i in range(3):
         k, n = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
             m, r = (j + 1) % 3, (j + 2) % 3
-            for q in range(a.shape[2]):
-                out[i, j, q] += x * (a[k, m, q] * b[n, r, q] - a[k, r, q] * b[n, m, q])
-
-
-@compiled
-def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
-    """Add x A × B in space: (3, 3, n_points) twice → same; A × A = 2 cof A."""
-    add_minors(factor, a, b, out)
-    add_minors(factor, b, a, out)
+            a0, a1, a2, a3 = a[k, m], a[k, r], a[n, m], a[n, r]
+            b0, b1, b2, b3 = b[n, r], b[n, m], b[k, r], b[k, m]
+            total = out[i, j]
+            for q in range(len(total)):
+                total[q] += x * (a0[q] * b0[q] - a1[q] * b1[q] - a2[q] * b2[q] + a3[q] * b3[q])
 
 
 @compiled
 def add_contraction(factor: float, a: Array, b: Array, out: Array) -> None:
     """Add x A : B: (d, d, n_points) twice → (n_points,)."""
-    x, (d, _, points) = out.dtype.type(factor), a.shape
+    x, d = out.dtype.type(factor), len(a)
     for i in range(d):
-        for j in range(d):
-            for q in range(points):
-                out[q] += x * a[i, j, q] * b[i, j, q]
+        a0, a1, b0, b1 = a[i, 0], a[i, 1], b[i, 0], b[i, 1]
+        if d == 3:
+            a2, b2 = a[i, 2], b[i, 2]
+            for q in range(len(out)):
+                out[q] += x * (a0[q] * b0[q] + a1[q] * b1[q] + a2[q] * b2[q])
+        else:
+            for q in range(len(out)):
+                out[q] += x * (a0[q] * b0[q] + a1[q] * b1[q])
 
 
 @compiled
-def integral(a: Array, b: Array, weights: Array) -> float:
-    """Sum of weighted products: (n_points,) thrice → number in double precision."""
+def add_multiple(factor: float, a: Array, out: Array) -> None:
+    """Add x A: (n,) → same."""
+    x = out.dtype.type(factor)
+    for q in range(len(out)):
+        out[q] += x * a[q]
+
+
+@compiled
+def product_of(a: Array, b: Array) -> float:
+    """Sum of products: (n,) twice → number in double precision."""
     total = 0.0
-    for q in range(len(weights)):
-        total += weights[q] * a[q] * b[q]
+    for q in range(len(a)):
+        total += a[q] * b[q]
     return total
 
 
 @compiled
-def weighted_sums(sources: NDArray[np.int64], weights: Array, x: Array) -> Array:
-    """Sum a few values for every output: (k, n_out) twice, (n_in,) → (n_out,)."""
-    y = np.zeros(weights.shape[1], x.dtype)
+def rough_product(a: Array, b: Array) -> float:
+    """The same, added up in the precision of the fields: faster."""
+    total = a.dtype.type(0)
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return float(total)
+
+
+@compiled
+def largest(a: Array) -> float:
+    """Largest absolute value: (n,) → number."""
+    found = 0.0
+    for x in a:
+        found = max(found, abs(x))
+    return found
+
+
+@compiled
+def longest(a: Array) -> float:
+    """Largest Euclidean norm of a row: (n, d) → number."""
+    found = 0.0
+    for row in a:
+        total = 0.0
+        for x in row:
+            total += x * x
+        found = max(found, total)
+    return found**0.5
+
+
+@compiled
+def add_weighted_sums(sources: NDArray[np.int64], weights: Array, x: Array, out: Array) -> None:
+    """Add a few weighted values to every output: (k, n_out) twice, (n_in,) → (n_out,)."""
     for k in range(len(weights)):
-        for i in range(len(y)):
-            y[i] += weights[k, i] * x[sources[k, i]]
-    return y
+        for i in range(len(out)):
+            out[i] += weights[k, i] * x[sources[k, i]]
 
 
 @compiled
-def slopes_in_cells(cells: NDArray[np.int64], gradients: Array, u: Array) -> Array:
-    """Gradients at the quadrature points: (n_nodes, d) → (d, d, n_cells · n_points).
-
-    Parameters
-    ----------
-    cells : array of int, (n_cells, n_corners)
-    gradients : array, (n_cells, n_corners, d, n_points)
-        Of the shape functions.
-    u : array, (n_nodes, d)
-    """
-    count, corners, d, points = gradients.shape
-    out = np.zeros((d, d, count * points), u.dtype)
-    for c in range(count):
-        for a in range(corners):
-            for i in range(d):
-                x = u[cells[c, a], i]
-                for j in range(d):
-                    for q in range(points):
-                        out[i, j, c * points + q] += x * gradients[c, a, j, q]
-    return out
-
-
-@compiled
-def forces_of_cells(
-    cells: NDArray[np.int64], gradients: Array, volumes: Array, stress: Array, nodes: int
-) -> Array:
-    """Forces of stresses: (d, d, n_cells · n_points) → (n_nodes, d).
-
-    Parameters
-    ----------
-    cells, gradients : array
-        As of `slopes_in_cells`.
-    volumes : array, (n_cells · n_points,)
-    stress : array, (d, d, n_cells · n_points)
-    nodes : int
-    """
-    count, corners, d, points = gradients.shape
-    out = np.zeros((nodes, d), stress.dtype)
-    weighted = np.empty((d, d, points), stress.dtype)
-    for c in range(count):
-        for i in range(d):
-            for j in range(d):
-                for q in range(points):
-                    p = c * points + q
-                    weighted[i, j, q] = stress[i, j, p] * volumes[p]
-        for a in range(corners):
-            for i in range(d):
-                total = stress.dtype.type(0)
-                for j in range(d):
-                    for q in range(points):
-                        total += weighted[i, j, q] * gradients[c, a, j, q]
-                out[cells[c, a], i] += total
-    return out
+def add_weighted_rows(weights: Array, rows: Array, out: Array) -> None:
+    """Add weighted rows of a matrix; many weights may be zero: (k,), (k, n_out) → (n_out,)."""
+    for k in range(len(weights)):
+        if weights[k] != 0:
+            for i in range(len(out)):
+                out[i] += weights[k] * rows[k, i]

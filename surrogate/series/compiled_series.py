@@ -1,47 +1,57 @@
 r"""The load series, compiled: terms of the stress, their combination, the response.
 
-`next_stress` is the recursion of `surrogate.series.stress_series`, `beyond_linear_of_some` the
-combination :math:`\sum_k c_k u_k` of `surrogate.series.series_response`, and `CompiledResponse`
-does both on a large body, cell by cell.
+`next_stress` is the recursion of `surrogate.series.stress_series`. `small_series` and, cell by cell
+on a large body, `CompiledResponse` go on to the combination :math:`\sum_k c_k u_k` of
+`surrogate.series.series_response`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.material import NeoHookean
 from surrogate.mechanics.compliance import Compliance
+from surrogate.series.compiled_cells import (
+    Cells,
+    add_at_nodes,
+    add_forces,
+    at_corners,
+    slopes_of,
+)
 from surrogate.series.compiled_energy import least_energy, potential_of_terms
 from surrogate.series.compiled_fields import (
     Array,
     add_contraction,
     add_cross_product,
     add_linear_cofactors,
+    add_multiple,
     add_trace,
+    add_weighted_rows,
+    add_weighted_sums,
     compiled,
-    forces_of_cells,
-    slopes_in_cells,
+    largest,
+    longest,
 )
 from surrogate.series.series_response import NEGLIGIBLE, CellOperators
 from surrogate.series.stress_series import Factors
 
-Field = NDArray[Any]
+EPS = float(np.finfo(np.float64).eps)
+SOLVED = 16  # loads that are solved for together: 10 MB each on 4000 nodes in space
+SparseMap = tuple[NDArray[np.int64], Array]  # sources, weights
 
 
 class Terms(NamedTuple):
-    """Terms k = 1, 2, … of the fields of a series, in rows k - 1.
+    """Terms k = 1, 2, … of the fields of N series, in rows k - 1, at rows of points.
 
     Attributes
     ----------
-    h : array, (n, d, d, n_points)
+    h : array, (N, n_rows, n, d, d, n_points)
         Hₖ.
-    c : array, (n, d, d, n_points)
+    c : array, (N, n_rows, n, d, d, n_points)
         Cₖ.
-    j, r, s : array, (n, n_points)
+    j, r, s : array, (N, n_rows, n, n_points)
         Jₖ, Rₖ, sₖ.
     """
 
@@ -51,17 +61,18 @@ class Terms(NamedTuple):
     r: Array
     s: Array
 
-    @classmethod
-    def zeros(cls, order: int, gradient: Array) -> Terms:
-        """Make room for the terms of a series that begins with a gradient, (d, d, n_points)."""
-        h = np.zeros((order, *gradient.shape), gradient.dtype)
-        h[0] = gradient
-        scalars = np.zeros((order, gradient.shape[-1]), gradient.dtype)
-        return cls(h, np.zeros_like(h), scalars, scalars.copy(), scalars.copy())
+
+def room_for_terms(loads: int, order: int, cells: Cells) -> Terms:
+    """Make room for the terms of some loads: by NumPy, which asks for large pages of memory."""
+    blocks, points, _, d, row = cells.gradients.shape
+    rows, numbers = blocks * points, cells.gradients
+    fields = np.empty((2, loads, rows, order, d, d, row), numbers.dtype)
+    scalars = np.empty((3, loads, rows, order, row), numbers.dtype)
+    return Terms(fields[0], fields[1], scalars[0], scalars[1], scalars[2])
 
 
 @compiled
-def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) -> Array:
+def next_stress(k: int, terms: Terms, load: int, row: int, factors: Factors, stress: Array) -> None:
     r"""Complete the terms k - 1 from their H, and begin those of order k as if :math:`H_k = 0`.
 
     Parameters
@@ -69,18 +80,21 @@ def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) ->
     k : int
         2 at least; all orders from 2 on, in turn.
     terms : Terms
-    mu, growth, decay : float
-        `surrogate.series.stress_series.Factors`.
-
-    Returns
-    -------
-    array, (d, d, n_points)
-        :math:`P_k` without the part that is linear in :math:`H_k`.
+    load, row : int
+        Numbers of the series and of the row of points.
+    factors : Factors
+    stress : array, (d, d, n_points)
+        Output: :math:`P_k` without the part that is linear in :math:`H_k`.
     """
-    h, c, j, r, s = terms
+    h, c = terms.h[load, row], terms.c[load, row]
+    j, r, s = terms.j[load, row], terms.r[load, row], terms.s[load, row]
     d, points = h.shape[1], h.shape[3]
     new, old = k - 1, k - 2
+    mu, growth, decay = factors
     of_f, of_j, of_r = h.dtype.type(mu), h.dtype.type(growth), h.dtype.type(decay)
+    if old == 0:
+        c[0], j[0], r[0] = 0, 0, 0
+    c[new], j[new] = 0, 0
     add_linear_cofactors(h[old], c[old])
     add_trace(1.0, h[old], j[old])
     add_trace(-1.0, h[old], r[old])
@@ -97,7 +111,6 @@ def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) ->
     if d == 3:
         for i in range(1, k // 2 + 1):
             add_cross_product(0.5 if 2 * i == k else 1.0, h[i - 1], h[new - i], c[new])
-    stress = np.empty(h.shape[1:], h.dtype)
     for a in range(d):
         for b in range(d):
             for q in range(points):
@@ -107,50 +120,124 @@ def next_stress(k: int, terms: Terms, mu: float, growth: float, decay: float) ->
                     stress[a, b, q] += s[old - i, q] * c[i, a, b, q]
         for q in range(points):
             stress[a, a, q] += s[new, q]
-    return stress
 
 
-def beyond_linear_of_some(
-    material: NeoHookean,
-    volumes: Array,
-    order: int,
-    first: Field,
-    gradient: Callable[[Field], Field],
-    balanced: Callable[[list[Field]], Field],
-) -> tuple[Field, Field]:
-    """Do what `surrogate.series.series_response.beyond_linear` does, but fields load by load.
+@compiled
+def add_term(k: int, cells: Cells, factors: Factors, u: Array, terms: Terms, forces: Array) -> None:
+    """Set Hₖ, and add the forces of what it adds to the next stress, turned around.
 
     Parameters
     ----------
-    material : NeoHookean
-    volumes : array, (n_points,)
-        Of the quadrature points in any unit, in the precision of the fields.
-    order : int
-        Order n, 2 at least.
-    first : array, (N, n_dofs)
-        u₁ in m.
-    gradient : callable
-        Displacements in m to their gradients, (n_dofs,) → (d, d, n_points).
-    balanced : callable
-        Stresses in Pa to the displacements that balance them, N of (d, d, n_points) →
-        (N, n_dofs).
+    k : int
+        All orders in turn; there are no forces after the last one.
+    cells : Cells
+    factors : Factors
+    u, forces : array, (N, n_nodes, d)
+        uₖ in m, and output.
+    terms : Terms
     """
-    every = np.zeros((len(first), order, first.shape[1]), first.dtype)
-    c = np.zeros((len(first), order), first.dtype)
-    slopes = [gradient(u) for u in first]
-    eps = float(np.finfo(first.dtype).eps)
-    seen = [k for k, slope in enumerate(slopes) if np.abs(slope).max() > NEGLIGIBLE * eps]
-    terms = {n: Terms.zeros(order, slopes[n]) for n in seen}
-    every[:, 0] = first
-    for k in range(2, order + 1) if seen else ():
-        stresses = [next_stress(k, of_load, *Factors.of(material)) for of_load in terms.values()]
-        every[seen, k - 1] = balanced(stresses)
-        for n, of_load in terms.items():
-            of_load.h[k - 1] = gradient(every[n, k - 1])
-    for n, of_load in terms.items():
-        c[n] = least_energy(potential_of_terms(material, volumes, of_load.h), eps)[1:]
-        c[n, 0] -= 1
-    return (c[:, None] @ every)[:, 0], c[:, -1:] * every[:, -1]
+    blocks, points, corners, d, row = cells.gradients.shape
+    order, unit = terms.h.shape[2], u.dtype.type(-cells.unit)
+    values, stress = np.empty((2, corners, d, row), u.dtype), np.empty((d, d, row), u.dtype)
+    of_corners, of_forces = values[0], values[1]
+    for block in range(blocks):
+        for load in range(len(u)):  # in turn, while the gradients of a block are in the cache
+            at_corners(cells.nodes[block], u[load], of_corners)
+            of_forces[:] = 0
+            for p in range(points):
+                number, gradients = block * points + p, cells.gradients[block, p]
+                slopes_of(gradients, of_corners, terms.h[load, number, k - 1])
+                if k < order:
+                    next_stress(k + 1, terms, load, number, factors, stress)
+                    for i in range(d):
+                        for j in range(d):
+                            for q in range(row):
+                                stress[i, j, q] *= unit * cells.volumes[number, q]
+                    add_forces(gradients, stress, of_forces)
+            if k < order:
+                add_at_nodes(cells.nodes[block], of_forces, forces[load])
+
+
+@compiled
+def is_negligible(terms: Terms, load: int, rounding: float) -> bool:
+    """Tell whether what is beyond u₁ is lost in a relative rounding, from H₁."""
+    found = 0.0
+    for row in range(terms.h.shape[1]):
+        found = max(found, largest(terms.h[load, row, 0].ravel()))
+    return found <= NEGLIGIBLE * rounding
+
+
+def cells_of(higher: CellOperators) -> Cells:
+    """Cells of a body on the CPU, in the precision of its fields."""
+    count, corners, columns = higher.slopes.shape
+    points = len(higher.volumes) // count
+    gradients = higher.slopes.numpy().reshape(count, corners, points, columns // points)
+    unit = float(higher.volumes[0]) / float(higher.shares[0])
+    return Cells.of(higher.cells.numpy(), gradients, higher.shares.numpy().reshape(count, -1), unit)
+
+
+class SmallOperators(NamedTuple):
+    """Linear maps of a small body, in double precision.
+
+    Attributes
+    ----------
+    response : array, (n_dofs, n_dofs)
+        Rows: displacements in m under unit forces.
+    cells : Cells
+    on_grid : tuple of array, (k, n_grid_points · d²) each
+        From displacements to their gradients on the grid: sources and weights for
+        `add_weighted_sums`.
+    """
+
+    response: Array
+    cells: Cells
+    on_grid: SparseMap
+
+
+@compiled
+def small_series(
+    loads: Array, body: SmallOperators, factors: Factors, terms: Terms
+) -> tuple[Array, Array, Array]:
+    r"""Find :math:`\sum_k c_k u_k` on a small body, and the gradient and size of its last term.
+
+    Parameters
+    ----------
+    loads : array, (N, n_nodes, d)
+        In N.
+    body : SmallOperators
+    factors : Factors
+    terms : Terms
+        Room for those of one load.
+
+    Returns
+    -------
+    displacements : array, (N, n_nodes, d)
+        In m.
+    gradients : array, (N, n_grid_points · d²)
+    lengths : array, (N,)
+        Largest displacement of a node in the last term, in m.
+    """
+    displacements, lengths = np.zeros(loads.shape), np.zeros(len(loads))
+    gradients, order = np.zeros((len(loads), body.on_grid[1].shape[1])), terms.h.shape[2]
+    for load in range(len(loads)):
+        u, c = np.zeros((order, 1, *loads.shape[1:])), np.zeros(order)
+        forces = loads[load : load + 1].copy()
+        c[0] = 1.0
+        for k in range(order):
+            add_weighted_rows(forces.ravel(), body.response, u[k].ravel())
+            forces[:] = 0
+            add_term(k + 1, body.cells, factors, u[k], terms, forces)
+            if k == 0 and is_negligible(terms, 0, EPS):
+                break
+        else:
+            potential = potential_of_terms(terms.h[0], body.cells.volumes, factors)
+            c = least_energy(potential, EPS)
+        for k in range(order):
+            add_multiple(c[k], u[k].ravel(), displacements[load].ravel())
+        last = c[order - 1] * u[order - 1].ravel()
+        add_weighted_sums(*body.on_grid, last, gradients[load])
+        lengths[load] = abs(c[order - 1]) * longest(u[order - 1, 0])
+    return displacements, gradients, lengths
 
 
 class CompiledResponse:
@@ -166,28 +253,34 @@ class CompiledResponse:
     """
 
     def __init__(self, higher: CellOperators, compliance: Compliance, order: int) -> None:
-        self.material, self.compliance, self.order = higher.material, compliance, order
-        self.cells, self.volumes = higher.cells.numpy(), higher.volumes.numpy()
-        self.shares = higher.shares.numpy()
-        self.shape = compliance.equilibrium.free.shape
-        count, corners, _ = higher.slopes.shape
-        by_point = higher.slopes.numpy().reshape(count, corners, -1, self.shape[1])
-        self.gradients = np.ascontiguousarray(by_point.swapaxes(2, 3))
+        self.factors, self.compliance, self.order = Factors.of(higher.material), compliance, order
+        self.cells = cells_of(higher)
 
     def __call__(self, first: Array) -> tuple[Array, Array]:
         """Response beyond u₁, and its last term, of u₁: (N, n_nodes, d) in m → same."""
-        flat = first.reshape(len(first), -1)
-        beyond, last = beyond_linear_of_some(
-            self.material, self.shares, self.order, flat, self._gradient, self._balanced
-        )
-        return beyond.reshape(first.shape), last.reshape(first.shape)
+        room = room_for_terms(min(SOLVED, len(first)), self.order, self.cells)
+        parts = [
+            self._of_some(some, Terms(*(field[: len(some)] for field in room)))
+            for some in np.split(first, range(SOLVED, len(first), SOLVED))
+        ]
+        beyond, last = zip(*parts, strict=True)
+        return np.concatenate(beyond), np.concatenate(last)
 
-    def _gradient(self, u: Array) -> Array:
-        """Gradients at the quadrature points: (n_dofs,) → (d, d, n_points)."""
-        return slopes_in_cells(self.cells, self.gradients, u.reshape(self.shape))
-
-    def _balanced(self, stresses: list[Array]) -> Array:
-        """Displacements that balance stresses: N of (d, d, n_points) → (N, n_dofs)."""
-        of_cells = self.cells, self.gradients, self.volumes
-        forces = [forces_of_cells(*of_cells, stress, self.shape[0]) for stress in stresses]
-        return -self.compliance.respond_at_nodes(np.stack(forces)).reshape(len(forces), -1)
+    def _of_some(self, first: Array, terms: Terms) -> tuple[Array, Array]:
+        """The same of a few, with room for their terms."""
+        count, order, eps = len(first), self.order, float(np.finfo(first.dtype).eps)
+        every, forces = np.zeros((order, *first.shape), first.dtype), np.zeros_like(first)
+        every[0] = first
+        add_term(1, self.cells, self.factors, first, terms, forces)
+        seen = np.array([not is_negligible(terms, n, eps) for n in range(count)])
+        for k in range(2, order + 1) if seen.any() else ():
+            every[k - 1, seen] = self.compliance.respond_at_nodes(forces[seen])
+            forces[:] = 0
+            add_term(k, self.cells, self.factors, every[k - 1], terms, forces)
+        c = np.eye(1, order).repeat(count, axis=0)
+        for n in np.flatnonzero(seen):
+            potential = potential_of_terms(terms.h[n], self.cells.volumes, self.factors)
+            c[n] = least_energy(potential, eps)
+        last = c[:, -1, None, None].astype(first.dtype) * every[-1]
+        c[:, 0] -= 1
+        return np.einsum("nk,knid->nid", c.astype(first.dtype), every), last

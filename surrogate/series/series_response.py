@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
-SOLVED = 32  # loads on a large body that are solved for together
 NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 
@@ -187,10 +186,9 @@ class SeriesResponse(LinearResponse):
         alone = self.compiled and self._at_once == 1 and nodal.device.type == "cpu"
         alone = alone and not nodal.requires_grad  # compiled code has no gradients
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
-        beyond, at_once = self._beyond, self._at_once
         if alone:
-            beyond, at_once = self._beyond_compiled, SOLVED
-        parts = [beyond(part) for part in torch.split(nodal, at_once)]
+            return self._beyond_compiled(nodal)
+        parts = [self._beyond(part) for part in torch.split(nodal, self._at_once)]
         totals, last = zip(*parts, strict=True)
         return torch.cat(totals), torch.cat(last)
 

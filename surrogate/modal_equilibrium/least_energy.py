@@ -1,0 +1,98 @@
+"""Coefficients of modes under given loads, of least potential energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.material import NeoHookean
+from surrogate.modal_equilibrium.cubature import Cubature
+from surrogate.series.stress_series import Factors
+
+LEADING = 16  # modes among which the first stiffness of the search is exact
+TOLERANCE, EVALUATIONS = 2e-3, 60
+Array = NDArray[np.float64]
+
+
+class ModalEquilibrium:
+    """Equilibria of a body in modes.
+
+    Parameters
+    ----------
+    modes : array, (m, n_nodes, d)
+        Displacements of the nodes in m, of every coefficient.
+    cells : array of int, (n_cells, n_corners)
+    gradients : array, (n_cells, n_points, n_corners, d)
+        Of the shape functions, in 1/m.
+    cubature : Cubature
+    materials : sequence of NeoHookean
+    parts : array of int, (n_cells,), optional
+        Position of each cell's material in the sequence.
+    leading : int
+        Number of the first modes among which the search starts from the exact stiffness.
+
+    Attributes
+    ----------
+    stiffness : array, (m, m)
+        Π''(0) in J.
+    """
+
+    def __init__(
+        self,
+        modes: Array,
+        cells: NDArray[np.int64],
+        gradients: Array,
+        cubature: Cubature,
+        materials: Sequence[NeoHookean],
+        parts: NDArray[np.int64] | None = None,
+        leading: int = LEADING,
+    ) -> None:
+        from surrogate.modal_equilibrium import compiled_energy  # Numba: half a second
+
+        self.functions = compiled_energy
+        corners = modes[:, cells[cubature.cells]]
+        shapes = gradients[cubature.cells, cubature.points]
+        slopes = np.einsum("mqai,qaj->qijm", corners, shapes)
+        of_cell = np.zeros(len(cells), np.int64) if parts is None else parts
+        factors = np.array([Factors.of(material) for material in materials])
+        of_points = np.ascontiguousarray(factors[of_cell[cubature.cells]].T)
+        of_points *= cubature.weights
+        self.points = compiled_energy.points_of(slopes, of_points, 0)
+        self.stiffness = self.tangent(np.zeros(len(modes)))
+        self._factor = np.linalg.cholesky(self.stiffness)
+        self._basis = np.ascontiguousarray(np.linalg.inv(self._factor).T)
+        k = min(leading, len(modes))
+        self._in_basis = compiled_energy.points_of(slopes @ self._basis, of_points, k)
+        self._compliance = self._basis @ self._basis.T
+
+    def tangent(self, a: Array) -> Array:
+        """Π''(a) in J: (m,) → (m, m)."""
+        found: Array = self.functions.stiffness_of(self.points, a, self.points.slopes)
+        return (found + found.T) / 2
+
+    def forces_of_points(self, a: Array) -> Array:
+        """Internal forces in modes of every point, in J: (m,) → (m, n_points)."""
+        found: Array = self.functions.forces_of_points(self.points, a)
+        return found
+
+    def linear(self, force: Array) -> Array:
+        """a₁ of a force g in J: (…, m) → same."""
+        return force @ self._compliance
+
+    def __call__(self, force: Array, correction: Array) -> Array:
+        """Return a - a₁ of the least Π, the correction of the linear response: (m,) → (m,).
+
+        Parameters
+        ----------
+        force : array, (m,)
+            g in J.
+        correction : array, (m,)
+            A first one, such as a network's.
+        """
+        of_basis = force @ self._basis  # that of the linear response, too
+        start = of_basis + correction @ self._factor
+        found = self.functions.least_energy(self._in_basis, of_basis, start, TOLERANCE, EVALUATIONS)
+        change: Array = self._basis @ (found - of_basis)
+        return change
