@@ -16,12 +16,14 @@ from shared_schema.common.lazy_names import lazy_names
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset
     from surrogate.data.joined_dataset import read_dataset
+    from surrogate.descent.aim import UnreachedToleranceWarning
     from surrogate.evaluation.learning_curves import LearningCurve, learning_curve
     from surrogate.evaluation.published import Published, read_published
     from surrogate.evaluation.run_comparison import Comparison, compare
     from surrogate.evaluation.run_evaluation import Evaluation, evaluate
     from surrogate.evaluation.run_report import write_report
     from surrogate.inference.export import export
+    from surrogate.inference.load_calibration import calibrate
     from surrogate.inference.loading import load
     from surrogate.inference.proposal import Proposal, propose
     from surrogate.inference.solution import Solution
@@ -49,6 +51,8 @@ __all__ = [
     "Published",
     "Solution",
     "Surrogate",
+    "UnreachedToleranceWarning",
+    "calibrate",
     "compare",
     "config_keys",
     "config_list",

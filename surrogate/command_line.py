@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 
 from shared_schema.common.command_line import Parser, make_parser, run_command
 from surrogate.commands import (
+    balance,
+    calibrate,
     compare,
     evaluate,
     export,
@@ -30,11 +32,13 @@ COMMANDS = (
     schema,
     train,
     evaluate,
+    calibrate,
     compare,
     learn_curve,
     predict,
     propose,
     refine,
+    balance,
     export,
     report,
     page,

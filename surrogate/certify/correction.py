@@ -26,8 +26,8 @@ these are moved to where the energy is least (`surrogate.mechanics.quadratic`).
 
 Under pressures that follow the surface there is no Π. The start is then the prediction, unless the
 undeformed body has the shorter step, and steps are those of `Equilibrium.damped_step`. These can
-stall, or end where the body is not stable. Then the load is increased from nothing, in steps that
-are halved where no stable equilibrium is found, as `datagen` does.
+stall, or end where the body is not stable. If so within 15 of them, the load is increased from
+nothing, in steps that are halved where no stable equilibrium is found, as `datagen` does.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ SUFFICIENT = 1e-4  # c
 LAST_STEP = 1e-3  # of the displacement: largest step after which the tangent before it will do
 SMALL_SHIFT = 1e-6  # first τ beside an unstable equilibrium, which may be so nearly stable
 AMPLITUDE = 0.1  # of a step along a mode, over the size of a cell
-SMALLEST_STEP, STEP_ITERATIONS = 1e-3, 15  # of a load that is increased
+SMALLEST_STEP, STEP_ITERATIONS = 1e-3, 15  # under pressures: of a load that is increased
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def correct(
     Raises
     ------
     WorkError
-        If 200 iterations do not lead to an equilibrium.
+        If 200 iterations, or under pressures load steps, do not lead to an equilibrium.
     """
     held = np.where(equilibrium.free[: equilibrium.nodes], predicted, 0.0)
     f, u = equilibrium.forces_at_points(forces[None]), equilibrium.at_points(held[None])
@@ -132,7 +132,7 @@ def _corrected(
     if equilibrium.pressure is None:
         return iterated(equilibrium, f, u, start, tolerance)
     try:
-        found = iterated(equilibrium, f, u, start, tolerance)
+        found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS)
         if equilibrium.response_at(found.displacement) is not None:
             return found
     except WorkError:

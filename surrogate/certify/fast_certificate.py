@@ -195,19 +195,12 @@ class FastCertificate:
         factor = np.interp(level, np.linspace(0, 1, KEPT), self.ratios[COMPONENT])
         return float(factor) * with_size(std, sizes(error)["mean"])
 
-    def covered(
+    def inside(
         self, force: Array, predicted: Array, truth: Array, std: Array, level: float
-    ) -> Array:
-        """Share of the components of every sample inside their intervals, (N,).
-
-        Components that cannot move are left out.
-        """
-        return self._inside(self.estimate(force, predicted), predicted - truth, std, level)
-
-    def _inside(self, estimated: Array, error: Array, std: Array, level: float) -> Array:
-        """Share of the components of every sample's true error inside their intervals, (N,)."""
-        half, moves = self.half_widths(estimated, std, level), std.any(axis=0)
-        return np.asarray((np.abs(error) <= half)[:, moves].mean(axis=1))
+    ) -> NDArray[np.bool_]:
+        """Components of every sample inside their intervals of the level, (N, n_nodes, d)."""
+        half = self.half_widths(self.estimate(force, predicted), std, level)
+        return np.asarray(np.abs(predicted - truth) <= half)
 
     def factor(self, level: float, measure: str = "mean") -> float:
         """Return q of a level 1 − α, at least 1.
@@ -338,10 +331,15 @@ class FastCertificate:
                 entry = {"level": level, "coverage": float(covered), "median_width": float(wide)}
                 content[name].append(entry)
         if std is not None and self.knows_components:
-            shares = [self._inside(error, true_error, std, level) for level in LEVELS]
+            magnitude, moves = np.abs(true_error), std.any(axis=0)
             content[COMPONENT] = [
-                {"level": level, "coverage": float(share.mean())}
-                for level, share in zip(LEVELS, shares, strict=True)
+                {
+                    "level": level,
+                    "coverage": float(
+                        (magnitude <= self.half_widths(error, std, level))[:, moves].mean()
+                    ),
+                }
+                for level in LEVELS
             ]
         return content
 

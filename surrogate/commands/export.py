@@ -25,6 +25,12 @@ def add_to(commands: Commands) -> None:
     )
     add_out(parser, "FILE.(onnx|pt2)", "file to write")
     add_passes(parser, "number of passes in the file (default: mean weights, without passes)")
+    parser.add_argument(
+        "--directions",
+        type=int,
+        metavar="N",
+        help="directions towards the equilibrium that the file takes after the prediction",
+    )
     parser.set_defaults(command=run)
 
 
@@ -33,5 +39,11 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     passes = given_passes(options)
-    difference = surrogate.export(options.run, options.out, format=options.format, **passes)
+    difference = surrogate.export(
+        options.run,
+        options.out,
+        format=options.format,
+        directions=options.directions,
+        **passes,
+    )
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")

@@ -10,12 +10,15 @@ from surrogate.commands.options import add_device, add_out, add_passes, add_run,
 
 CERTIFY = (
     "estimate the error of what is written, the prediction or (--correct) the equilibrium; add it "
-    "as 'estimated_error'; 'fast' in real time, with bounds, also of every component if the "
-    "network predicts standard deviations: 'half_width'; exit code 3 where no bound holds"
+    "as 'estimated_error'; 'fast' in real time, with bounds; exit code 3 where there is no "
+    "estimate to trust (inverted elements, an estimate that does not settle, no fast bound)"
 )
 TOLERANCE = (
-    "with --certify: largest error of a node in m (estimate, or fast bound), else exit code 3"
+    "largest error of a node, relative to the largest displacement, or with --certify in m: "
+    "directions drive the prediction towards the equilibrium until its estimated error is small "
+    "enough; exit code 3 if it is not, or not certified"
 )
+BUDGET = "seconds that these directions may take, with or without a tolerance"
 
 
 def add_to(commands: Commands) -> None:
@@ -29,7 +32,7 @@ def add_to(commands: Commands) -> None:
     add_run(parser)
     add_loads(parser)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
-    fields = "fields at the nodes: force, displacement, standard deviations"
+    fields = "fields at the nodes: force, displacement, standard deviations, half widths"
     add_out(parser, "FILE.(npz|vtu|xdmf)", fields)
     add_passes(parser, "number of passes of a stochastic network (default 300)")
     add_device(parser)
@@ -40,7 +43,8 @@ def add_to(commands: Commands) -> None:
     )
     probability = "probability of the fast bounds (default 0.95)"
     parser.add_argument("--level", type=share, metavar="P", help=probability)
-    parser.add_argument("--tolerance", type=positive, metavar="M", help=TOLERANCE)
+    parser.add_argument("--tolerance", type=positive, metavar="X", help=TOLERANCE)
+    parser.add_argument("--budget", type=positive, metavar="S", help=BUDGET)
     parser.add_argument(
         "--correct",
         action="store_true",
@@ -64,6 +68,7 @@ def run(options: argparse.Namespace) -> None:
         certify=options.certify,
         correct=options.correct,
         tolerance=options.tolerance,
+        budget=options.budget,
         level=options.level,
         conformal=options.conformal,
         stresses=options.stresses,

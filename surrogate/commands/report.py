@@ -28,6 +28,12 @@ def add_to(commands: Commands) -> None:
         help="published numbers, shown beside those of the run",
     )
     parser.add_argument(
+        "--against",
+        type=Path,
+        metavar="FILE.json",
+        help="evaluation.json of another run, whose numbers are shown too",
+    )
+    parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.html", help="page to write"
     )
     parser.set_defaults(command=run)
@@ -38,5 +44,11 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     published = surrogate.read_published(options.beside) if options.beside else None
-    surrogate.write_report(options.run, options.out, nodal=options.nodal, published=published)
+    surrogate.write_report(
+        options.run,
+        options.out,
+        nodal=options.nodal,
+        published=published,
+        against=options.against,
+    )
     print(options.out.resolve())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +86,14 @@ class Dataset:
             np.concatenate([part.displacement for part in parts]),
         )
 
+    def at_nodes(self) -> Dataset:
+        """The dataset on a grid whose points are nodes, for what needs no samples on the grid."""
+        geometry = self.geometry
+        if geometry.grid.points_are_nodes:
+            return self
+        row = Grid.in_a_row(*geometry.coordinates.shape)
+        return replace(self, geometry=replace(geometry, grid=row))
+
     @property
     def body(self) -> Body:
         """Mesh, supports and material, to compare with those of a run."""
@@ -103,15 +111,18 @@ class Dataset:
         return self.manifest.structured
 
 
-def read_single(folder: Path, *, on_disk: bool = False) -> Dataset:
+def read_single(folder: Path, *, on_disk: bool = False, needs_samples: bool = True) -> Dataset:
     """Read one structured dataset (see `surrogate.read_dataset`).
 
     At most one shard is in memory besides the result.
     """
     reader = DatasetReader(folder, "structured")
     manifest = reader.manifest
-    if manifest.samples == 0:
-        raise InputError(f"{folder}: no samples in it")
+    if manifest.samples == 0 and needs_samples:
+        raise InputError(
+            f"{folder}: a body without samples; expected some, made by `datagen run` and `datagen "
+            "structure` (only 'model: series' needs none)"
+        )
     geometry = with_elements(Geometry.from_arrays(reader.body, reader.cell_type), manifest.case)
     is_exact = geometry.grid.points_are_nodes
     everything = reader.ascending()

@@ -22,7 +22,9 @@ from surrogate.data.samples import Samples
 
 
 @checked_arguments
-def read_dataset(*folders: str | Path, on_disk: bool = False) -> Dataset:
+def read_dataset(
+    *folders: str | Path, on_disk: bool = False, needs_samples: bool = True
+) -> Dataset:
     """Read a structured dataset, or join several of one body and case.
 
     Of joined datasets, the training splits follow each other, and the test split is that of the
@@ -35,6 +37,8 @@ def read_dataset(*folders: str | Path, on_disk: bool = False) -> Dataset:
     on_disk : bool
         Leave the training samples of a single dataset on disk, if it is larger than the memory. A
         configuration with ``training.samples_on`` = ``disk`` needs such a dataset.
+    needs_samples : bool
+        Refuse a single dataset without samples, as ``datagen body`` makes it.
 
     Returns
     -------
@@ -49,7 +53,7 @@ def read_dataset(*folders: str | Path, on_disk: bool = False) -> Dataset:
     """
     paths = [Path(folder) for folder in folders]
     if len(paths) == 1:
-        return read_single(paths[0], on_disk=on_disk)
+        return read_single(paths[0], on_disk=on_disk, needs_samples=needs_samples)
     if on_disk or not paths:
         on = " with 'training.samples_on' = 'disk'" if on_disk else ""
         raise InputError(f"--data: {len(paths)} datasets, expected one{on}")

@@ -223,8 +223,9 @@ def evaluate(
         split.
     certify : bool
         Calibrate the fast certificate on the run's held-out samples, and measure its coverage on
-        the test split and, not promised there, on the other loads. A body that has no fast
-        certificate is evaluated without, with a warning.
+        the test split and, not promised there, on the other loads. A run without samples keeps the
+        calibration that it has. A body that has no fast certificate is evaluated without, with a
+        warning.
     example_displacement : float, optional
         Tip displacement in m of the test sample to show, among those loaded at the tip; by default
         three quarters of the largest.
@@ -250,7 +251,7 @@ def evaluate(
     if conformal is not None:
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
     if certify and has_estimate(surrogate, force):
-        fast = fit_fast_certificate(surrogate, data, passes, seed)
+        fast = fast_bounds(surrogate, data, passes, seed)
     predicted = surrogate.averaged_passes(force, passes, seed)
     if surrogate.is_probabilistic:
         calibration = measure_calibration(predicted.mean, predicted.std, reference, free)
@@ -268,7 +269,7 @@ def evaluate(
     }
     if stress is not None:
         content["von_mises"] = stress.plain()
-    if data.info.embedding is not None:
+    if not surrogate.geometry.grid.points_are_nodes:
         content["embedding_error"] = embedding_error(surrogate, force, reference)
     if calibration is not None:
         drawn = {"passes": passes, "passes_seed": seed} if surrogate.is_stochastic else {}
@@ -316,12 +317,22 @@ def has_estimate(surrogate: Surrogate, force: Array) -> bool:
     return True
 
 
+def fast_bounds(surrogate: Surrogate, data: Dataset, passes: int, seed: int) -> FastCertificate:
+    """Calibrate fast bounds, or return those of a run without samples that is calibrated."""
+    run, has_samples = surrogate.run, surrogate.description.data.info.train > 0
+    if not has_samples and run.fast_certificate.is_file():
+        return surrogate.fast_certificate
+    return fit_fast_certificate(surrogate, data, passes, seed)
+
+
 def require_tested(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> None:
     """Raise InputError unless a dataset is of the run's body and has test samples."""
-    trained = surrogate.description.data.case
+    trained, tested = surrogate.description.data.case, dataset.body
+    if not surrogate.description.run.learns:  # on any grid
+        tested = dataset.at_nodes().body
     require_same_body(
         Body(trained, surrogate.geometry.arrays()),
-        dataset.body,
+        tested,
         f"{run.folder}: trained on case '{surrogate.description.run.case}', the dataset is of case "
         f"'{dataset.manifest.name}'",
         keys=("name", *BODY_KEYS),
@@ -341,7 +352,7 @@ def origin_of(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> dict[st
         "likelihood": config.likelihood,
         "seed": config.seed,
         "data_digest": dataset.manifest.digest,
-        "trained_on_this_data": dataset.manifest.digest == data.digest,
+        "trained_on_this_data": not config.learns or dataset.manifest.digest == data.digest,
         "trainable_parameters": parameter_count(surrogate.network),
         "training_seconds": seconds,
         "epochs": epochs,

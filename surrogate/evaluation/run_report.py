@@ -21,7 +21,7 @@ from shared_schema.common.keys.units import Units
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.evaluation.published import Published
 from surrogate.runs.description import RunDescription
-from surrogate.runs.folder import RunFolder
+from surrogate.runs.folder import RunFolder, read_mapping
 from surrogate.runs.shelf import find_run
 
 Row = tuple[str, ...]  # name, value here, and the published one beside published numbers
@@ -120,6 +120,7 @@ def write_report(
     *,
     nodal: str | Path | None = None,
     published: Published | None = None,
+    against: str | Path | None = None,
 ) -> None:
     """Write the report of an evaluated run.
 
@@ -133,12 +134,14 @@ def write_report(
         Nodal dataset from which the run's data was made; adds the time of the equilibria.
     published : Published, optional
         Published numbers, shown beside those of the run.
+    against : str or Path, optional
+        ``evaluation.json`` of another run, or a record that holds it, whose numbers are shown too.
 
     Raises
     ------
     InputError
-        If the run is not evaluated, its data was made from another nodal dataset, or the report has
-        no row of the name of a published number.
+        If the run or the other one is not evaluated, its data was made from another nodal dataset,
+        or the report has no row of the name of a published number.
     """
     folder, path = RunFolder(find_run(run)), Path(out)
     if folder.unsealed:
@@ -146,6 +149,7 @@ def write_report(
     published = published or Published()
     description = folder.description()
     evaluation = folder.read_evaluation()
+    other = read_mapping(Path(against)) if against is not None else None
     if not path.parent.is_dir():
         raise InputError(f"--out '{path}': no such folder {path.parent}")
     if path.is_dir():
@@ -153,6 +157,8 @@ def write_report(
     require_writable(path)
     figures, trained_on = _figures(folder), folder.trained_on()
     solving = _solving(Path(nodal), description) if nodal is not None else None
+    units = description.data.units
+    beside = {} if other is None else _other_rows(other, str(against), units)
     try:
         page = PAGES.get_template("report.html.j2").render(
             case=description.run.case,
@@ -163,9 +169,11 @@ def write_report(
             info=description.data.info,
             evaluation=evaluation,
             trained_on=trained_on,
-            rows=_beside(_rows(evaluation, trained_on, description.data.units), published),
+            rows=_joined(_beside(_rows(evaluation, trained_on, units), published), beside),
             published=published,
+            other=other,
             figures=figures,
+            relative_error=_percent(evaluation["test"].get("relative_error_mean", 0.0)),
             mean_error=description.data.units.written(evaluation["test"]["mean_error"]),
             solving=solving,
             run_configuration=yaml.safe_dump(description.run.plain(), sort_keys=False),
@@ -194,17 +202,17 @@ def _rows(evaluation: dict[str, Any], trained_on: str, units: Units) -> list[tup
         (f"mean error ē [{unit}]", _fixed(test["mean_error"] * factor, 3)),
         *_grid_rows(evaluation.get("embedding_error"), unit, factor),
         (f"standard deviation σ(e) [{unit}]", _fixed(test["std_error"] * factor, 3)),
-        ("slope of e_m over displacement", f"{test['slope']:.5f}"),
+        ("slope of e_m over displacement", _fixed(test["slope"], 5)),
         (
             "relative tip error, the example below",
-            f"{example['relative_tip_error']:.2%} at "
+            f"{_percent(example['relative_tip_error'])} at "
             f"{_fixed(example['tip_displacement'], 2)} {units.length}",
         ),
         ("trainable parameters", f"{evaluation['trainable_parameters'] / 1e6:.2f} M"),
         ("training time", f"{minutes:.1f} min, {trained_on}"),
         (
             "relative tip error, median of the test split",
-            f"{test['relative_tip_error_median']:.2%}",
+            _percent(test["relative_tip_error_median"]),
         ),
         (f"largest error of a component [{unit}]", _fixed(test["max_error"] * factor, 2)),
         ("test samples M", str(test["samples"])),
@@ -225,6 +233,11 @@ def _fixed(value: float, decimals: int) -> str:
     return f"{value:.3g}" if small else f"{value:.{decimals}f}"
 
 
+def _percent(share: float) -> str:
+    """Write a share in per cent as `_fixed` does."""
+    return f"{_fixed(share * 100, 2)}%"
+
+
 def _beside(rows: list[tuple[str, str]], published: Published) -> list[Row]:
     """Add the published number of every row, or a dash."""
     if not published.numbers:
@@ -235,13 +248,27 @@ def _beside(rows: list[tuple[str, str]], published: Published) -> list[Row]:
     return [(name, ours, published.numbers.get(name, "–")) for name, ours in rows]
 
 
+def _joined(rows: list[Row], other: dict[str, str]) -> list[Row]:
+    """Add the other network's number of every row, or a dash."""
+    return [(*row, other.get(row[0], "–")) for row in rows] if other else rows
+
+
+def _other_rows(evaluation: dict[str, Any], path: str, units: Units) -> dict[str, str]:
+    """The numbers of another evaluation by the names of their rows."""
+    try:
+        return dict(_rows(evaluation, evaluation.get("machine", "unknown machine"), units))
+    except (LookupError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {first_line(error)}"
+        raise InputError(f"{path}: not measures of a run ({reason})") from None
+
+
 def _relative_rows(test: dict[str, Any]) -> list[tuple[str, str]]:
     """Errors relative to displacements; evaluations of older versions do not have them."""
     names = {
         "relative_error_mean": "mean error of a sample, of its largest displacement",
         "relative_node_error_median": "largest nodal error of a sample, of the same, median",
     }
-    return [(text, f"{test[name]:.2%}") for name, text in names.items() if name in test]
+    return [(text, _percent(test[name])) for name, text in names.items() if name in test]
 
 
 def _grid_rows(error: float | None, unit: str, factor: float) -> list[tuple[str, str]]:
@@ -256,11 +283,11 @@ def _stress_rows(stress: dict[str, Any] | None, unit: str) -> list[tuple[str, st
     return [
         (
             f"mean error of von Mises stresses [{unit}], of the largest of a sample",
-            f"{stress['mean_error']:.3g}, {stress['relative_error']:.2%}",
+            f"{stress['mean_error']:.3g}, {_percent(stress['relative_error'])}",
         ),
         (
             "error of the largest von Mises stress of a sample, median",
-            f"{stress['relative_error_of_largest_median']:.2%}",
+            _percent(stress["relative_error_of_largest_median"]),
         ),
     ]
 

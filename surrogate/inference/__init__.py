@@ -10,6 +10,9 @@
 `solution`             what `solve` returns; its figure is `solution_figure`
 `training_range`       warnings about forces unlike those of the training
 `calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
+`fresh_loads`          random load cases of a run: those of its training, or around them
+`load_calibration`     bounds of a run without a dataset, on corrected random loads
+`modal_cubature`       the least energy in the modes of a reduced network: `surrogate balance`
 `proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================
@@ -22,6 +25,7 @@ from shared_schema.common.lazy_names import lazy_names
 if TYPE_CHECKING:
     from surrogate.inference.calibrated_bounds import HeldOut, fit_fast_certificate, fit_on_samples
     from surrogate.inference.export import NodalFunction
+    from surrogate.inference.fresh_loads import drawn_loads
     from surrogate.inference.given_load import separated
     from surrogate.inference.loading import load
     from surrogate.inference.proposal import farthest
@@ -33,6 +37,7 @@ __all__ = [
     "NodalFunction",
     "OutsideTrainingWarning",
     "Surrogate",
+    "drawn_loads",
     "farthest",
     "fit_fast_certificate",
     "fit_on_samples",

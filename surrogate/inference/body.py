@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ from surrogate.networks.field_network import FieldNetwork
 from surrogate.runs.description import RunDescription
 
 if TYPE_CHECKING:
+    from surrogate.descent import Aim, Descent, DrivenBody
     from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
@@ -102,6 +104,45 @@ class TrainedBody:
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""
         return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
+
+    @cached_property
+    def driven_body(self) -> DrivenBody:
+        """The body as directions see it (`surrogate.descent`); InputError as `equilibrium`."""
+        from surrogate.descent import DrivenBody
+
+        return DrivenBody.of(self.equilibrium)
+
+    def descend(
+        self,
+        dead: Array,
+        pressure: FollowerPressure | None,
+        predicted: Array,
+        aim: Aim,
+        last_term: float = math.inf,
+    ) -> tuple[Array, Descent]:
+        """Drive the prediction of one load towards the equilibrium, by directions.
+
+        Parameters
+        ----------
+        dead : array, (n_nodes, d)
+            Dead forces in N.
+        pressure : FollowerPressure or None
+            Pressures of the load case, if the body's loads have some.
+        predicted : array, (n_nodes, d)
+            In m.
+        aim : Aim
+        last_term : float
+            What the last term of the prediction's series adds at most, in m; infinite if it is
+            not one.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`.
+        """
+        from surrogate.descent import descend
+
+        return descend(self.driven_body.under(pressure), dead, predicted, aim, last_term)
 
     @property
     def stressed(self) -> Solid:

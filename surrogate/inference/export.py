@@ -2,7 +2,9 @@
 
 The input is ``force`` in newtons, (samples, n_nodes, d) float32, for any number of samples. The
 outputs are ``displacement`` and, for probabilistic networks, standard deviations, of the same
-shape in metres. The file contains scales, supports and the map between mesh and grid.
+shape in metres. The file contains scales, supports and the map between mesh and grid. With
+directions (`surrogate.descent.fixed_directions`), the outputs are ``displacement`` and, of every
+sample, ``estimate``.
 """
 
 from __future__ import annotations
@@ -28,15 +30,18 @@ from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
 from surrogate.data.load_families import random_loads
+from surrogate.descent.fixed_directions import FixedDirections, require_exportable
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import require_passes
+from surrogate.series.series_response import SeriesResponse
 
 Format = Literal["onnx", "pt2"]
 Fields = dict[str, Tensor]
@@ -57,18 +62,29 @@ class NodalFunction(nn.Module):
     network : NodalNetwork
     passes : int, optional
         Number T of drawn passes; None for the mean weights of every member.
+    directions : FixedDirections, optional
+        What drives the displacements towards the equilibrium.
     """
 
-    def __init__(self, network: NodalNetwork, passes: int | None) -> None:
+    def __init__(
+        self, network: NodalNetwork, passes: int | None, directions: FixedDirections | None = None
+    ) -> None:
         super().__init__()
-        self.network = network
-        self.passes = passes
+        self.network, self.passes, self.directions = network, passes, directions
 
     def forward(self, force: Tensor, response: Tensor | None = None) -> Fields:
         """Predict fields in m from forces in N, each (N, n_nodes, d).
 
         The linear response to the forces in m, of the same shape, is computed unless it is given.
         """
+        fields = self._predicted(force, response)
+        if self.directions is None:
+            return fields
+        displacement, estimate = self.directions(force, fields["displacement"])
+        return {"displacement": displacement.float(), "estimate": estimate.float()}
+
+    def _predicted(self, force: Tensor, response: Tensor | None) -> Fields:
+        """Fields of the network."""
         if self.passes is None and self.network.network.members == 1:
             mean, std = self.network(force, 1, response)
             return {"displacement": mean[0]} | ({} if std is None else {"std": std[0]})
@@ -93,6 +109,7 @@ def export(
     format: Format,
     passes: int | None = None,
     seed: int | None = None,
+    directions: int | None = None,
 ) -> float:
     """Write the network of a run to a file, and compare the file's results with the network's.
 
@@ -112,6 +129,10 @@ def export(
         equals that of `Surrogate.predict_distribution`. None for the mean weights.
     seed : int, optional
         Seed of the passes; the default is 0.
+    directions : int, optional
+        Number of directions towards the equilibrium that the file takes after the prediction. It
+        then has the length of the last one in m as ``estimate``, (samples,), and no standard
+        deviations.
 
     Returns
     -------
@@ -122,7 +143,8 @@ def export(
     ------
     InputError
         If there is no finished run, the file's name or the passes are wrong, there are too many
-        passes for an ONNX file, or a package is missing.
+        passes for an ONNX file, a package is missing, or a file cannot hold the directions of this
+        body.
     WorkError
         If the format cannot express the network, or the file's result differs from the network's.
         The file is then removed.
@@ -134,7 +156,7 @@ def export(
     if seed is not None and passes is None:
         raise InputError(f"--seed {seed}: expected beside --passes")
     with _EXPORTS:
-        return export_network(load(run), format, path, passes, seed)
+        return export_network(load(run), format, path, passes, seed, directions)
 
 
 def export_network(
@@ -143,6 +165,7 @@ def export_network(
     path: Path,
     passes: int | None = None,
     seed: int | None = None,
+    directions: int | None = None,
     response_given: bool = False,
 ) -> float:
     """Write a network as `export` does; the surrogate cannot be used afterwards.
@@ -162,7 +185,10 @@ def export_network(
         require_memory(passes * drawn, f"--passes {passes}: the file")
         surrogate.passes.fix(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
-    function = NodalFunction(surrogate.nodal_network, passes)
+    if isinstance(surrogate.network.network, ReducedNetwork):
+        surrogate.network.network.equilibrium = None  # a search, which a file cannot hold
+    driven = None if directions is None else fixed_directions(surrogate, directions)
+    function = NodalFunction(surrogate.nodal_network, passes, driven)
 
     data, geometry = surrogate.description.data, surrogate.geometry
     most = min(CHECKED_LOADS, data.load_numbers[1])
@@ -176,7 +202,8 @@ def export_network(
     inputs = random_inputs(2)
     names = ("force", "response")[: len(inputs)]
     if not response_given:
-        _make_exportable(surrogate)
+        for module in function.modules():
+            _make_exportable(module)
     with _EXPORTS, torch.no_grad(), _silence(), complete_or_absent(path) as partial:
         try:
             shapes = tuple({0: Dim("samples")} for _ in inputs)
@@ -198,13 +225,22 @@ def export_network(
     return difference
 
 
-def _make_exportable(surrogate: Surrogate) -> None:
+def _make_exportable(module: nn.Module) -> None:
     """Replace the solver of a large body, which a file cannot hold, by an equal one that it can."""
-    linear = surrogate.network.linear
-    if not isinstance(linear, LinearResponse):
+    if not isinstance(module, LinearResponse):
         return
-    if isinstance(linear.compliance, Compliance) and linear.compliance.factor is not None:
-        linear.compliance = BlockSolve(linear.compliance)
+    if isinstance(module.compliance, Compliance) and module.compliance.factor is not None:
+        module.compliance = BlockSolve(module.compliance)
+
+
+def fixed_directions(surrogate: Surrogate, count: int) -> FixedDirections:
+    """Some directions of a body, with the response of the network if it is a load series."""
+    equilibrium, response = surrogate.equilibrium, surrogate.network.linear
+    require_exportable(equilibrium, count)
+    if not isinstance(response, SeriesResponse):  # in double precision
+        (material,) = equilibrium.solid.materials
+        response = LinearResponse(equilibrium.geometry, material, False, torch.float64)
+    return FixedDirections(equilibrium, response, count)
 
 
 def load_exported(path: Path) -> Callable[..., Fields]:
@@ -289,10 +325,11 @@ def require_packages(kind: Format) -> None:
 @contextmanager
 def _silence() -> Iterator[None]:
     """Suppress warnings and log messages of PyTorch's exporters."""
-    logging.disable(logging.WARNING)
+    before = logging.root.manager.disable
+    logging.disable(max(logging.WARNING, before))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        logging.disable(logging.NOTSET)
+        logging.disable(before)

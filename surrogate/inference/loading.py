@@ -15,6 +15,7 @@ from surrogate.data.elements_of_case import with_elements
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import choose_device
 from surrogate.hardware import memory_errors
+from surrogate.inference.modal_cubature import balance, read_cubature
 from surrogate.inference.surrogate import Surrogate
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
@@ -75,6 +76,9 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         raise InputError(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
         ) from None
+    if folder.modal_cubature.is_file():
+        folder.seal.require_intact(folder.modal_cubature)
+        balance(surrogate, read_cubature(folder.modal_cubature))
     surrogate.folder = folder.folder
     surrogate.mean_error = folder.mean_error()
     return surrogate

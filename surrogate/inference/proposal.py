@@ -21,7 +21,7 @@ from shared_schema.common.memory import require_memory
 from shared_schema.common.solution_file import require_suffix
 from shared_schema.load_cases import LoadCases, write_load_cases
 from shared_schema.manifest import digest_of
-from surrogate.data.load_families import random_loads
+from surrogate.inference.fresh_loads import drawn_loads
 from surrogate.inference.surrogate import Surrogate
 from surrogate.probabilistic.stochastic_passes import PASSES, require_passes
 
@@ -105,17 +105,16 @@ def propose(
         If the family or a number is wrong, the run does not name its material, or the case has a
         pressure, which is not drawn.
     """
-    geometry, data = surrogate.geometry, surrogate.description.data
+    geometry = surrogate.geometry
     surrogate.balanced()
     if count < 1:
         raise InputError(f"--count {count}: expected 1 at least")
-    loads = random_loads(family, geometry, data.info.force.max_abs, data.load_numbers)
     among = DRAWN * count if among is None else among
     if among < count:
         raise InputError(f"--among {among}: expected {count} at least, the number proposed")
     require_passes(passes, seed)
     require_memory(among * geometry.coordinates.nbytes, f"--among {among}: the forces")
-    forces = loads.draw(among, np.random.default_rng(seed))
+    forces = drawn_loads(surrogate, among, np.random.default_rng(seed), family)
     fields = np.empty(forces.shape, dtype=np.float32)
     errors = np.empty(among)
     for start in range(0, among, AT_ONCE):

@@ -14,8 +14,8 @@ from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
 from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.correction import Correction
-from surrogate.certify.fast_certificate import Bounds
 from surrogate.data.geometry import Geometry
+from surrogate.descent.descent import Descent
 from surrogate.probabilistic.distribution import Distribution
 
 if TYPE_CHECKING:
@@ -48,20 +48,25 @@ class Solution:
     force : array, (n_nodes, d)
         Nodal forces in N; of pressures, those on the undeformed body.
     displacement : array, (n_nodes, d)
-        In m; the equilibrium of the finite elements if the prediction is corrected.
+        In m; the equilibrium of the finite elements if the prediction is corrected, the state that
+        directions have reached if it is driven towards it.
     predicted : array, (n_nodes, d)
         The network's displacement in m.
     distribution : Distribution or None
-        The network's standard deviations in m; None if it predicts none, or is corrected.
+        The network's standard deviations in m; None if it predicts none, or its displacement is
+        corrected or was not within the tolerance.
     interval : tuple of two arrays (n_nodes, d), or None
         Lower and upper ends of conformal intervals in m.
     correction : Correction or None
     certificate : ErrorCertificate or None
         `Certificate` (full) or `Bounds` (fast) of the displacement.
     half_width : array, (n_nodes, d), or None
-        Half widths in m of the intervals of all components, of the fast certificate.
+        Half widths in m of the intervals of all components: the network's standard deviations, with
+        the size of the fast certificate; infinite where it gives no bound. None if the network
+        predicts none, the run has no such certificate, or the displacement is not the predicted.
     tolerance : float or None
-        Largest error of a node in m that is to be certified.
+        Largest error of a node that is to be certified, in m; without a certificate, the one that
+        directions aim at, relative to the largest displacement.
     stresses : dict of str to array, (n_cells, …)
         By the names of `shared_schema.common.bodies.stress_fields`; empty if not asked for.
     reaction : array, (n_nodes, d), or None
@@ -72,6 +77,9 @@ class Solution:
         What is unlike the forces of the training, so that the prediction may be wrong.
     units : Units
         Labels of all numbers, for messages and figures.
+    descent : Descent or None
+        How directions ended (`surrogate.descent`): their number, the estimated error in m, and
+        whether the tolerance was reached; None if they were not asked for.
     """
 
     geometry: Geometry
@@ -90,6 +98,7 @@ class Solution:
     notes: tuple[str, ...]
     outside_training: tuple[str, ...]
     units: Units = SI
+    descent: Descent | None = None
 
     @property
     def std(self) -> Array | None:
@@ -123,27 +132,29 @@ class Solution:
 
     @property
     def refusal(self) -> str | None:
-        """Why the displacement is not certified within `tolerance`; None if it is, or not asked.
+        """Why the displacement is not within `tolerance`; None if it is, or not asked.
 
-        A fast certificate without a bound certifies nothing, whatever the tolerance.
+        Without a tolerance any error is small enough. A state with inverted elements, an estimate
+        that does not settle, and a fast certificate without a bound are never certified. Without a
+        certificate, it is the estimate of the directions that may not be within the tolerance.
         """
-        if self.certificate is None:
-            return None
-        if self.tolerance is None:
-            return (
-                self.certificate.refusal(np.inf) if isinstance(self.certificate, Bounds) else None
-            )
-        return self.certificate.refusal(self.tolerance)
+        if self.certificate is not None:
+            return self.certificate.refusal(np.inf if self.tolerance is None else self.tolerance)
+        if self.descent is not None and self.descent.reached is False:
+            return self.descent.refusal(self.units)
+        return None
 
     @property
     def verdict(self) -> Literal["certified", "not certified"] | None:
         """Whether no node's error is above `tolerance`.
 
-        None if there is no tolerance, unless a fast certificate has no bound.
+        None if there is no tolerance, unless the certificate holds for none.
         """
+        if self.certificate is None:
+            return None
         if self.refusal is not None:
             return "not certified"
-        return None if self.certificate is None or self.tolerance is None else "certified"
+        return None if self.tolerance is None else "certified"
 
     def fields(self) -> dict[str, Array]:
         """Fields at the nodes by their names in a solution file, (n_nodes, d) each."""
@@ -152,7 +163,7 @@ class Solution:
             values = getattr(self, name)
             if values is not None:
                 found[name] = values
-            if name == "displacement" and self.correction is not None:
+            if name == "displacement" and not np.array_equal(values, self.predicted):
                 found["predicted"] = self.predicted
         return found
 
@@ -183,6 +194,8 @@ class Solution:
         parts = ["predicted"]
         if self.correction is not None:
             parts.append(self.correction.summary())
+        if self.descent is not None:
+            parts.append(self.descent.summary(self.units))
         if self.certificate is not None:
             parts.append(self.certificate.summary())
         if self.verdict is not None:
@@ -211,6 +224,7 @@ class Solution:
             largest = np.linalg.norm(self.std, axis=1).max()
             lines.append(f"largest standard deviation: {self.units.written(largest)}")
         if self.refusal is not None:
-            lines.append(f"not certified: {self.refusal}")
+            certified = self.certificate is not None
+            lines.append(f"{'not certified' if certified else 'not reached'}: {self.refusal}")
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
         return "\n  ".join(lines)

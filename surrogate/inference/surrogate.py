@@ -62,6 +62,7 @@ class Surrogate(TrainedNetwork):
         certify: Literal["fast", "full"] | None = None,
         correct: bool = False,
         tolerance: float | None = None,
+        budget: float | None = None,
         level: float | None = None,
         conformal: Literal["marginal", "simultaneous"] | None = None,
         stresses: bool = False,
@@ -82,12 +83,18 @@ class Surrogate(TrainedNetwork):
         certify : {"full", "fast"}, optional
             Estimate the error: by Newton steps; or in real time, with bounds that hold with some
             probability, which `surrogate evaluate --certify` calibrates. A load or state unlike
-            those of this calibration has no bound, and is not certified.
+            those of this calibration has no bound, and is not certified. Intervals of single
+            components, of networks that predict standard deviations, are there without `certify`.
         correct : bool
             Go on from the prediction to the equilibrium of the finite elements. A certificate is
             then that of this equilibrium, as it is of what the solution shows in any case.
         tolerance : float, optional
-            Largest error of a node in m that is certified; it needs `certify`.
+            Largest error of a node: in m with `certify`, which tells whether it is kept, else
+            relative to the largest displacement. Unless the prediction is corrected, directions
+            drive it towards the equilibrium until its estimated error is small enough
+            (`surrogate.descent`).
+        budget : float, optional
+            Seconds that directions may take, whether or not there is a tolerance.
         level : float, optional
             Probability of each fast bound; 0.95 by default.
         conformal : {"marginal", "simultaneous"}, optional
@@ -108,7 +115,7 @@ class Surrogate(TrainedNetwork):
         """
         from surrogate.inference.solution import Solution
 
-        require_options_fit(certify, tolerance, level)
+        require_options_fit(certify, correct, tolerance, budget, level)
         level = LEVEL if level is None else level
         intervals = self.intervals if conformal else None
         fast = self._fast_of_level(level) if certify == "fast" else None
@@ -122,29 +129,43 @@ class Surrogate(TrainedNetwork):
         if intervals is not None and conformal is not None:
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
         dead, pressure = given.forces, following(given)
-        correction = self._corrected(dead, pressure, network.mean) if correct else None
-        displacement = network.mean if correction is None else correction.displacement
+        displacement, correction, descent = network.mean, None, None
+        if correct:
+            correction = self._corrected(dead, pressure, network.mean)
+            displacement = correction.displacement
+        elif tolerance is not None or budget is not None:
+            from surrogate.descent.aim import Aim
+
+            aim = Aim(tolerance, budget, in_metres=certify is not None)
+            displacement, descent = self.descend(dead, pressure, network.mean, aim)
+        is_own = np.array_equal(displacement, network.mean)
+        is_own = is_own or (descent is not None and descent.kept)
         what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
-        unusual = size_warning(displacement, self.geometry.coordinates, what)
-        if unusual is not None:
-            logger.warning(unusual)
+        if force.any():
+            advice = self.training_range.compared(force)
+            unusual = size_warning(displacement, self.geometry.coordinates, what, advice)
+            if unusual is not None:
+                logger.warning(unusual)
         certificate: ErrorCertificate | None = None
-        half_width = None
-        if fast is not None:
-            std = network.std if self.is_probabilistic and not correct else None
-            certificate = bounds = fast.certify(dead, displacement, level, std, pressure)
-            half_width = bounds.half_width
-        elif certify:
+        if certify == "full":
             certificate = self._certified(dead, pressure, displacement)
+        std = network.std if self.is_probabilistic and is_own else None
+        of_components = fast if fast is not None or std is None else self._bounds_of_components
+        half_width = None
+        if of_components is not None:
+            bounds = of_components.certify(dead, displacement, level, std, pressure)
+            half_width = bounds.half_width
+            certificate = certificate if fast is None else bounds
         return Solution(
             geometry=self.geometry,
             case=self.description.run.case,
             force=force,
             displacement=displacement,
             predicted=network.mean,
-            distribution=network if self.is_probabilistic and not correct else None,
-            interval=None if correct else interval,
+            distribution=network if self.is_probabilistic and is_own else None,
+            interval=interval if is_own else None,
             correction=correction,
+            descent=descent,
             certificate=certificate,
             half_width=half_width,
             tolerance=tolerance,
@@ -353,6 +374,17 @@ class Surrogate(TrainedNetwork):
         return fast
 
     @cached_property
+    def _bounds_of_components(self) -> FastCertificate | None:
+        """What gives intervals of components their size; None if the run has no such bounds."""
+        if self.folder is None or not self.run.fast_certificate.is_file():
+            return None
+        try:
+            fast = self._fast_of_level(LEVEL)
+        except InputError:  # of another version, or of too few samples
+            return None
+        return fast if fast.knows_components and fast.calibrated is not None else None
+
+    @cached_property
     def intervals(self) -> Intervals:
         """The conformal intervals of the run; InputError if it has none."""
         from surrogate.certify.conformal import Intervals
@@ -366,11 +398,21 @@ class Surrogate(TrainedNetwork):
         return predicted.std if self.is_probabilistic else 1.0
 
 
-def require_options_fit(certify: str | None, tolerance: float | None, level: float | None) -> None:
-    """Raise InputError if an option of `Surrogate.solve` lacks one that it needs."""
-    if tolerance is not None and not certify:
-        raise InputError(f"--tolerance {tolerance}: expected beside --certify")
-    if tolerance is not None and not 0 < tolerance < np.inf:
-        raise InputError(f"--tolerance {tolerance}: expected a positive number")
+def require_options_fit(
+    certify: str | None,
+    correct: bool,
+    tolerance: float | None,
+    budget: float | None,
+    level: float | None,
+) -> None:
+    """Raise InputError if an option of `Surrogate.solve` is wrong, or lacks one that it needs."""
+    from surrogate.descent.aim import require_positive
+
+    require_positive("tolerance", tolerance)
+    require_positive("budget", budget)
+    if tolerance is not None and correct and not certify:
+        raise InputError(f"--tolerance {tolerance}: expected --certify beside --correct")
+    if budget is not None and correct:
+        raise InputError(f"--budget {budget}: expected without --correct, which has no limit")
     if level is not None and certify != "fast":
         raise InputError(f"--level {level}: expected beside --certify fast")

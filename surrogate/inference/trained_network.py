@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -17,10 +18,11 @@ from surrogate.data.geometry import Geometry
 from surrogate.data.load_range import PressedNodes
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
-from surrogate.inference.given_load import checked_forces
+from surrogate.inference.given_load import checked_forces, without_pressure
 from surrogate.inference.training_range import TrainingRange
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.held_nodes import HeldNodes
+from surrogate.networks.no_network import NoNetwork
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
@@ -28,7 +30,9 @@ from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_pa
 from surrogate.runs.description import RunDescription
 
 if TYPE_CHECKING:
+    from surrogate.descent import Aim
     from surrogate.one_load.backend import OneLoad
+    from surrogate.one_load.response_alone import ResponseAlone
 
 Array = NDArray[np.float64]
 
@@ -63,14 +67,16 @@ class TrainedNetwork(TrainedBody):
         nodal = NodalNetwork(network, geometry.grid, held)
         self.nodal_network = nodal.to(network.free.device)
         data = description.data
-        self.training_range = TrainingRange(
-            data.info.force.max_abs,
-            geometry.loadable,
-            data.loads,
-            geometry.grid,
-            PressedNodes.of(geometry, data.case),
-            data.units,
-        )
+        self.training_range = TrainingRange.none(geometry)
+        if description.run.learns:
+            self.training_range = TrainingRange(
+                data.info.force.max_abs,
+                geometry.loadable,
+                data.loads,
+                geometry.grid,
+                PressedNodes.of(geometry, data.case),
+                data.units,
+            )
         self.passes = Passes(network)
         self._batched = BatchedPrediction(
             self.nodal_network, self.passes, description.run, geometry.grid.mask.size
@@ -81,7 +87,9 @@ class TrainedNetwork(TrainedBody):
     def __repr__(self) -> str:
         """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
         run = self.description.run
-        size = f"{run.title} {parameter_count(self.network) / 1e6:.2f} M"
+        size = run.title
+        if count := parameter_count(self.network):
+            size += f" {count / 1e6:.2f} M"
         parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
         if run.likelihood != "deterministic":
             parts.append(run.likelihood.replace("_", " "))
@@ -100,25 +108,58 @@ class TrainedNetwork(TrainedBody):
         return self.passes.differ
 
     @overload
-    def predict(self, forces: Tensor) -> Tensor: ...
+    def predict(
+        self,
+        forces: Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+    ) -> Tensor: ...
     @overload
-    def predict(self, forces: ArrayLike) -> Array: ...
-    def predict(self, forces: ArrayLike | Tensor) -> Array | Tensor:
+    def predict(
+        self,
+        forces: ArrayLike,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+    ) -> Array: ...
+    def predict(
+        self,
+        forces: ArrayLike | Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+    ) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
         On a CPU, a U-Net or reduced network that is not stochastic predicts one load or a few in
         NumPy (`surrogate.one_load.backend`), a reduced network any number. Its load series is
-        compiled by Numba, which takes some seconds at the first prediction after an installation.
+        compiled by Numba, which takes up to 20 s at the first prediction after an installation.
         The result differs from that of `averaged_passes`, which `solve` uses, and that of a load in
         a large batch from that alone, by rounding in single precision.
 
-        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training.
+        With a tolerance or a budget, directions drive every prediction towards the equilibrium of
+        the finite elements until its estimated error is small enough (`surrogate.descent`); a good
+        one takes a single direction, and none where the last term of its load series is small.
+
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training,
+        and an `UnreachedToleranceWarning` if directions end before the tolerance is reached. What
+        is then returned is the best displacement that was met.
 
         Parameters
         ----------
         forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N. A tensor that requires gradients gives displacements that are
             differentiable by the forces; the network's weights get no gradients.
+        tolerance : float, optional
+            Largest error of a node, relative to the largest displacement under the load.
+        budget : float, optional
+            Seconds that the directions of each load may take, after its prediction.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `Surrogate.certify`, beside a tolerance or a budget only.
 
         Returns
         -------
@@ -128,30 +169,92 @@ class TrainedNetwork(TrainedBody):
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, or one acts at a clamped node.
+            If the shape is wrong, a force is not finite, or one acts at a clamped node; or a
+            tolerance or budget is not positive, stands beside gradients, or is for a body whose
+            equilibrium the learner does not compute.
         """
+        aim = given_aim(tolerance, budget, pressure)
         if isinstance(forces, Tensor):
-            return self._predicted_tensor(forces)
+            return self._predicted_tensor(forces, aim, pressure)
         nodal = checked_forces(self.geometry, forces)
         self.training_range.warn(nodal)
-        return self._mean(nodal)
+        return self._mean(nodal) if aim is None else self._driven(nodal, aim, pressure)
 
-    def _predicted_tensor(self, forces: Tensor) -> Tensor:
+    def _predicted_tensor(
+        self, forces: Tensor, aim: Aim | None, pressure: ArrayLike | None
+    ) -> Tensor:
         nodal = checked_forces(self.geometry, forces)
         self.training_range.warn(nodal)
         kind = forces.dtype if forces.is_floating_point() else torch.float64
-        if not (forces.requires_grad and torch.is_grad_enabled()):
-            return torch.from_numpy(self._mean(nodal)).to(forces.device, kind)
+        differentiable = forces.requires_grad and torch.is_grad_enabled()
+        if aim is not None and differentiable:
+            raise InputError(
+                "tolerance and budget: directions have no gradients, expected forces without"
+            )
+        if not differentiable:
+            found = self._mean(nodal) if aim is None else self._driven(nodal, aim, pressure)
+            return torch.from_numpy(found).to(forces.device, kind)
         samples = forces.reshape(-1, *nodal.shape[-2:]).to(self.network.free.device)
-        found = self._batched.mean(samples, PASSES, 0)
-        return found.reshape(forces.shape).to(forces.device)
+        mean = self._batched.mean(samples, PASSES, 0)
+        return mean.reshape(forces.shape).to(forces.device)
 
     def _mean(self, nodal: Array) -> Array:
         """Predict without warnings."""
-        if self._one_load is None or len(nodal) == 0:
-            return self._averaged(nodal, PASSES, 0).mean
+        return self.mean_and_last_term(nodal)[0]
+
+    def mean_and_last_term(self, nodal: Array) -> tuple[Array, Array]:
+        """Predict, and tell what the last term of the load series adds.
+
+        Parameters
+        ----------
+        nodal : array, (n_nodes, d) or (N, n_nodes, d)
+            Checked forces in N.
+
+        Returns
+        -------
+        array of the same shape
+            Displacements in m, as of `predict`.
+        array, (N,)
+            Largest displacement of the last term in m; infinite unless a series is all there is.
+        """
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
-        return self._one_load.several(samples).reshape(nodal.shape)
+        last = np.full(len(samples), np.inf)
+        if self._response_alone is not None and len(samples):
+            mean, last = self._response_alone.several(samples)
+        elif self._one_load is not None and len(samples):
+            mean = self._one_load.several(samples)
+        else:
+            mean = self._averaged(nodal, PASSES, 0).mean
+        return mean.reshape(nodal.shape), last
+
+    def _driven(self, nodal: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
+        """Predict, and drive load by load towards the equilibrium."""
+        from surrogate.descent.aim import UnreachedToleranceWarning
+
+        dead, follows = without_pressure(self.geometry, nodal, pressure)
+        shape, driven, missed = (-1, *nodal.shape[-2:]), [], []
+        mean, last = self.mean_and_last_term(nodal)
+        loads = zip(dead.reshape(shape), mean.reshape(shape), last, strict=True)
+        for number, (force, predicted, remainder) in enumerate(loads):
+            one = None if follows is None else follows[slice(number, number + 1)]
+            displacement, descent = self.descend(force, one, predicted, aim, float(remainder))
+            driven.append(displacement)
+            if descent.reached is False:
+                missed.append(f"load {number}: {descent.refusal(self.description.data.units)}")
+        if missed:
+            others = f", and {len(missed) - 1} other loads" if len(missed) > 1 else ""
+            warnings.warn(missed[0] + others, UnreachedToleranceWarning, stacklevel=3)
+        return np.array(driven).reshape(nodal.shape)
+
+    @cached_property
+    def _response_alone(self) -> ResponseAlone | None:
+        """The response of the body on the CPU; None if a network adds to it."""
+        alone = isinstance(self.network.network, NoNetwork)
+        if not alone or self.network.free.device.type != "cpu":
+            return None
+        from surrogate.one_load.response_alone import ResponseAlone
+
+        return ResponseAlone(self.nodal_network)
 
     @cached_property
     def _one_load(self) -> OneLoad | None:
@@ -212,3 +315,16 @@ class TrainedNetwork(TrainedBody):
                     f"--{name} {value}: passes of this network do not differ, expected one with "
                     "probabilistic weights or dropout"
                 )
+
+
+def given_aim(
+    tolerance: float | None, budget: float | None, pressure: ArrayLike | None
+) -> Aim | None:
+    """Return what directions aim at; None if there are to be none. InputError if it is wrong."""
+    if tolerance is None and budget is None:
+        if pressure is not None:
+            raise InputError("pressure: expected beside a tolerance or a budget")
+        return None
+    from surrogate.descent.aim import Aim
+
+    return Aim(tolerance, budget)

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
+from shared_schema.common.bodies.displacement_size import UNITS
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid
+from surrogate.data.geometry import Geometry
 from surrogate.data.load_range import LoadRange, PressedNodes
 
 logger = logging.getLogger(__name__)
 MARGIN = 1 + 1e-6  # of rounding
+PREFIX = 1e3  # ratio of neighbouring units: N and kN
 Array = NDArray[np.float64]
 
 
@@ -60,6 +63,12 @@ class TrainingRange:
         self._largest_resultant = np.array(() if loads is None else loads.resultant) * MARGIN
         self._warned: set[str] = set()
 
+    @classmethod
+    def none(cls, geometry: Geometry) -> TrainingRange:
+        """That of a model without a training: no forces leave it."""
+        nodes, d = geometry.coordinates.shape
+        return cls((np.inf,) * d, np.ones(nodes, np.bool_), None)
+
     def exceeded(self, forces: Array) -> dict[str, str]:
         """Say how forces leave the training data, by kind: range, places, number, resultant.
 
@@ -69,6 +78,24 @@ class TrainingRange:
             Nodal forces in N. No force at all is nothing unusual.
         """
         return dict(self._exceeded(forces.reshape(-1, *forces.shape[-2:])))
+
+    def compared(self, forces: Array) -> str:
+        """Compare the size of forces, not all zero, with the training; ask for units if far off.
+
+        Without a training there is nothing to compare with.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d)
+            Nodal forces in N.
+        """
+        if np.isinf(self._limit).all():
+            return UNITS
+        values = forces if self._to_grid is None else self._to_grid @ forces
+        ratio = float(np.abs(values).max() / self._limit.max())
+        text = f"the largest force component is {ratio:.3g} times that of the training data"
+        is_far = not 1 / PREFIX < ratio < PREFIX
+        return f"{text}; are the units consistent?" if is_far else text
 
     def warn(self, forces: Array) -> None:
         """Issue an `OutsideTrainingWarning` for every kind that has not been warned of yet."""

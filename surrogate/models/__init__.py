@@ -3,7 +3,7 @@
 ==================  ==========================================================================
 `kinds`             which architecture goes with which likelihoods; the table of all kinds
 `model`             what every architecture has: common keys, building, start, distribution
-`unet_model`, …     the architectures: U-Net, reduced network, linear layer, POD regression
+`unet_model`, …     the architectures: U-Net, reduced network, linear layer, POD, load series
 `likelihood_keys`   the keys that a likelihood adds
 `training_config`   keys of the section `training`
 ==================  ==========================================================================
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from surrogate.models.network_model import NetworkModel
     from surrogate.models.pod_model import PODModel
     from surrogate.models.reduced_model import ReducedModel
+    from surrogate.models.series_model import SeriesModel
     from surrogate.models.unet_model import UNetModel
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "PODModel",
     "ReducedModel",
     "RunConfig",
+    "SeriesModel",
     "TrainedModel",
     "UNetModel",
 ]

@@ -19,12 +19,14 @@ from surrogate.models.likelihood_keys import (
     MaximumLikelihood,
     Regression,
     Ridge,
+    Untrained,
     VariationalBayes,
 )
 from surrogate.models.linear_model import LinearModel
 from surrogate.models.model import Model
 from surrogate.models.pod_model import PODModel
 from surrogate.models.reduced_model import ReducedModel
+from surrogate.models.series_model import SeriesModel
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.reduced_network import VariationalLayers
 from surrogate.probabilistic.flipout import VariationalConvolutions
@@ -34,6 +36,7 @@ ARCHITECTURES: dict[type[Model], tuple[type[BaseModel], ...]] = {
     LinearModel: (Regression,),
     PODModel: (Ridge, GaussianProcess),
     ReducedModel: (Deterministic, MaximumLikelihood, VariationalBayes[VariationalLayers]),
+    SeriesModel: (Untrained,),
 }
 
 

@@ -56,6 +56,12 @@ class Regression(Frozen):
     training: RegressionTraining = RegressionTraining()
 
 
+class Untrained(Frozen):
+    """A model that follows from the body, and predicts displacements."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+
+
 class Ridge(Frozen):
     """Coefficients of modes by ridge regression on polynomials of the forces."""
 

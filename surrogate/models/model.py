@@ -68,6 +68,7 @@ class Model(Frozen, ABC):
     """
 
     title: ClassVar[str]
+    learns: ClassVar[bool] = True  # from samples; if not, the body alone makes the model
 
     name: str
     case: str

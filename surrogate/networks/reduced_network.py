@@ -19,9 +19,11 @@ that the modes cannot represent,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Self
+from typing import Annotated, Protocol, Self
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from torch import Tensor, nn
 from torch.nn import functional
@@ -135,6 +137,18 @@ class DenseNetwork(nn.Module):
         return self.head(x)
 
 
+class Balanced(Protocol):
+    """Takes coefficients to those of least energy, given scaled work: (N, m) twice → same."""
+
+    def __call__(self, work: Tensor, coefficients: Tensor) -> Tensor:
+        """Tensors, differentiable by the work."""
+
+    def of_arrays(
+        self, work: NDArray[np.float32], coefficients: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Arrays."""
+
+
 class ReducedNetwork(nn.Module):
     """Map from the scaled force grid to the scaled correction of the linear response.
 
@@ -161,8 +175,13 @@ class ReducedNetwork(nn.Module):
         Terms of higher order, in units of these modes.
     truncation : Tensor, (d · n_free,)
         Root mean square of the part of the scaled corrections that the modes cannot represent.
+    equilibrium : Balanced or None
+        Takes coefficients c to those of least energy (`surrogate.modal_equilibrium`), given the
+        scaled work :math:`V^T F` of the forces on the modes: (N, output_modes) twice → same.
+        `surrogate.load` sets it.
     """
 
+    equilibrium: Balanced | None = None
     points: Tensor
     encoder: Tensor
     modes: Tensor
@@ -240,15 +259,12 @@ class ReducedNetwork(nn.Module):
 
     def forward(self, force: Tensor) -> Tensor | Prediction:
         """Predict scaled corrections from scaled forces, both (N, d, nx, ny[, nz])."""
-        a = self._encoded(force)
-        terms = [] if self.series is None else self.series(a)
-        inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
-        outputs = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
+        outputs = self.coefficients(force)
         count = len(self.modes)
         coefficients = outputs[:, :count]
-        for term in terms:
-            of_all = term if self.members == 1 else term.repeat(self.members, 1)
-            coefficients = coefficients + of_all
+        if self.equilibrium is not None:
+            work = at_points(force, self.points) @ self.modes.T
+            coefficients = self.equilibrium(work, coefficients)
         mean = on_grid(coefficients @ self.modes, self.points, force)
         if outputs.shape[1] == count:
             return mean
@@ -256,6 +272,17 @@ class ReducedNetwork(nn.Module):
         variance = std.square() @ self.modes.square() + self.truncation.square()
         std = (variance + SMALLEST_STD**2).sqrt()
         return Prediction(mean, on_grid(std, self.points, force))
+
+    def coefficients(self, force: Tensor) -> Tensor:
+        """Coefficients c by the dense network, then ρ if it has any: (N, d, …) → (K·N, outputs)."""
+        a = self._encoded(force)
+        terms = [] if self.series is None else self.series(a)
+        inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
+        outputs: Tensor = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
+        for term in terms:
+            of_all = term if self.members == 1 else term.repeat(self.members, 1)
+            outputs = outputs + functional.pad(of_all, (0, outputs.shape[1] - len(self.modes)))
+        return outputs
 
     def _encoded(self, force: Tensor) -> Tensor:
         """Coefficients a of scaled forces."""

@@ -2,7 +2,8 @@
 
 The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
 Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh and material and
-factorises it, in the order of `surrogate.mechanics.band_matrix`.
+factorises it, in the order of `surrogate.mechanics.band_matrix`. Where the response of the body is
+all there is (`model: series`), the page has no network and computes it alone.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.export import require_packages
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
+from surrogate.networks.no_network import NoNetwork
 from surrogate.page.body import drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
-from surrogate.page.page_network import page_network
+from surrogate.page.page_network import NO_NETWORK, page_network
 from surrogate.probabilistic.moments import Moments
+from surrogate.series import SeriesResponse
 
 LARGEST = 25_000_000  # bytes of a page
 BASE64 = 4 / 3  # its characters a byte
@@ -83,25 +86,26 @@ def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> W
     path = Path(out)
     require_suffix(path, (".html",))
     require_writable(path)
-    require_packages("onnx")
     bundle, surrogate = read_bundle(), load(run)
-    mechanics = mechanics_of(surrogate)
+    order, mechanics = series_order(surrogate), mechanics_of(surrogate)
+    if order == 0:
+        require_packages("onnx")
     table, block = packed(drawn(surrogate.geometry) | mechanics.arrays)
     content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
-    content["certified"] = mechanics.certified
+    content |= {"certified": mechanics.certified, "series": order}
     parts = {
         "style": bundle.style,
         "script": bundle.script,
         "arrays": inlined(block),
-        "runtime": in_base64(bundle.runtime),
+        "runtime": "" if order else in_base64(bundle.runtime),
     }
     left = largest - sum(len(part.encode()) for part in parts.values())
-    network = page_network(surrogate, int(left / BASE64))
+    network = NO_NETWORK if order else page_network(surrogate, int(left / BASE64))
     content["passes"] = network.passes
     page = PAGES.get_template("page.html.j2").render(
         title=content["case"],
         content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
-        network=inlined(network.content),
+        network=inlined(network.content) if network.content else "",
         **parts,
     )
     size = len(page.encode())
@@ -109,6 +113,14 @@ def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> W
         raise InputError(f"page: {size / 1e6:.1f} MB, expected {largest / 1e6:.1f} MB at most")
     write_text(path, page)
     return Written(size, network.passes, mechanics.certified)
+
+
+def series_order(surrogate: Surrogate) -> int:
+    """Order of the load series that a page computes in place of a network; 0 for a network."""
+    if not isinstance(surrogate.network.network, NoNetwork):
+        return 0
+    response = surrogate.network.linear
+    return response.order if isinstance(response, SeriesResponse) else 1
 
 
 def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
@@ -120,7 +132,7 @@ def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
         "run": str(run),
         "units": data.units.model_dump(),
         "cellType": surrogate.geometry.cell_type,
-        "needsResponse": surrogate.network.linear is not None,
+        "needsResponse": surrogate.network.linear is not None and series_order(surrogate) == 0,
         "deviations": deviations(surrogate),
         "limit": list(data.info.force.max_abs),
         "loads": None if data.loads is None else data.loads.model_dump(),

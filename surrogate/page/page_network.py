@@ -35,6 +35,9 @@ class PageNetwork:
     passes: int | None
 
 
+NO_NETWORK = PageNetwork(b"", None)
+
+
 def page_network(surrogate: Surrogate, largest: int) -> PageNetwork:
     """Export the network, with as many passes as fit; the surrogate cannot be used afterwards.
 
@@ -54,7 +57,8 @@ def page_network(surrogate: Surrogate, largest: int) -> PageNetwork:
     if isinstance(linear, SeriesResponse) and linear.precision == torch.float32:
         raise InputError(
             f"page: the network's load series needs a body of at most {DENSE} degrees of freedom, "
-            f"found {surrogate.geometry.coordinates.size}; 'model: reduced' is for larger ones"
+            f"found {surrogate.geometry.coordinates.size}; 'model: reduced' and 'series' are for "
+            "larger ones"
         )
     weights = sum(p.nbytes for p in surrogate.network.parameters())
     weights += sum(b.nbytes for b in surrogate.network.network.buffers())

@@ -179,6 +179,6 @@ def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) 
         dimension=manifest.dimension,
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
-        loads=load_range(dataset),
+        loads=load_range(dataset) if len(dataset.training) else None,
     )
     return RunDescription(run=config, data=data, start_from=start_from)

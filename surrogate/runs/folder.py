@@ -9,7 +9,8 @@
     hardware.txt        name of the hardware of the training
     evaluation.json     errors on the test split
     intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
-    fast_certificate.safetensors   calibrated ratios (with `evaluate --certify`)
+    fast_certificate.safetensors   calibrated ratios (with `evaluate --certify`, `calibrate`)
+    modal_cubature.safetensors   points of the equilibrium in modes (with `surrogate balance`)
     figures/            figures
     checkpoint/         last.safetensors, to resume from, with its own checksum
     tensorboard/        event files of TensorBoard (with `train --tensorboard`)
@@ -54,6 +55,7 @@ class RunFolder:
         self.evaluation = folder / "evaluation.json"
         self.intervals = folder / "intervals.safetensors"
         self.fast_certificate = folder / "fast_certificate.safetensors"
+        self.modal_cubature = folder / "modal_cubature.safetensors"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
@@ -231,7 +233,9 @@ class RunFolder:
 
     def progress(self) -> str:
         """Describe how far the training is, such as "trained, 80 of 80 epochs, 405 s"."""
-        state = "trained" if self.is_finished else "stopped; resume with the same command"
+        learns = self.description().run.learns
+        trained = "trained" if learns else "ready, without training"
+        state = trained if self.is_finished else "stopped; resume with the same command"
         of, (done, seconds) = self.description().epochs, self.training_effort()
         epochs = "" if of is None else f"{done} of {of} epochs, "
         return f"{state}, {epochs}{seconds:.0f} s"
@@ -276,6 +280,38 @@ class RunFolder:
                     path.unlink(missing_ok=True)
             self.seal.add(files)
 
+    def write_fast_certificate(self, content: bytes, measured: Any = None) -> None:
+        """Write ``fast_certificate.safetensors``, and seal it.
+
+        What the evaluation says of earlier bounds is replaced by what is `measured`, if anything.
+
+        Raises
+        ------
+        InputError
+            If another process works in the folder.
+        """
+        files = {self.fast_certificate: content}
+        if self.seal.lists(self.evaluation):
+            evaluation = self.read_evaluation()
+            evaluation.pop("fast_certificate", None)
+            if measured is not None:
+                evaluation["fast_certificate"] = measured
+            files[self.evaluation] = (json.dumps(evaluation, indent=1) + "\n").encode()
+        self._write_sealed(files)
+
+    def write_cubature(self, content: bytes) -> None:
+        """Write ``modal_cubature.safetensors``, and seal it; InputError as above."""
+        self._write_sealed({self.modal_cubature: content})
+
+    def _write_sealed(self, files: Mapping[Path, bytes]) -> None:
+        with FolderLock(self.folder, "RUN"):
+            remove_partial_files(self.folder)
+            with ExitStack() as all_or_none:
+                for path, content in files.items():
+                    all_or_none.enter_context(complete_or_absent(path)).write_bytes(content)
+                self.seal.withdraw(files)
+            self.seal.add(files)
+
     def read_figures(self) -> dict[str, bytes]:
         """Read the figures of the evaluation by file name; InputError if one is damaged or gone."""
         if self.seal.exists:
@@ -292,13 +328,7 @@ class RunFolder:
         if not self.seal.lists(self.evaluation):
             raise InputError(f"{self.folder}: not evaluated yet, no {self.evaluation.name} in it")
         self.seal.require_intact(self.evaluation)
-        try:
-            content = json.loads(self.evaluation.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            raise InputError(f"{self.evaluation}: damaged ({error})") from None
-        if not isinstance(content, dict):
-            raise InputError(f"{self.evaluation}: damaged, expected a mapping")
-        return content
+        return read_mapping(self.evaluation)
 
     def mean_error(self) -> float | None:
         """Return ē in m on the test split of the run's own dataset; None if it is not known."""
@@ -308,6 +338,17 @@ class RunFolder:
             return float(evaluation["test"]["mean_error"]) if own else None
         except (InputError, KeyError, TypeError, ValueError):
             return None
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """Read a mapping from a JSON file; InputError if the file is missing or damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: damaged ({error})") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: damaged, expected a mapping")
+    return content
 
 
 def first_difference(old: dict[str, Any], new: dict[str, Any]) -> str:

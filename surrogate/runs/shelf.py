@@ -23,7 +23,11 @@ from surrogate.runs.seal import Seal
 
 SHELF = Path(__file__).parents[1] / "trained"
 KEPT = ("config.yaml", "model.safetensors", "evaluation.json", "hardware.txt")
-KEPT_IF_THERE = ("intervals.safetensors", "fast_certificate.safetensors")
+KEPT_IF_THERE = (
+    "intervals.safetensors",
+    "fast_certificate.safetensors",
+    "modal_cubature.safetensors",
+)
 LARGEST = 5_000_000  # bytes of one network
 LARGEST_SHELF = 16_000_000  # bytes of all networks
 LARGE_MATRIX = 100_000  # entries from which on it may be in half precision

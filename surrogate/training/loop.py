@@ -114,14 +114,16 @@ def train(
         data = dataset_for(config, dataset)
         deadline = time.perf_counter() + seconds
         start = None if start_from is None else warm_start(start_from, config, data)
-        split = split_for(config, data)
+        split = split_for(config, data) if config.learns else None
         described = describe(config, data, None if start is None else start.origin)
         description = ranks.from_first(lambda: run.require_free(described))
         if run.is_finished and run.description().went_on_from == description.went_on_from:
             return load(run.folder, target.type)
         ranks.from_first(lambda: held.enter_context(run.owned()))
         ranks.from_first(lambda: warn_of_size(data))
-        if isinstance(config, TrainedModel):
+        if split is None:
+            ranks.from_first(lambda: derive(config, data, target, description, run))
+        elif isinstance(config, TrainedModel):
             trainer = make_trainer(config, data, split, target, ranks, start)
             ranks.from_first(lambda: run.start(description))
             last = stop_after or config.training.epochs
@@ -241,6 +243,22 @@ def finish(
         recalibrate(surrogate, held_out, None if level is True else level)
         tensors = {**tensors, **surrogate.network.state_dict()}
     run.write_model(tensors, hardware(trainer.device))
+
+
+def derive(
+    config: Model,
+    dataset: Dataset,
+    device: torch.device,
+    description: RunDescription,
+    run: RunFolder,
+) -> None:
+    """Write a model that follows from the body, and one line with epoch 0."""
+    began, data = time.perf_counter(), dataset.at_nodes()
+    network = config.build_for(data.geometry, data.info, data.material, data.manifest.case)
+    run.start(description)
+    with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:
+        log.write({"epoch": 0, "seconds": time.perf_counter() - began})
+    run.write_model({**network.state_dict(), **data.geometry.tensors()}, hardware(device))
 
 
 def fit(

@@ -63,7 +63,7 @@ def dataset_for(config: Model, dataset: Data) -> Dataset:
     stays_on_disk = isinstance(config, TrainedModel) and config.training.samples_on == "disk"
     if not isinstance(dataset, Dataset):
         folders = [dataset] if isinstance(dataset, str | Path) else dataset
-        return read_dataset(*folders, on_disk=stays_on_disk)
+        return read_dataset(*folders, on_disk=stays_on_disk, needs_samples=config.learns)
     if stays_on_disk != isinstance(dataset.training, SamplesOnDisk):
         places = ("on disk", "in memory")
         expected, found = places if stays_on_disk else reversed(places)

@@ -14,6 +14,8 @@ interface Text {
   units: { length: string; force: string };
   cellType: CellType;
   needsResponse: boolean;
+  /** Order of the load series that predicts in place of a network; 0 if there is a network. */
+  series: number;
   deviations: Record<string, "epistemic" | "aleatoric">;
   limit: number[];
   loads: TrainingRange["loads"];
@@ -67,7 +69,9 @@ export async function readContent(): Promise<Content> {
     cells: array("cells") as Int32Array,
     clamped: array("clamped") as Uint8Array,
     loadable,
-    trained: { limit: text.limit, loadable, loads: text.loads },
+    trained: text.series
+      ? { limit: text.limit.map(() => Infinity), loadable: loadable.map(() => 1), loads: null }
+      : { limit: text.limit, loadable, loads: text.loads },
     vertices: array("vertices") as Int32Array,
     triangles: array("triangles") as Int32Array,
     lines: array("lines") as Int32Array,

@@ -25,6 +25,7 @@ export class Curve {
   add(node: number, force: number, displacement: number, deviation: number | null): void {
     if (node !== this.node) this.clear();
     this.node = node;
+    if (this.points.at(-1)?.force === force) this.points.pop(); // a better displacement
     this.points.push({ force, displacement, deviation });
     if (this.points.length > MOST) this.points.shift();
   }

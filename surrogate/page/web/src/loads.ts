@@ -53,6 +53,7 @@ export function predictCommand(
   coordinates: Float64Array,
   d: number,
   passes: number | null,
+  tolerance: number | null,
 ): string {
   const words = ["surrogate", "predict", quoted(run)];
   for (const { node, force } of loads) {
@@ -60,6 +61,7 @@ export function predictCommand(
     words.push(`--load="${place.join(",")}:${force.join(",")}"`);
   }
   if (passes !== null) words.push(`--passes ${passes}`);
+  if (tolerance !== null) words.push(`--tolerance ${tolerance}`);
   return [...words, "--out prediction.npz"].join(" ");
 }
 

@@ -2,9 +2,9 @@
 
 import { bytes, readContent } from "./content";
 import type { Curve } from "./curve";
-import { size } from "./loads";
+import { size, type Load } from "./loads";
 import { Mechanics } from "./mechanics/mechanics";
-import { Network } from "./network";
+import { Network, type Fields } from "./network";
 import { Panel } from "./panel";
 import { listen } from "./pointer";
 import { asCsv, asNpz, asPng, download } from "./save";
@@ -12,7 +12,7 @@ import { State } from "./state";
 import { useUnits } from "./units";
 import { Scene } from "./view/scene";
 
-const REST = 150; // ms without a change, before the error of a large body is estimated
+const REST = 150; // ms without a change, after which a load on a large body rests
 const LARGE = 2000; // degrees of freedom
 const PANEL = 80; // ms between two states of the panel: people read no faster
 
@@ -127,33 +127,63 @@ async function start(): Promise<void> {
       state.fields = null;
       return true;
     }
-    const length = content.nodes * content.d;
-    const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
-    const isReady = network !== null && (response !== null || !content.needsResponse);
-    panel.tell(isReady ? "" : "Preparing: the body follows in a moment …");
-    if (!isReady) {
-      for (const load of acting) mechanics?.request(load.node);
-      return false;
-    }
-    const force = state.loads.nodal(content.nodes);
-    state.fields = await network!.predict(Float32Array.from(force), response);
-    const { selected } = state.loads;
-    if (selected) {
-      const u = size(state.displacementAt(selected.node));
-      const deviation = state.deviationAlong(selected.node);
-      panel.curve.add(selected.node, size(selected.force), u, deviation);
-    }
-    timer = setTimeout(estimate, (content.order?.length ?? 0) > LARGE ? REST : 0);
+    const fields = content.series > 0 ? await seriesFields() : await networkFields(acting);
+    panel.tell(fields ? "" : "Preparing: the body follows in a moment …");
+    if (!fields) return false;
+    state.fields = fields;
+    addToCurve();
+    timer = setTimeout(rest, (content.order?.length ?? 0) > LARGE ? REST : 0);
     return true;
   };
 
-  const estimate = (): void => {
+  /** Fields of the network; null while it or a response is missing. */
+  const networkFields = async (acting: readonly Load[]): Promise<Fields | null> => {
+    const length = content.nodes * content.d;
+    const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
+    if (network === null || (response === null && content.needsResponse)) {
+      for (const load of acting) mechanics?.request(load.node);
+      return null;
+    }
+    return network.predict(Float32Array.from(state.loads.nodal(content.nodes)), response);
+  };
+
+  const seriesFields = async (): Promise<Fields | null> => {
+    if (mechanics === null) return null;
+    const force = Float64Array.from(state.loads.nodal(content.nodes));
+    return { displacement: await mechanics.series(force, content.series) };
+  };
+
+  /** Of a load that rests: a series goes on to the equilibrium; then the error is estimated. */
+  const rest = (): void => {
     if (!mechanics || !content.certified || !state.displacement) return;
+    if (content.series === 0) {
+      estimate();
+      return;
+    }
+    const force = Float64Array.from(state.loads.nodal(content.nodes));
+    mechanics.descent(force, Float64Array.from(state.displacement), (displacement) => {
+      state.fields = { displacement };
+      addToCurve();
+      show();
+      estimate();
+    });
+  };
+
+  const estimate = (): void => {
+    if (!mechanics || !state.displacement) return;
     const force = state.loads.nodal(content.nodes);
     mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
       state.certificate = certificate;
       show();
     });
+  };
+
+  const addToCurve = (): void => {
+    const { selected } = state.loads;
+    if (!selected) return;
+    const u = size(state.displacementAt(selected.node));
+    const deviation = state.deviationAlong(selected.node);
+    panel.curve.add(selected.node, size(selected.force), u, deviation);
   };
 
   const save = async (kind: "png" | "csv" | "npz"): Promise<void> => {
@@ -194,8 +224,10 @@ async function start(): Promise<void> {
         document.addEventListener("DOMContentLoaded", resolve, { once: true });
       });
     }
-    const [model, runtime] = await Promise.all([bytes("network"), bytes("runtime")]);
-    network = await Network.start(model, runtime, content.nodes, content.d);
+    if (content.series === 0) {
+      const [model, runtime] = await Promise.all([bytes("network"), bytes("runtime")]);
+      network = await Network.start(model, runtime, content.nodes, content.d);
+    }
     performance.mark("ready");
     panel.tell("Press on the body and drag.");
     if (state.loads.all.length > 0) change(null);

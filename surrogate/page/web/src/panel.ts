@@ -5,6 +5,7 @@ import { Curve } from "./curve";
 import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
+import { TOLERANCE } from "./mechanics/descent";
 import type { State } from "./state";
 import { asLength, digits, lengthUnit, place, unitOf } from "./units";
 
@@ -100,10 +101,11 @@ export class Panel {
     this.updateBar(largest);
     this.updateEstimate();
     this.updateReadout();
-    const { run, coordinates, d, passes } = state.content;
+    const { run, coordinates, d, passes, series, certified } = state.content;
+    const tolerance = series > 0 && certified ? TOLERANCE : null;
     const acting = state.loads.all;
     this.command.textContent = acting.length
-      ? predictCommand(run, acting, coordinates, d, passes)
+      ? predictCommand(run, acting, coordinates, d, passes, tolerance)
       : "Set a load first.";
     const node = state.loads.selected?.node;
     const band = state.content.passes !== null || Object.keys(state.content.deviations).length > 0;

@@ -7,7 +7,8 @@
  * with the first τ = 0.1 · 4^k that is sufficient.
  */
 
-import { Profile, ProfileCholesky } from "./profile_cholesky";
+import { Layout } from "./layout";
+import type { ProfileCholesky } from "./profile_cholesky";
 import type { Solid } from "./solid";
 
 const FIRST_SHIFT = 0.1;
@@ -22,8 +23,7 @@ export interface Tangent {
 export class Equilibrium {
   /** Bound of the rounding error of Π in J. */
   readonly rounding: number;
-  private readonly profile: Profile;
-  private readonly place: Int32Array;
+  private readonly layout: Layout;
   private undeformed: ProfileCholesky | null = null;
 
   /**
@@ -33,29 +33,19 @@ export class Equilibrium {
    */
   constructor(
     readonly solid: Solid,
-    private readonly order: Int32Array,
-    private readonly size: number,
+    readonly order: Int32Array,
+    readonly size: number,
   ) {
     const { lambda, mu } = solid.material;
     this.rounding = 10 * Number.EPSILON * (lambda + mu) * solid.volume;
-    this.place = new Int32Array(size).fill(-1);
-    order.forEach((dof, row) => (this.place[dof] = row));
-    const firsts = order.map((_, row) => row);
-    this.forCells((rows) => {
-      const first = rows.reduce(
-        (least, row) => (row >= 0 ? Math.min(least, row) : least),
-        Infinity,
-      );
-      for (const row of rows) if (row >= 0) firsts[row] = Math.min(firsts[row], first);
-    });
-    this.profile = new Profile(order.length, firsts);
+    this.layout = new Layout(solid.cells, solid.corners, solid.d, order, size);
   }
 
   /** r(u) in N, zero at clamped nodes. */
   outOfBalance(u: Float64Array, f: Float64Array): Float64Array {
     return this.solid
       .internalForces(u)
-      .map((value, dof) => (this.place[dof] < 0 ? 0 : value - f[dof]));
+      .map((value, dof) => (this.layout.place[dof] < 0 ? 0 : value - f[dof]));
   }
 
   /** Π(u) in J. */
@@ -65,18 +55,18 @@ export class Equilibrium {
 
   /** Displacements of the free nodes; zero at clamped ones. */
   held(u: ArrayLike<number>): Float64Array {
-    return Float64Array.from(u, (value, dof) => (this.place[dof] < 0 ? 0 : value));
+    return Float64Array.from(u, (value, dof) => (this.layout.place[dof] < 0 ? 0 : value));
   }
 
   /** Factorise K(u), or a positive definite matrix near it. */
   tangent(u: Float64Array): Tangent {
-    const factor = ProfileCholesky.of(this.profile, this.assembled(u));
+    const factor = this.layout.factor(this.assembled(u));
     if (factor) return { factor, stable: true };
     for (let shift = FIRST_SHIFT; shift < 1 / Number.EPSILON; shift *= SHIFT_GROWTH) {
       const values = this.assembled(u);
       const rest = this.assembled(new Float64Array(this.size));
       for (let i = 0; i < values.length; i++) values[i] += shift * rest[i];
-      const shifted = ProfileCholesky.of(this.profile, values);
+      const shifted = this.layout.factor(values);
       if (shifted) return { factor: shifted, stable: false };
     }
     return { factor: this.rest(), stable: false };
@@ -84,10 +74,7 @@ export class Equilibrium {
 
   /** K⁻¹ b with a factor, for b and the result at all degrees of freedom. */
   solve(factor: ProfileCholesky, right: Float64Array): Float64Array {
-    const found = factor.solve(Float64Array.from(this.order, (dof) => right[dof]));
-    const u = new Float64Array(this.size);
-    this.order.forEach((dof, row) => (u[dof] = found[row]!));
-    return u;
+    return this.layout.solve(factor, right);
   }
 
   /** K(0)⁻¹ f in m; the factor is kept. */
@@ -96,44 +83,15 @@ export class Equilibrium {
   }
 
   private rest(): ProfileCholesky {
-    this.undeformed ??= ProfileCholesky.of(
-      this.profile,
-      this.assembled(new Float64Array(this.size)),
-    );
+    this.undeformed ??= this.layout.factor(this.assembled(new Float64Array(this.size)));
     if (!this.undeformed) throw new Error("the supports do not hold the body");
     return this.undeformed;
   }
 
   private assembled(u: Float64Array): Float64Array {
-    const values = this.profile.zeros();
-    const size = this.solid.corners * this.solid.d;
-    const k = new Float64Array(size * size);
-    this.forCells((rows, cell) => {
+    return this.layout.assembled((cell, k) => {
       this.solid.cellTangent(u, cell, k);
-      for (let a = 0; a < size; a++) {
-        const row = rows[a];
-        if (row < 0) continue;
-        for (let b = 0; b < size; b++) {
-          const column = rows[b];
-          if (column >= 0 && column <= row)
-            values[this.profile.place(row, column)] += k[a * size + b];
-        }
-      }
     });
-    return values;
-  }
-
-  /** Call a function with the rows of every cell's degrees of freedom, -1 where they are clamped. */
-  private forCells(use: (rows: Int32Array, cell: number) => void): void {
-    const { corners, d, cells } = this.solid;
-    const rows = new Int32Array(corners * d);
-    for (let cell = 0; cell < this.solid.cellCount; cell++) {
-      for (let a = 0; a < corners; a++) {
-        for (let i = 0; i < d; i++)
-          rows[a * d + i] = this.place[cells[cell * corners + a] * d + i]!;
-      }
-      use(rows, cell);
-    }
   }
 }
 

@@ -11,6 +11,8 @@ export class Mechanics {
   private readonly requested = new Set<number>();
   private number = 0;
   private receive: (certificate: Certificate) => void = () => undefined;
+  private receiveSeries: (displacement: Float32Array) => void = () => undefined;
+  private receiveDescent: (displacement: Float32Array) => void = () => undefined;
 
   /**
    * @param body - what to compute with
@@ -21,6 +23,9 @@ export class Mechanics {
     this.responding = new Worker(url);
     this.estimating = new Worker(url);
     this.responding.onmessage = ({ data }: MessageEvent<Reply>) => {
+      if (data.kind === "series") this.receiveSeries(data.displacement);
+      if (data.kind === "descent" && data.number === this.number)
+        this.receiveDescent(data.displacement);
       if (data.kind !== "columns") return;
       this.columns.set(data.node, data.columns);
       onColumns();
@@ -31,6 +36,25 @@ export class Mechanics {
     };
     this.send(this.responding, { kind: "body", body });
     this.send(this.estimating, { kind: "body", body });
+  }
+
+  /** The load series in m to some order, of forces in N; one is asked for at a time. */
+  series(force: Float64Array, order: number): Promise<Float32Array> {
+    return new Promise((resolve) => {
+      this.receiveSeries = resolve;
+      this.send(this.responding, { kind: "series", force, order });
+    });
+  }
+
+  /** Drive a displacement in m towards the equilibrium, unless other loads are asked for meanwhile. */
+  descent(
+    force: Float64Array,
+    displacement: Float64Array,
+    receive: (displacement: Float32Array) => void,
+  ): void {
+    this.receiveDescent = receive;
+    this.number++;
+    this.send(this.responding, { kind: "descent", force, displacement, number: this.number });
   }
 
   /** Ask for the columns of a node, once. */
@@ -68,7 +92,7 @@ export class Mechanics {
     this.send(this.estimating, { kind: "certificate", force, displacement, number: this.number });
   }
 
-  /** Forget the estimate that was asked for last. */
+  /** Forget the directions and the estimate that were asked for last. */
   forget(): void {
     this.number++;
   }

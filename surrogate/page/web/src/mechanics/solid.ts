@@ -17,10 +17,18 @@ export interface Material {
   meanDilation: boolean;
 }
 
+/** Strain energy in J of some coefficients, with its first and second derivatives by them. */
+export interface EnergyOfTerms {
+  energy: number;
+  gradient: Float64Array;
+  hessian: Float64Array;
+}
+
 export class Solid {
   readonly d: number;
   readonly volume: number;
   readonly corners: number;
+  private readonly nodes: number;
   private readonly parts: CellGradients;
   private readonly f: Float64Array;
   private readonly inverse: Float64Array;
@@ -34,6 +42,7 @@ export class Solid {
     this.parts = cellGradients(coordinates, cells, type);
     this.corners = this.parts.corners;
     this.d = type === "triangle" || type === "quad" ? 2 : 3;
+    this.nodes = coordinates.length / this.d;
     this.volume = this.parts.volumes.reduce((sum, v) => sum + v, 0);
     this.f = new Float64Array(this.d * this.d);
     this.inverse = new Float64Array(this.d * this.d);
@@ -85,50 +94,161 @@ export class Solid {
   /** Strain energy E(u) in J, infinite if a cell is inverted. */
   energy(u: Float64Array): number {
     const { points, volumes } = this.parts;
-    const { lambda, mu, volumetric } = this.material;
     let energy = 0;
     for (let point = 0; point < volumes.length; point++) {
       const j = this.deform(u, Math.floor(point / points), point);
       if (!(j > 0)) return Infinity;
-      const logarithm = Math.log(j);
-      const square = this.f.reduce((sum, value) => sum + value * value, 0);
-      const bulk =
-        volumetric === "paper"
-          ? (lambda / 4) * (j * j - 1 - 2 * logarithm)
-          : (lambda / 2) * (j - 1) ** 2;
-      energy += volumes[point] * ((mu / 2) * (square - this.d - 2 * logarithm) + bulk);
+      energy += volumes[point] * this.density(j);
     }
     return energy;
   }
 
-  /** f_int = ∂E/∂u in N, (nodes, d); no meaning if a cell is inverted. */
-  internalForces(u: Float64Array): Float64Array {
-    const { d, corners } = this;
-    const { points, gradients, volumes } = this.parts;
-    const forces = new Float64Array(u.length);
-    const p = new Float64Array(d * d);
+  /** Strain energy per volume in Pa, of the F of the last point. */
+  private density(j: number): number {
+    const { lambda, mu, volumetric } = this.material;
+    const logarithm = Math.log(j);
+    const square = this.f.reduce((sum, value) => sum + value * value, 0);
+    const bulk =
+      volumetric === "paper"
+        ? (lambda / 4) * (j * j - 1 - 2 * logarithm)
+        : (lambda / 2) * (j - 1) ** 2;
+    return (mu / 2) * (square - this.d - 2 * logarithm) + bulk;
+  }
+
+  /** ∂u_i/∂x_j at the quadrature points, (points, d, d). */
+  slopes(u: Float64Array): Float64Array {
+    const { points, volumes } = this.parts;
+    const size = this.d * this.d;
+    const found = new Float64Array(volumes.length * size);
     for (let point = 0; point < volumes.length; point++) {
-      const cell = Math.floor(point / points);
-      const j = this.deform(u, cell, point);
-      const [pressure] = this.volumetric(j);
-      const { mu } = this.material;
-      for (let i = 0; i < d; i++) {
-        for (let k = 0; k < d; k++) {
-          p[i * d + k] =
-            volumes[point] * (mu * this.f[i * d + k] + (pressure - mu) * this.inverse[k * d + i]);
+      this.deform(u, Math.floor(point / points), point);
+      for (let i = 0; i < size; i++) {
+        found[point * size + i] = this.f[i] - (i % (this.d + 1) === 0 ? 1 : 0);
+      }
+    }
+    return found;
+  }
+
+  /**
+   * E(Σ_k c_k u_k) from the slopes H_k of the terms, infinite if a cell is inverted; with A_k = F⁻¹ H_k
+   *
+   *   ∂E/∂c_k = Σ_q w_q [μ F:H_k + (J U' − μ) tr A_k],
+   *   ∂²E/∂c_k∂c_l = Σ_q w_q [μ H_k:H_l + (μ − J U') tr A_k A_l + (J U' + J² U'') tr A_k tr A_l].
+   */
+  energyOf(slopes: readonly Float64Array[], c: Float64Array): EnergyOfTerms {
+    const { d, f, inverse } = this;
+    const { volumes } = this.parts;
+    const { mu } = this.material;
+    const n = slopes.length;
+    const size = d * d;
+    const gradient = new Float64Array(n);
+    const hessian = new Float64Array(n * n);
+    const a = slopes.map(() => new Float64Array(size));
+    const traces = new Float64Array(n);
+    let energy = 0;
+    for (let point = 0; point < volumes.length; point++) {
+      const w = volumes[point];
+      const first = point * size;
+      for (let i = 0; i < size; i++) {
+        f[i] = i % (d + 1) === 0 ? 1 : 0;
+        for (let k = 0; k < n; k++) f[i] += c[k] * slopes[k][first + i];
+      }
+      const j = invert(f, d, inverse);
+      if (!(j > 0)) return { energy: Infinity, gradient, hessian };
+      energy += w * this.density(j);
+      const [pressure, squared] = this.volumetric(j);
+      for (let k = 0; k < n; k++) {
+        const h = slopes[k];
+        const of = a[k];
+        let contraction = 0;
+        traces[k] = 0;
+        for (let row = 0; row < d; row++) {
+          for (let column = 0; column < d; column++) {
+            let product = 0;
+            for (let m = 0; m < d; m++) {
+              product += inverse[row * d + m] * h[first + m * d + column];
+            }
+            of[row * d + column] = product;
+            contraction += f[row * d + column] * h[first + row * d + column];
+          }
+          traces[k] += of[row * d + row];
+        }
+        gradient[k] += w * (mu * contraction + (pressure - mu) * traces[k]);
+        for (let l = 0; l <= k; l++) {
+          let contracted = 0;
+          let crossed = 0;
+          for (let row = 0; row < d; row++) {
+            for (let column = 0; column < d; column++) {
+              const i = row * d + column;
+              contracted += h[first + i] * slopes[l][first + i];
+              crossed += of[i] * a[l][column * d + row];
+            }
+          }
+          hessian[k * n + l] +=
+            w * (mu * contracted + (mu - pressure) * crossed + squared * traces[k] * traces[l]);
         }
       }
+    }
+    for (let k = 0; k < n; k++) {
+      for (let l = 0; l < k; l++) hessian[l * n + k] = hessian[k * n + l]!;
+    }
+    return { energy, gradient, hessian };
+  }
+
+  /** f_int = ∂E/∂u in N, (nodes, d); no meaning if a cell is inverted. */
+  internalForces(u: Float64Array): Float64Array {
+    const { d } = this;
+    const { points, volumes } = this.parts;
+    const { mu } = this.material;
+    const stress = new Float64Array(volumes.length * d * d);
+    for (let point = 0; point < volumes.length; point++) {
+      const j = this.deform(u, Math.floor(point / points), point);
+      const [pressure] = this.volumetric(j);
+      for (let i = 0; i < d; i++) {
+        for (let k = 0; k < d; k++) {
+          stress[(point * d + i) * d + k] =
+            mu * this.f[i * d + k] + (pressure - mu) * this.inverse[k * d + i];
+        }
+      }
+    }
+    return this.forcesOf(stress);
+  }
+
+  /** Forces Σ_q w_q P_q G_a in N of stresses in Pa: (points, d, d) to (nodes, d). */
+  forcesOf(stress: Float64Array): Float64Array {
+    const { d, corners } = this;
+    const { points, gradients, volumes } = this.parts;
+    const forces = new Float64Array(this.nodes * d);
+    for (let point = 0; point < volumes.length; point++) {
+      const cell = Math.floor(point / points);
       for (let a = 0; a < corners; a++) {
         const node = this.cells[cell * corners + a] * d;
         const g = (point * corners + a) * d;
         for (let i = 0; i < d; i++) {
           let sum = 0;
-          for (let k = 0; k < d; k++) sum += p[i * d + k] * gradients[g + k];
-          forces[node + i] += sum;
+          for (let k = 0; k < d; k++) sum += stress[(point * d + i) * d + k] * gradients[g + k];
+          forces[node + i] += volumes[point] * sum;
         }
       }
     }
     return forces;
+  }
+
+  /** Σ_q w_q G_a·G_b of one cell into `k`, (corners, corners). */
+  cellLaplacian(cell: number, k: Float64Array): void {
+    const { d, corners } = this;
+    const { points, gradients, volumes } = this.parts;
+    k.fill(0);
+    for (let point = cell * points; point < (cell + 1) * points; point++) {
+      const g = gradients.subarray(point * corners * d, (point + 1) * corners * d);
+      for (let a = 0; a < corners; a++) {
+        for (let b = 0; b < corners; b++) {
+          let sum = 0;
+          for (let j = 0; j < d; j++) sum += g[a * d + j] * g[b * d + j];
+          k[a * corners + b] += volumes[point] * sum;
+        }
+      }
+    }
   }
 
   /**

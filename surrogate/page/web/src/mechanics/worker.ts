@@ -1,13 +1,21 @@
-/** The worker: columns of K⁻¹ of loaded nodes, and estimated errors of predictions. */
+/**
+ * The worker: columns of K⁻¹ of loaded nodes, load series, directions towards the equilibrium, and
+ * estimated errors of predictions.
+ */
 
+import { CarriedCompliance } from "./carried_compliance";
 import { certify } from "./certificate";
+import { descend } from "./descent";
 import { Equilibrium } from "./equilibrium";
 import type { Body, Reply, Request } from "./messages";
+import { loadSeries } from "./series";
 import { Solid } from "./solid";
 
 let body: Body;
 let equilibrium: Equilibrium;
+let compliance: CarriedCompliance | null = null;
 let latest = 0;
+let requests = 0;
 
 function reply(message: Reply): void {
   self.postMessage(message);
@@ -45,12 +53,26 @@ function columns(node: number): Float64Array[] {
 }
 
 self.onmessage = async ({ data }: MessageEvent<Request>) => {
+  const request = ++requests;
   if (data.kind === "body") {
     body = data.body;
     const solid = new Solid(body.coordinates, body.cells, body.cellType, body.material);
     equilibrium = new Equilibrium(solid, body.order, body.coordinates.length);
   } else if (data.kind === "columns") {
     reply({ kind: "columns", node: data.node, columns: columns(data.node) });
+  } else if (data.kind === "series") {
+    const displacement = loadSeries(equilibrium, data.force, data.order);
+    reply({ kind: "series", displacement: Float32Array.from(displacement) });
+  } else if (data.kind === "descent") {
+    compliance ??= new CarriedCompliance(equilibrium);
+    const { force, displacement } = data;
+    const wanted = async (): Promise<boolean> => {
+      await pause();
+      return request === requests;
+    };
+    const found = await descend(equilibrium, compliance, force, displacement, wanted);
+    if (!found) return;
+    reply({ kind: "descent", number: data.number, displacement: Float32Array.from(found) });
   } else {
     latest = data.number;
     const wanted = async (): Promise<boolean> => {

@@ -145,7 +145,7 @@ export class Scene {
 
   draw(): void {
     const { state } = this;
-    const { limit, loadable } = state.content;
+    const { limit, loadable } = state.content.trained;
     this.arrows.draw(
       state.loads.all,
       state.loads.selected,

@@ -1,0 +1,86 @@
+"""The response of the body as a model: it follows from mesh, supports and material, without data.
+
+For a Neo-Hookean body it is the load series with the least potential energy
+(`surrogate.series`), for others the linear response.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import Field
+from torch import Tensor, nn
+
+from shared_schema.material import Materials, NeoHookean
+from surrogate.data.geometry import Geometry
+from surrogate.data.samples import Samples
+from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.models.model import Model
+from surrogate.models.training_config import SplitConfig
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.no_network import NoNetwork
+from surrogate.probabilistic.likelihoods import Prediction, deterministic_loss
+from surrogate.series import SeriesResponse
+
+if TYPE_CHECKING:
+    from surrogate.data.dataset import Dataset
+
+
+class SeriesModel(Model):
+    """The load series of the body, without a network.
+
+    Attributes
+    ----------
+    series_order : int
+        Order of the series' last term; 1 is the linear response.
+    training : SplitConfig
+        Samples for conformal intervals and fast bounds, of a dataset that has some; the model
+        itself takes nothing from them.
+    """
+
+    title = "load series"
+    learns: ClassVar[bool] = False
+
+    model: Literal["series"]
+    series_order: int = Field(5, ge=1, le=8)
+    training: SplitConfig = SplitConfig()
+
+    @property
+    def needs_material(self) -> bool:
+        """True: the model is the response of the body."""
+        return True
+
+    def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
+        """Return the load series of a Neo-Hookean body, else the linear response."""
+        is_linear = self.series_order == 1 or geometry.mean_dilation
+        if is_linear or not isinstance(material, NeoHookean):
+            return super().response(geometry, material)
+        return SeriesResponse(geometry, material, False, self.series_order)
+
+    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+        """Return what adds nothing to the response."""
+        return NoNetwork()
+
+    def start_from_data(self, network: FieldNetwork, dataset: Dataset, train: Samples) -> None:
+        """Take nothing from the data."""
+
+    def data_loss(self, prediction: Prediction, reference: Tensor, network: FieldNetwork) -> Tensor:
+        """Return the mean absolute error in units of the displacements."""
+        return deterministic_loss("mae", prediction.mean, reference, network.displacement_rms)
+
+    @property
+    def objective(self) -> str:
+        """Name of the loss."""
+        return "mean absolute error"
+
+    @property
+    def training_summary(self) -> str:
+        """Say that there is no training."""
+        return "no training"
+
+    @property
+    def architecture(self) -> str:
+        """Describe the model."""
+        if self.series_order == 1:
+            return "linear response"
+        return f"load series to order {self.series_order}"
