@@ -1,8 +1,9 @@
 """Code blocks of a Markdown page, run one after another as a reader would run them.
 
 A block with a title (```` ```yaml title="case.yaml" ````) is written to a file of that name. Blocks
-of ``sh`` run in bash with both programs on the path, blocks of ``python`` in this process, all of a
-page in one empty folder. Comments before a block change this:
+of ``sh`` run in bash with both programs on the path, but commands of the learner in this
+process, which has PyTorch loaded, as blocks of ``python``; all of a page in one empty folder.
+Comments before a block change this:
 
 ``not run: REASON``
     The block is not run.
@@ -20,9 +21,10 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +34,7 @@ from sybil.parsers.markdown.lexers import RawFencedCodeBlockLexer
 
 from surrogate.runs.config_reader import run_config
 from surrogate.runs.recipes import read_recipe
-from tests.end_to_end.commands import DATAGEN, ENVIRONMENT, ROOT, SURROGATE
+from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 
 INFO = re.compile(r"(?P<info>[^\n]*)\n")
 COMMENTS = re.compile(r"((?:^ *<!-- .*? -->\n)+)\Z", re.MULTILINE)
@@ -40,6 +42,8 @@ COMMENT = re.compile(
     r"<!-- (?P<name>not run|shortened|prepared|merged into|exit code): (?P<value>.+?) -->"
 )
 TITLE = re.compile(r'^(?P<language>\w*)(?: title="(?P<title>[^"]+)")?$')
+LEARNER = re.compile(r"surrogate [^|&;<>$*`]+")  # what needs no shell
+BASH = ("bash", "-euo", "pipefail", "-c")
 CASES = ROOT / "datagen" / "configs"
 
 
@@ -113,15 +117,23 @@ def _evaluate(example: Example) -> str | None:
 
 
 def _shell(commands: str, code: int) -> None:
-    programs = f"{DATAGEN.parent}:{SURROGATE.parent}:{os.environ['PATH']}"
-    result = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", commands],
-        env=ENVIRONMENT | {"PATH": programs, "ROOT": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == code, f"{commands}\n{result.stdout}{result.stderr}"
+    """Run lines of shell; all parts but the last must succeed."""
+    *first, last = _parts(commands)
+    for words in first:
+        execute(*words)
+    execute(*last, code=code)
+
+
+def _parts(commands: str) -> Iterator[list[str]]:
+    """Words of single commands of the learner, and of bash for the lines between them."""
+    lines = commands.replace("\\\n", " ").splitlines(keepends=True)
+    for of_learner, group in groupby(lines, lambda line: LEARNER.fullmatch(line) is not None):
+        if of_learner:
+            for line in group:
+                yield [str(SURROGATE), *shlex.split(line, comments=True)[1:]]
+        else:
+            programs = f"PATH={DATAGEN.parent}:{SURROGATE.parent}:{os.environ['PATH']}"
+            yield ["env", programs, f"ROOT={ROOT}", *BASH, "".join(group)]
 
 
 def _merged(source: str, name: str) -> str:

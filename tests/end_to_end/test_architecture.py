@@ -51,8 +51,12 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
     ],
     "surrogate": [
         ["seeds", "device", "hardware", "data"],
-        ["mechanics", "series", "one_load", "probabilistic", "networks", "baselines", "optim"],
+        [
+            *("mechanics", "series", "modal_equilibrium", "one_load"),
+            *("probabilistic", "networks", "baselines", "optim"),
+        ],
         ["models", "runs"],
+        ["descent"],
         ["inference", "certify"],
         ["training", "planning", "measures", "figures", "evaluation", "page"],
         ["commands", "command_line"],

@@ -97,7 +97,7 @@ def test_a_corrected_prediction_is_the_solution(work: Path) -> None:
             with np.load(path) as found:
                 difference = np.abs(found["displacement"] - fem["displacement"]).max()
                 assert difference < 1e-8, path
-    certify = ("--certify", "--tolerance", "1e-6", "--out", out)
+    certify = ("--certify", "--tolerance", "1e-6", "--budget", "1e-12", "--out", out)
     refused = execute(SURROGATE, "predict", work / "run", *load, *certify, code=3)
     assert "not certified: estimated error" in refused.stderr
 

@@ -10,7 +10,7 @@ import torch
 from experiments import benchmarks
 from experiments.__main__ import main
 from experiments.benchmark_commands import PROGRAMS, find_benchmark
-from experiments.benchmarks import benchmark, training
+from experiments.benchmarks import benchmark, directions, training
 from experiments.benchmarks.benchmark import page_path, stored_record
 from shared_schema import read_manifest
 from shared_schema.common import InputError, Parser
@@ -49,6 +49,20 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
     assert "| **1.50** |" in page
 
 
+def test_directions_are_compared() -> None:
+    """Loads that the series predicts to 1e-7: one direction at most, and no wrong claim."""
+    found = directions.compare("beam2d_any", 3, seed=1)
+    assert found["loads"] == 3
+    plain, *driven = found["ways"]
+    assert plain["within"] == 1.0
+    for way in driven:
+        assert way["worst"] <= plain["worst"] < 1e-4
+        assert (way["none"] + way["single"], way["claims"], way["wrong"]) == (3, 3, 0)
+    assert driven[0]["none"] > 0
+    page = directions.page({"seed": 1, "threads": 1, "networks": [found]})
+    assert "| `beam2d_any` | 3 | 0.5% | 100.0% |" in page
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -58,6 +72,7 @@ def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch)
         "bounded-loads-space",
         "certificates-beam2d_any",
         "certificates-beam3d_any",
+        "directions",
         "further-training-beam3d_coarse-reduced",
         "further-training-lshape2d_any-modal-gp",
         "further-training-lshape2d_any-reduced",

@@ -14,11 +14,11 @@ RECIPES = {
     "lshape2d": PLANE,
     "beam2d_any": f"{ANY_PLANE} reduced-mle-fast",
     "lshape2d_any": ANY_PLANE,
-    "plate2d": "det-fast",
+    "plate2d": "det-fast series",
     "beam3d": (
         "det-fast det-paper linear-fast reduced-1000 reduced-fast reduced-mle-fast reduced-vb-fast"
     ),
-    "beam3d_any": "det-fast gp-fast modal-gp-fast reduced-fast reduced-vb-fast",
+    "beam3d_any": "series det-fast gp-fast modal-gp-fast reduced-fast reduced-vb-fast",
     "finger3d": "reduced-fast reduced-vb-fast",
 }
 NAMES = [f"{case}-{recipe}" for case, recipes in RECIPES.items() for recipe in recipes.split()]

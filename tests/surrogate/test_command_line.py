@@ -20,6 +20,8 @@ from surrogate.command_line import main
 from surrogate.models.unet_model import UNetModel
 from surrogate.optim.schedule import ScheduleConfig
 
+AT_ONCE = ("--budget", "1e-12")  # no time for a direction
+
 
 @pytest.fixture
 def config(tmp_path: Path, make_config: Callable[..., UNetModel]) -> Path:
@@ -181,7 +183,7 @@ def test_predict_and_certify(trained: Path, out: Path, capsys: pytest.CaptureFix
     assert code == 0
     assert "estimated error" in capsys.readouterr().out
     assert np.abs(fields["estimated_error"]).max() > 1e-3
-    code, _ = predict_at_corner(trained, out, "--certify", "--tolerance", "1e-3")
+    code, _ = predict_at_corner(trained, out, "--certify", "--tolerance", "1e-3", *AT_ONCE)
     captured = capsys.readouterr()
     assert code == 3
     assert captured.out.endswith(", not certified\n")
@@ -195,6 +197,7 @@ def test_fast_certificate(
     data: Path,
     out: Path,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
     likelihood: str,
 ) -> None:
     """17 held-out samples: enough for bounds of 90 %, not of 95 %."""
@@ -218,7 +221,17 @@ def test_fast_certificate(
         factors = fields["half_width"][moves] / fields["std"][moves]
         np.testing.assert_allclose(factors, factors[0])
         assert not fields["half_width"][~moves].any()
-    code, _ = predict_at_corner(run, out, *fast, "--tolerance", "1e-6")
+    code, alone = predict_at_corner(run, out)
+    assert code == 0
+    assert "half_width" not in alone  # nothing of 95 %
+    monkeypatch.setattr("surrogate.inference.surrogate.LEVEL", 0.9)
+    code, alone = predict_at_corner(run, out)
+    assert code == 0
+    assert "estimated_error" not in alone
+    assert ("half_width" in alone) == predicts_std
+    if predicts_std:
+        np.testing.assert_array_equal(alone["half_width"], fields["half_width"])
+    code, _ = predict_at_corner(run, out, *fast, "--tolerance", "1e-6", *AT_ONCE)
     assert code == 3
     assert "not certified: bound of the error" in capsys.readouterr().err
 
@@ -335,8 +348,8 @@ def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixtur
     for option in ("--passes", "--seed"):
         part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
         assert_refused([*arguments, option, 3], part, out, capsys)
-    part = "--tolerance 0.1: expected beside --certify"
-    assert_refused([*arguments, "--tolerance", 0.1], part, out, capsys)
+    part = "--tolerance 0.1: expected --certify beside --correct"
+    assert_refused([*arguments, "--correct", "--tolerance", 0.1], part, out, capsys)
 
 
 def test_report_refusals(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -20,7 +21,18 @@ from tools.small_disk import SmallDisk
 
 pytestmark = pytest.mark.faults
 
-SURROGATE = "surrogate.command_line"
+# Runs commands one after another, and prints the exit code and standard error of each.
+IN_TURN = """
+import io, json, sys
+from contextlib import redirect_stderr
+from experiments.__main__ import main as experiments
+from surrogate.command_line import main as surrogate
+for command in json.loads(sys.argv[1]):
+    program = experiments if command[0] == "reproduce" else surrogate
+    with redirect_stderr(io.StringIO()) as error:
+        code = program(command)
+    print(json.dumps([code, error.getvalue()]))
+"""
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
@@ -35,10 +47,9 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def run_on(
-    disk: SmallDisk, *arguments: object, program: str = SURROGATE
-) -> subprocess.CompletedProcess[str]:
-    words = disk.words([sys.executable, "-m", program, *map(str, arguments)])
+def run_on(disk: SmallDisk, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run Python with some arguments."""
+    words = disk.words([sys.executable, *map(str, arguments)])
     return subprocess.run(
         words, env=ENVIRONMENT, capture_output=True, text=True, check=False, timeout=120
     )
@@ -54,13 +65,14 @@ def test_evaluate_on_a_full_disk_keeps_the_evaluation_before(
         free = os.statvfs(disk.seen)
         file.write(bytes(free.f_bavail * free.f_bsize - 60_000))  # less than two figures
     other = make_dataset(tmp_path / "other", seed=1)
-    done = run_on(disk, "evaluate", disk.folder / "run", "--data", other)
+    evaluate = ("-m", "surrogate.command_line", "evaluate", disk.folder / "run", "--data", other)
+    done = run_on(disk, *evaluate)
     assert done.returncode == 1
     assert "No space left on device: " in done.stderr
     assert done.stderr.count("\n") == 1
     assert content(disk.seen / "run") == before
     (disk.seen / "ballast").unlink()
-    assert run_on(disk, "evaluate", disk.folder / "run", "--data", other).returncode == 0
+    assert run_on(disk, *evaluate).returncode == 0
     assert content(disk.seen / "run")["evaluation.json"] != before["evaluation.json"]
 
 
@@ -86,12 +98,14 @@ def test_read_only_targets_are_wrong_input(
         ["report", run, "--out", folder / "a.html"],
         ["reproduce", "--scale", "smoke", "--out", folder / "report"],
     ]
-    for command in commands:
-        program = "experiments" if command[0] == "reproduce" else SURROGATE
-        done = run_on(disk, *command, program=program)
-        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-        assert f"{folder}" in done.stderr
-        assert "cannot be written to (Read-only file system)" in done.stderr
+    done = run_on(disk, "-c", IN_TURN, json.dumps(commands, default=str))
+    assert done.returncode == 0, done.stderr
+    results = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(results) == len(commands)
+    for code, said in results:
+        assert (code, said.count("\n")) == (2, 1), said
+        assert f"{folder}" in said
+        assert "cannot be written to (Read-only file system)" in said
 
 
 def test_figures_that_a_killed_process_left_half_written_are_removed(

@@ -84,24 +84,13 @@ def test_every_node_has_its_own_processes(job: SlurmJob) -> None:
         assert " --rdzv-endpoint 127.0.0.1:24711 " in line
 
 
-@pytest.mark.slow
-def test_two_nodes_train_and_one_evaluates(
-    job: SlurmJob, data: Path, make_config: MakeConfig
-) -> None:
-    code, said = finish(submit(job, make_config(epochs=3), data))
-    assert code == 0, said
-    run = RunFolder(job.folder / "runs" / "small")
-    assert [line["epoch"] for line in run.metric_lines()] == [1, 2, 3]
-    assert run.evaluation.is_file()
-    steps = [step.split()[:2] for step in job.steps]
-    assert steps == [["2", "torchrun"], ["1", "surrogate"]]
-    assert job.take_requests() == []
-
-
 @pytest.mark.faults
 @pytest.mark.slow
 def test_out_of_time(job: SlurmJob, data: Path, make_config: MakeConfig) -> None:
-    """TERM to the script: the step ends, the job is queued again and resumes."""
+    """TERM to the script: the step ends, the job is queued again and resumes.
+
+    Then both nodes train until the end, and one evaluates.
+    """
     config = make_config(epochs=6, checkpoint_seconds=0)
     run, gate = RunFolder(job.folder / "runs" / "small"), job.folder / "gate"
     (job.folder / "held.py").write_text(HELD)
@@ -116,12 +105,16 @@ def test_out_of_time(job: SlurmJob, data: Path, make_config: MakeConfig) -> None
     assert not run.model.exists()
     before = untimed(run)
     assert 0 < len(before) < 6
+    assert [step.split()[:2] for step in job.steps] == [["2", "torchrun"]]
 
     gate.unlink()
     code, said = finish(submit(job, config, data))
     assert code == 0, said
     assert [line["epoch"] for line in run.metric_lines()] == list(range(1, 7))
     assert untimed(run)[: len(before) - 1] == before[:-1]
+    assert run.evaluation.is_file()
+    steps = [step.split()[:2] for step in job.steps]
+    assert steps[1:] == [["2", "torchrun"], ["1", "surrogate"]]
     assert job.take_requests() == []
 
 

@@ -1,8 +1,7 @@
-"""The report beyond the paper: its scales, its studies, and one run of all of them."""
+"""The report beyond the paper: its scales and its studies."""
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -13,12 +12,12 @@ from experiments.beyond import force_sizes
 from experiments.beyond.catalogue import BEYOND
 from experiments.beyond.networks import KINDS, kind_of, runs_by_body
 from experiments.catalogue import find_studies
+from experiments.framework.data_commands import missing_data
 from experiments.framework.report import PAGE, write_current
 from experiments.framework.resources import Resources
 from experiments.framework.runner import run
-from experiments.framework.scale import Scale, read_scale
+from experiments.framework.scale import DatasetSpec, Scale, read_scale
 from shared_schema.common.errors import InputError
-from surrogate.runs.recipes import read_recipe
 
 ROOT = Path(__file__).parents[3]
 
@@ -76,6 +75,20 @@ def test_a_series_without_samples_is_refused() -> None:
         Scale.model_validate(content)
 
 
+def test_a_dataset_of_a_changed_case(tmp_path: Path) -> None:
+    """Its folder is not that of the case; only a case is changed, no dataset made of another."""
+    mesh = {"mesh.elements": [11, 3, 3]}
+    spec = DatasetSpec(case="beam3d_any", samples=40, grid=False, change=mesh)
+    scale = Scale(name="s", description="", datasets={"a": spec}, runs={})
+    folder = scale.folder_of("a")
+    assert folder.startswith("beam3d_any-40-")
+    _, line = missing_data(scale, tmp_path)
+    assert "datagen run beam3d_any '--set=mesh.elements=[11, 3, 3]' --out" in line
+    assert f"{folder}/nodal --samples 40" in line
+    with pytest.raises(ValueError, match="'change' changes a 'case'"):
+        DatasetSpec(of="a", noise=True, change=mesh)
+
+
 def test_bodies_without_a_network_are_left_out(resources: Resources) -> None:
     found = runs_by_body(resources.scale, ("forces", "reduced"))
     assert found == {
@@ -101,33 +114,6 @@ def test_the_committed_report_is_that_of_the_committed_records(scale: str, tmp_p
     resources = Resources(read_scale(scale, BEYOND.scales), none, none, torch.device("cpu"))
     write_current(BEYOND, resources, out)
     assert (out / PAGE).read_text() == (committed / PAGE).read_text()
-
-
-@pytest.mark.slow
-@pytest.mark.studies
-def test_the_whole_report(resources: Resources, tmp_path: Path) -> None:
-    """Records hold configuration, seed and digests; the page has every study and figure."""
-    count = len(BEYOND.studies)
-    assert run(BEYOND.studies, resources, tmp_path).done == count
-    assert run(BEYOND.studies, resources, tmp_path).done == 0
-    write_current(BEYOND, resources, tmp_path)
-    page = (tmp_path / PAGE).read_text()
-    assert page.startswith("# Beyond the paper, at scale `made-up`")
-    assert "In the paper" not in page
-    assert "not done" not in page
-    assert "verdict" not in page
-    for study in BEYOND.studies:
-        record = json.loads((tmp_path / f"{study.name}.json").read_text())
-        assert record["findings"]["tables"], study.name
-        assert len(record["digest"]) == len(record["inputs"]) == 64
-        assert record["software"]["torch"] == torch.__version__
-        assert record["configuration"] == {"scale": "made-up", "passes": resources.scale.passes}
-        for network in record["runs"].values():
-            assert read_recipe(network["config"])
-            assert network["seed"] == 0
-            assert len(network["fingerprint"]) == 64
-        for figure in record["findings"]["captions"]:
-            assert f"({figure})" in page
 
 
 def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> None:

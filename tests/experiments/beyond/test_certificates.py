@@ -1,19 +1,14 @@
-"""Certificates of made-up networks: alarms by hand, kinds of loads, and the tables of the study."""
+"""Certificates of made-up networks: alarms by hand, and kinds of loads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.beyond.certificates import STUDY
-from experiments.framework.experiment import Findings
-from experiments.framework.resources import Resources
 from experiments.measures.alarms import (
     FOUR_TIMES,
-    MATERIAL,
     PLACE,
     SEVERAL,
     TWICE,
@@ -105,23 +100,3 @@ def test_starts_of_newtons_method() -> None:
 
 def test_share_of_effectivities_close_to_one() -> None:
     assert within(np.array([0.7, 0.9, 1.1, 1.6])) == 0.5
-
-
-@pytest.mark.slow
-@pytest.mark.studies
-def test_tables(resources: Resources, result_of: Callable[[str], Findings]) -> None:
-    """Every network has its rows, in the plane and in space."""
-    result = result_of("certificates")
-    estimates, corrections, _, single, several, wrong, starts = result.tables
-    runs = resources.scale.matching(STUDY.runs)
-    assert {"beam2d-forces-ensemble", "beam2d_any-mechanics", "beam3d_any-reduced"} < set(runs)
-    assert len(estimates.rows) == len(corrections.rows) == len(runs)
-    alarms = {str(row[1]) for row in (*single.rows, *several.rows)}
-    assert {"estimated error over displacement", "predicted σ"} < alarms
-    assert single.head[2:] == (PLACE, SEVERAL, TWICE, FOUR_TIMES, MATERIAL)
-    areas = [cell for row in single.rows for cell in row[2:] if cell is not None]
-    assert all(0 <= float(area) <= 1 for area in areas)
-    assert all(len(row) == 4 for row in wrong.rows)
-    assert [row[1] for row in starts.rows[:3]] == [ZERO, LINEAR, PREDICTION]
-    assert not any(row[-1] for row in starts.rows)
-    assert "estimates" in result.figures

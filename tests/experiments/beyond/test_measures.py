@@ -6,14 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
+from experiments.beyond.body_maps import draw_maps
+from experiments.beyond.coverage import by_node as coverage_by_node
 from experiments.beyond.coverage import by_number
 from experiments.beyond.loads_by_number import number_table
 from experiments.beyond.places import (
     by_node,
     distance_table,
-    draw_maps,
     place_table,
     relative_by_node,
 )
@@ -62,6 +64,16 @@ def test_measures_of_samples(three: PredictedSamples) -> None:
     assert three.covered.tolist() == [1, 0, 0]
     assert three.relative(three.number == 1) == pytest.approx(0.15)
     assert by_number(three) == {1: 0.5, 2: 0.0}
+
+
+def test_coverage_by_node(three: PredictedSamples) -> None:
+    """One sample of three is inside at every free node; where σ is 1 m, all are."""
+    free = three.geometry.free
+    three.predicted.std_epistemic[:, 5] = 1.0
+    shares = coverage_by_node(three, three.inside)
+    assert shares[5] == pytest.approx(100)
+    assert shares[9] == pytest.approx(100 / 3)
+    assert np.isnan(shares[~free.any(axis=1)]).all()
 
 
 def test_errors_by_node(three: PredictedSamples) -> None:
@@ -151,8 +163,9 @@ def test_maps_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -
     """
     for data, seen in ((dataset, 32), (dataset_3d, 65)):
         geometry = data.geometry
-        errors = np.linspace(1e-4, 1e-3, len(geometry.coordinates))
-        figure = draw_maps(geometry, {"one": errors, "two": 2 * errors})
+        errors = np.linspace(0.1, 1.0, len(geometry.coordinates))
+        norm = LogNorm(0.1, 2)
+        figure = draw_maps(geometry, {"one": errors, "two": 2 * errors}, norm, "mean error [mm]")
         *panels, bar = figure.axes
         assert [axes.get_title() for axes in panels] == ["one", "two"]
         assert bar.get_xlabel() == "mean error [mm]"

@@ -79,7 +79,7 @@ def test_wrong_families(text: str, part: str) -> None:
 
 def test_numbers_of_loads_of_older_runs() -> None:
     """Those of the case, as the run folder does not have those of the training."""
-    data = load("beam2d_any").description.data
+    data = load("beam3d_any_reduced").description.data
     assert data.loads is not None
     data = data.model_copy(update={"loads": None})
     assert data.load_numbers == (1, 4)

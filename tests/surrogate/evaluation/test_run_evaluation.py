@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -163,7 +164,8 @@ def test_evaluation_goes_on_without_a_fast_certificate(
         raise InputError("bounds are for other bodies")
 
     monkeypatch.setattr("surrogate.certify.fast_estimate.FastEstimate", refuse)
-    found = evaluate(evaluated, dataset, certify=True)
+    with caplog.at_level(logging.WARNING, logger="surrogate"):
+        found = evaluate(evaluated, dataset, certify=True)
     assert found.fast_certificate is None
     assert found.content["test"]["samples"] == 12
     assert "no fast certificate: bounds are for other bodies" in caplog.text

@@ -57,6 +57,31 @@ def test_page_holds_our_numbers_and_the_published(page: str, evaluated: Path) ->
     assert "A. Author, Title, 2022." in page
 
 
+def test_numbers_of_another_run_stand_beside(evaluated: Path, tmp_path: Path) -> None:
+    """A committed record, whose mean error is 6.08332e-5 m."""
+    record = Path(__file__).parents[3] / "docs/results/beam2d-det-fast.json"
+    write_report(evaluated, tmp_path / "a.html", published=PUBLISHED, against=record)
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "<th>here</th><th>theirs</th><th>beam2d-det-fast</th>" in page
+    row = re.search(r"<tr><td>mean error ē.*?</tr>", page)
+    assert row is not None
+    assert re.findall(r"<td>(.*?)</td>", row[0])[2:] == ["0.3", "0.061"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"), [("[]", "a mapping"), ("{}", "'test'"), (None, "damaged")]
+)
+def test_what_is_no_evaluation_of_another_run_is_refused(
+    evaluated: Path, tmp_path: Path, content: str | None, said: str
+) -> None:
+    other = tmp_path / "other.json"
+    if content is not None:
+        other.write_text(content)
+    with pytest.raises(InputError, match=rf"other\.json: .*{said}"):
+        write_report(evaluated, tmp_path / "a.html", against=other)
+    assert not (tmp_path / "a.html").exists()
+
+
 def test_published_numbers_without_a_row_are_refused(evaluated: Path, tmp_path: Path) -> None:
     published = Published(numbers={"weight": "3 kg"})
     with pytest.raises(InputError, match="published number 'weight': expected one of mean error"):
@@ -79,7 +104,7 @@ def test_relative_errors_are_those_of_the_evaluation(page: str, evaluated: Path)
     test = json.loads((evaluated / "evaluation.json").read_text())["test"]
     said = f"<td>{test['relative_error_mean']:.2%}</td><td>–</td>"
     assert f"<td>mean error of a sample, of its largest displacement</td>{said}" in page
-    in_text = f"mm, {test['relative_error_mean'] * 100:.2f} % of the largest displacement."
+    in_text = f"mm, {test['relative_error_mean']:.2%} of the largest displacement."
     assert in_text in " ".join(page.split())
 
 

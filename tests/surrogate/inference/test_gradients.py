@@ -49,29 +49,29 @@ def test_gradient_is_that_of_central_differences(name: str) -> None:
     assert all(weights.requires_grad for weights in model.network.parameters())  # as before
 
 
-@pytest.mark.parametrize("load", [0.0, 1e-30, 1e-20, 1e-13])
 @pytest.mark.parametrize("name", RELATIVE)
-def test_gradient_without_a_load_is_the_linear_response(name: str, load: float) -> None:
+def test_gradient_without_a_load_is_the_linear_response(name: str) -> None:
     """At zero the displacement of the tip in y is linear in a force there, by K(0)⁻¹.
 
     So it is under loads whose squares are no numbers of single precision.
     """
     model = surrogate.load(name)
     tip, shape = model.geometry.tip, model.geometry.coordinates.shape
-    given = torch.zeros((2, *shape), dtype=torch.float64)
-    given[1, tip, 1] = load
-    given.requires_grad_()
-    displacement = model.predict(given)
-    (gradient,) = torch.autograd.grad(displacement[:, tip, 1].sum(), given)
     unit = np.zeros(shape)
     unit[tip, 1] = 1.0
     expected = model.equilibrium.linear_response(unit[None])[0, tip, 1]
-    assert torch.isfinite(gradient).all()
-    np.testing.assert_allclose(gradient[:, tip, 1], expected, rtol=RELATIVE[name])
-    if name in SERIES and load:
-        alone = model.predict(given.detach().numpy()[1])[tip, 1]
-        assert alone == pytest.approx(load * expected, rel=1e-5)
-        assert displacement[1, tip, 1].item() == pytest.approx(load * expected, rel=1e-5)
+    for load in (0.0, 1e-20):
+        given = torch.zeros((2, *shape), dtype=torch.float64)
+        given[1, tip, 1] = load
+        given.requires_grad_()
+        displacement = model.predict(given)
+        (gradient,) = torch.autograd.grad(displacement[:, tip, 1].sum(), given)
+        assert torch.isfinite(gradient).all()
+        np.testing.assert_allclose(gradient[:, tip, 1], expected, rtol=RELATIVE[name])
+        if name in SERIES and load:
+            alone = model.predict(given.detach().numpy()[1])[tip, 1]
+            assert alone == pytest.approx(load * expected, rel=1e-5)
+            assert displacement[1, tip, 1].item() == pytest.approx(load * expected, rel=1e-5)
 
 
 def test_second_derivatives() -> None:

@@ -22,15 +22,15 @@ FACTORS = [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e-6), (1e6,
 SINGLE = 1e-5  # relative to the largest displacement: networks are in single precision
 
 
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
+@pytest.fixture(scope="module", params=NAMES)
+def name(request: pytest.FixtureRequest) -> Iterator[str]:
+    """A network, for all loads."""
+    yield request.param
     scaled.cache_clear()  # large bodies keep their factors
 
 
 @pytest.mark.filterwarnings("ignore::surrogate.inference.training_range.OutsideTrainingWarning")
 @pytest.mark.parametrize("load", [1.0, 1e-6])
-@pytest.mark.parametrize("name", NAMES)
 def test_lengths_stiffnesses_and_loads_of_any_size(
     name: str, load: float, caplog: pytest.LogCaptureFixture
 ) -> None:

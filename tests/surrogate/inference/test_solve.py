@@ -19,12 +19,25 @@ from surrogate.inference.proposal import propose
 from surrogate.mechanics.follower_pressure import FollowerPressure
 
 FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
+PUSHED = ["notches:1000", "0.0879998235442,0,0.00794686562931:0,0.02,0"]
 LOAD = "4,1:0,-1.5"  # at the upper right corner, in N
+FAR = "0.088,0,0.0079:0,15,0"  # on the finger: a hundred times the forces of its training
 
 
 @pytest.fixture(scope="module")
 def beam() -> surrogate.Surrogate:
     return surrogate.load("beam2d_any")
+
+
+@pytest.fixture(scope="module")
+def finger() -> surrogate.Surrogate:
+    return surrogate.load("finger3d")
+
+
+@pytest.fixture(scope="module")
+def corrected(finger: surrogate.Surrogate) -> surrogate.Solution:
+    """The finger under a pressure and a force."""
+    return finger.solve(PUSHED, correct=True, stresses=True, nearest=True)
 
 
 def arrays(path: Path) -> dict[str, np.ndarray]:
@@ -94,42 +107,61 @@ def test_loads_of_all_kinds(beam: surrogate.Surrogate, tmp_path: Path) -> None:
 
 
 def test_verdicts(beam: surrogate.Surrogate) -> None:
-    """The estimated error of the largest node is 0.00461 mm, as `surrogate predict` prints."""
+    """The estimated error of the largest node is 66.5 nm, as `surrogate predict` prints."""
     plain = beam.solve(LOAD)
     assert (plain.verdict, plain.refusal, plain.estimated_error) == (None, None, None)
     assert beam.solve(LOAD, certify="full").verdict is None
     good = beam.solve(LOAD, certify="full", tolerance=1e-4)
     assert (good.verdict, good.refusal) == ("certified", None)
-    bad = beam.solve(LOAD, certify="full", tolerance=1e-6)
-    assert (bad.verdict, bad.refusal) == ("not certified", "estimated error 0.00461 mm > 0.001 mm")
+    bad = beam.solve(LOAD, certify="full", tolerance=1e-8, budget=1e-12)  # no direction
+    assert (bad.verdict, bad.refusal) == ("not certified", "estimated error 0.0665 µm > 0.01 µm")
     largest = 1e3 * np.linalg.norm(bad.displacement, axis=1).max()
     assert repr(bad).splitlines() == [
         "Solution(beam2d_any, 64 nodes)",
         "  load: 1 loaded node, resultant (0, -1.5) N",
         f"  largest displacement: {largest:.3g} mm at (4, 1) m",
         f"  {bad.summary()}",
-        "  not certified: estimated error 0.00461 mm > 0.001 mm",
+        "  not certified: estimated error 0.0665 µm > 0.01 µm",
     ]
+
+
+@pytest.mark.parametrize("certify", ["full", "fast"])
+def test_inverted_elements_are_never_certified(
+    finger: surrogate.Surrogate,
+    certify: Any,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A network far beyond its training; a series with the least energy inverts no element."""
+    solution = finger.solve(FAR, certify=certify, nearest=True)
+    assert solution.verdict == "not certified"
+    assert "inverted elements" in str(solution.refusal)
+    out = tmp_path / "u.npz"
+    options = ["--load", FAR, "--nearest", "--certify", certify, "--out", str(out)]
+    assert main(["predict", "finger3d", *options]) == 3
+    assert "inverted elements" in capsys.readouterr().err
+    assert out.exists()
 
 
 def test_unusual_loads_are_logged_and_kept(
     beam: surrogate.Surrogate, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Each kind is logged once; the solution has all of them."""
-    warnings = surrogate.load("beam2d_any").solve("4,1:0,-55").outside_training
+    """Each kind is logged once; the solution has all of them. A load series has no training."""
+    assert beam.solve("4,1:0,-55").outside_training == ()
+    caplog.clear()
+    model = surrogate.load("finger3d")
+    warnings = model.solve(FAR, nearest=True).outside_training
     assert warnings[0].startswith("force components reach beyond those of the training data")
-    assert [record.getMessage() for record in caplog.records] == list(warnings)
-    model = surrogate.load("beam2d_any")
-    for _ in range(2):
-        assert model.solve("4,1:0,-55").outside_training == warnings
-    assert len(caplog.records) == 2 * len(warnings)
-    assert "warning: force components" in repr(model.solve("4,1:0,-55"))
+    solution = model.solve(FAR, nearest=True)
+    assert solution.outside_training == warnings
+    assert [text for text in caplog.messages if text in warnings] == list(warnings)
+    assert "warning: force components" in repr(solution)
 
 
 @pytest.mark.parametrize(
     ("load", "options", "part"),
     [
-        (LOAD, {"tolerance": 1e-3}, "--tolerance 0.001: expected beside --certify"),
+        (LOAD, {"tolerance": 1e-3, "correct": True}, "--tolerance 0.001: expected --certify"),
         (LOAD, {"level": 0.9}, "--level 0.9: expected beside --certify fast"),
         (LOAD, {"passes": 3}, "--passes 3: passes of this network do not differ"),
         (LOAD, {"conformal": "marginal"}, "no conformal intervals in the run"),
@@ -156,9 +188,9 @@ def test_a_network_without_a_folder_has_no_calibration(
 
 
 @pytest.mark.parametrize("name", ["beam2d_any", "finger3d"])
-def test_plot(name: str) -> None:
+def test_plot(name: str, request: pytest.FixtureRequest) -> None:
     """Colours are the estimated errors of a certified solution, else the displacements."""
-    model = surrogate.load(name)
+    model = request.getfixturevalue({"beam2d_any": "beam", "finger3d": "finger"}[name])
     force = np.zeros(model.geometry.coordinates.shape)
     force[model.geometry.tip, -1] = -0.01
     figure = model.solve(force).plot()
@@ -168,15 +200,15 @@ def test_plot(name: str) -> None:
         assert figure.axes[1].get_ylabel() == "estimated error of a node [nm]"
 
 
-def test_pressure_is_certified_and_corrected() -> None:
+def test_pressure_is_certified_and_corrected(
+    beam: surrogate.Surrogate, finger: surrogate.Surrogate, corrected: surrogate.Solution
+) -> None:
     """The soft finger under a pressure and a force beside `datagen solve` of the same load.
 
     The estimate is exact within a thousandth of the error of the network, which is 0.03 mm or more.
     """
-    model = surrogate.load("finger3d")
-    loads = ["notches:1000", "0.0879998235442,0,0.00794686562931:0,0.02,0"]
-    certified = model.solve(loads, certify="full", nearest=True)
-    corrected = model.solve(loads, correct=True, stresses=True, nearest=True)
+    model = finger
+    certified = model.solve(PUSHED, certify="full", nearest=True)
     assert corrected.correction is not None
     found = corrected.displacement
     tip = found[model.geometry.tip]
@@ -193,7 +225,6 @@ def test_pressure_is_certified_and_corrected() -> None:
         model.certify(forces)
     with pytest.raises(InputError, match=r"pressure has shape \(2,\), expected 1 finite number"):
         model.correct(forces, pressure=[1, 2])
-    beam = surrogate.load("beam2d_any")
     with pytest.raises(InputError, match="the case has none"):
         beam.certify(np.zeros_like(beam.geometry.coordinates), pressure=1)
     assert corrected.reaction is not None
@@ -208,14 +239,17 @@ def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowerPressure:
     return FollowerPressure(body.coordinates, body.surfaces, np.array([[pressure]]))
 
 
-def test_fast_bounds_under_pressure() -> None:
+def test_fast_bounds_under_pressure(
+    finger: surrogate.Surrogate, corrected: surrogate.Solution
+) -> None:
     """Of loads and of arrays, and not beyond the pressures of the calibration."""
-    model = surrogate.load("finger3d")
+    model = finger
     found = model.solve("notches:1000", certify="fast")
     assert isinstance(found.certificate, Bounds)
     assert found.certificate.reasons == (None,)
     forces = found.force
-    error = model.solve("notches:1000", correct=True).displacement - found.displacement
+    truth = model.correct(forces, corrected.displacement, pressure=1000).displacement
+    error = truth - found.displacement
     assert np.linalg.norm(error, axis=1).max() <= found.certificate.largest
     assert np.abs(error).mean() <= found.certificate.mean
     by_array = model.bounds(forces, pressure=1000)
@@ -228,9 +262,9 @@ def test_fast_bounds_under_pressure() -> None:
         model.bounds(forces)
 
 
-def test_pressures_of_samples_are_told_from_their_forces() -> None:
+def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surrogate) -> None:
     """In single precision, as a dataset has their sum; a force everywhere hides the pressure."""
-    body = surrogate.load("finger3d").geometry
+    body = finger.geometry
     pressure = FollowerPressure(body.coordinates, body.surfaces, np.array([[1000.0], [0], [20]]))
     dead = np.zeros((3, *body.coordinates.shape))
     dead[:2, body.surfaces[0][5, 0]] = 0.1, -0.02, 0.05
@@ -244,7 +278,6 @@ def test_pressures_of_samples_are_told_from_their_forces() -> None:
         separated(body, total + 0.01 * body.free)
 
 
-def test_what_is_for_dead_loads_says_so() -> None:
-    finger = surrogate.load("finger3d")
+def test_what_is_for_dead_loads_says_so(finger: surrogate.Surrogate) -> None:
     with pytest.raises(InputError, match="proposed loads, refinement and estimates"):
         propose(finger, 1)

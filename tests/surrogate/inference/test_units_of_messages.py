@@ -7,11 +7,15 @@ import logging
 import numpy as np
 import pytest
 
+import surrogate
+from shared_schema.common.bodies.displacement_size import UNITS as CONSISTENT
 from surrogate.inference.loading import make_surrogate
 from surrogate.inference.surrogate import Surrogate
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
 from tests.surrogate.scaled import scaled
+
+TIMES = "times that of the training data"
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +49,28 @@ def test_bodies_of_4_micrometres_and_4_kilometres(length: float, unit: str) -> N
     assert f" {unit} at (" in repr(model.solve(force))
 
 
-def test_a_displacement_of_an_unusual_size_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
-    model, _ = scaled("beam2d_any")
+@pytest.mark.parametrize(
+    ("name", "load", "size", "end"),
+    [
+        ("beam2d_any", "4,1:0,-1e-6", "1e-07 of the body's size, 4", CONSISTENT),
+        ("beam2d_any", "4,1:300,-300", "1.6 of the body's size, 4", CONSISTENT),
+        ("finger3d", "0.088,0,0.0079:0,15,0", "10 of the body's size, 0.088", f"55.2 {TIMES}"),
+        (
+            "finger3d",
+            "0.088,0,0.0079:0,1500,0",
+            "1e+03 of the body's size, 0.088",
+            f"5.52e+03 {TIMES}; are the units consistent?",
+        ),
+    ],
+)
+def test_a_displacement_of_an_unusual_size_is_warned_of(
+    name: str, load: str, size: str, end: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Fifty times the 0.14 N of a training are no other unit; a load series has no training."""
+    model = surrogate.load(name)
     with caplog.at_level(logging.WARNING):
-        model.solve("4,1:0,-1e-6")
-    assert "the largest predicted displacement is" in caplog.text
-    assert "of the body's size, 4; are the units consistent?" in caplog.text
+        model.solve(load, nearest=True)
+    (message,) = (text for text in caplog.messages if "of the body's size" in text)
+    assert message.startswith(f"the largest predicted displacement is {size}; ")
+    assert message.endswith(end)
+    assert ("times that of" in message) == (name == "finger3d")

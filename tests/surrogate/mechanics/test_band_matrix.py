@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.common.errors import InputError
-from surrogate.mechanics import band_matrix
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
 from tests.surrogate.mechanics.bodies import box
 
@@ -53,17 +51,15 @@ def test_in_single_precision(columns: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
 
-def test_few_right_hand_sides_are_solved_for_by_blocks_in_single_precision() -> None:
-    """Eight in single precision, sixteen in double; the matrix is 2 on its diagonal."""
+def test_few_right_hand_sides_are_solved_for_by_blocks() -> None:
+    """Four; the matrix is 2 on its diagonal."""
     factor = BandCholesky.of(np.hstack([np.full((40, 1), 2.0), np.zeros((40, 20))]))
     assert factor is not None
-    for columns, by_blocks in ((7, False), (8, True)):
+    for columns, by_blocks in ((3, False), (4, True)):
         some = np.ones((40, columns))
         np.testing.assert_allclose(factor.solve(some), 0.5)
         np.testing.assert_allclose(factor.single.solve(some.astype(np.float32)), 0.5, rtol=1e-6)
-        assert ("_blocks" in vars(factor.single), "_blocks" in vars(factor)) == (by_blocks, False)
-    np.testing.assert_allclose(factor.solve(np.ones((40, 16))), 0.5)
-    assert "_blocks" in vars(factor)
+        assert ("_blocks" in vars(factor.single)) is ("_blocks" in vars(factor)) is by_blocks
 
 
 def test_indefinite_matrix() -> None:
@@ -79,10 +75,3 @@ def test_width_of_a_beam() -> None:
     geometry = box("quad")
     layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
     assert layout.width <= (4 + 1) * 2 + 1
-
-
-def test_body_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(band_matrix, "MOST", 100)
-    geometry = box("quad")
-    with pytest.raises(InputError, match="48 degrees of freedom in a band of"):
-        BandLayout(geometry.coordinates, geometry.cells, geometry.held)

@@ -85,3 +85,19 @@ def test_transpose_by_hand() -> None:
     sources, weights = transposed(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 4.0]]), 4)
     assert weights.tolist() == [[2.0, 4.0], [3.0, 0.0], [1.0, 0.0], [0.0, 0.0]]
     assert sources.tolist() == [[0, 1], [0, 0], [1, 0], [0, 0]]
+
+
+@pytest.mark.parametrize("k", [1, 3])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_sums_with_and_without_gradients_are_the_same(k: int, dtype: torch.dtype) -> None:
+    """Also of the last inputs, which no output has, and with weights of zero."""
+    sources, weights = (
+        RNG.integers(0, 7, (9, k)),
+        RNG.normal(size=(9, k)) * RNG.integers(0, 2, (9, k)),
+    )
+    sums, values = WeightedSums(sources, weights), RNG.normal(size=(30, 2, 11))
+    tracked = torch.tensor(values, dtype=dtype, requires_grad=True)
+    expected = (weights * values[..., sources]).sum(axis=-1)
+    for found in (sums(tracked), sums(tracked.detach())):
+        assert found.dtype == dtype
+        np.testing.assert_allclose(found.detach(), expected, rtol=0, atol=1e-6)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from torch import nn
 
 from shared_schema.grid import Grid
@@ -18,7 +19,7 @@ from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.compliance import CLOSE, Compliance
 from surrogate.models.model import Model
 from surrogate.one_load import small_body
-from surrogate.one_load.backend import InputsByPyTorch
+from surrogate.one_load.backend import BeforeNetwork, InputsByPyTorch
 from surrogate.one_load.large_body import LargeBody
 from surrogate.one_load.small_body import SmallBody
 from surrogate.runs.config_reader import run_config
@@ -46,7 +47,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "reduced series, two": {"model": "reduced", "network": {"series": [8, 4]}, "ensemble": 2},
     "reduced ensemble": {"model": "reduced", "ensemble": 2, "likelihood": "maximum_likelihood"},
 }
-SMALL = {
+SMALL: dict[str, dict[str, Any]] = {
     "unet": {"levels": 2, "channels": 8},
     "reduced": {"input_modes": 8, "output_modes": 10, "width": 32},
 }
@@ -58,8 +59,9 @@ def untrained(dataset: Dataset, grid: Grid | None = None, **content: Any) -> Sur
     if grid is not None:
         dataset = replace(dataset, geometry=replace(dataset.geometry, grid=grid))
     case = dataset.manifest.name
-    small = {**SMALL[content.get("model", "unet")], **content.pop("network", {})}
-    config: Model = run_config({"name": "a", "case": case, "network": small, **content})
+    if small := SMALL.get(content.get("model", "unet")):
+        content["network"] = {**small, **content.get("network", {})}
+    config: Model = run_config({"name": "a", "case": case, **content})
     network = config.build(dataset.geometry, dataset.info, dataset.material)
     config.start_from_data(network, dataset, in_equilibrium(dataset).train)
     for name, parameter in network.named_parameters():
@@ -77,7 +79,7 @@ def loads(dataset: Dataset) -> np.ndarray:
     return force
 
 
-def before(model: Surrogate) -> object:
+def before(model: Surrogate) -> BeforeNetwork:
     """What computes the inputs of the network."""
     assert model._one_load is not None
     return model._one_load.before
@@ -100,6 +102,38 @@ def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
     model = untrained(dataset, **KINDS[kind])
     assert isinstance(before(model), SmallBody)
     assert_same_alone(model, dataset)
+
+
+def test_small_series_is_that_of_pytorch(dataset: Dataset) -> None:
+    """Compiled, to rounding in single precision; nothing is beyond u₁ under a tiny load."""
+    model, force = untrained(dataset, network=SERIES), loads(dataset)
+    force = np.concatenate([force, 1e-12 * force[1:]])
+    inputs, response = before(model)(force)
+    expected_inputs, expected = InputsByPyTorch(model.nodal_network)(force)
+    assert response is not None
+    assert expected is not None
+    for n in range(len(force)):
+        for found, known in ((response, expected), (inputs, expected_inputs)):
+            size = np.abs(known[n]).max()
+            np.testing.assert_allclose(found[n], known[n], rtol=0, atol=5e-6 * size)
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_response_alone(dataset: Dataset, order: int) -> None:
+    """Without a network, loads are those of PyTorch; the last term is that of the series."""
+    model = untrained(dataset, model="series", series_order=order)
+    assert_same_alone(model, dataset)
+    force = loads(dataset)
+    found, last = model.mean_and_last_term(force)
+    np.testing.assert_allclose(found, model.averaged_passes(force, 1, 0).mean, atol=2e-6)
+    response = model.network.linear
+    if not isinstance(response, SeriesResponse):
+        np.testing.assert_array_equal(last, np.inf)
+        return
+    with torch.inference_mode():
+        first = response.respond(torch.from_numpy(force).transpose(1, 2))
+        expected = response.beyond_first(first)[1].norm(dim=1).amax(1)
+    np.testing.assert_allclose(last, expected, rtol=1e-6)
 
 
 def test_without_numba(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,6 +59,25 @@ def test_it_is_the_network_of_pytorch(shape: tuple[int, ...], content: dict[str,
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max(), rtol=0)
 
 
+@pytest.mark.parametrize(("shape", "content"), CASES[:2] + CASES[-1:], ids=str)
+def test_pytorch_convolves_grids_that_are_large_together(
+    shape: tuple[int, ...], content: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three loads alone, together, and as two and one."""
+    d, points = len(shape), int(np.prod(shape))
+    unet = make_unet(d, 2 * d, config := UNetConfig(**content))
+    network = UNetInNumPy(unet, shape, d)
+    size = 3, points, config.input_channels(d)
+    fields = np.random.default_rng(0).normal(size=size).astype(np.float32)
+    alone = np.stack([network(one) for one in fields])
+    for most in (3 * points, 2 * points):
+        monkeypatch.setattr("surrogate.one_load.unet_in_numpy.BY_PYTORCH", 2 * points)
+        monkeypatch.setattr("surrogate.one_load.unet_in_numpy.AT_ONCE", most)
+        found = network(fields)
+        assert found.shape == alone.shape
+        np.testing.assert_allclose(found, alone, atol=4e-6 * np.abs(alone).max(), rtol=0)
+
+
 def test_many_points_are_gathered_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     unet = make_unet(2, 2, UNetConfig(channels=4))
     fields = np.random.default_rng(0).normal(size=(128, 2)).astype(np.float32)

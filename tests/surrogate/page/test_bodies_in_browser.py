@@ -14,6 +14,7 @@ import pytest
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.page.page import write_page
+from surrogate.training.loop import train
 from tests.surrogate.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage
 from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
@@ -32,6 +33,32 @@ NETWORKS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "ensemble": ("2d", LINEAR, {"ensemble": 3}),
     "dropout": ("2d", {"dropout": 0.2}, {}),
 }
+
+
+@pytest.mark.parametrize("simplices", [False, True])
+def test_page_of_a_series_predicts_what_the_program_does(
+    simplices: bool, dataset_3d: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """Terms, coefficients of the least energy, and directions, under a small and a large load."""
+    data = dataset_3d
+    if simplices:
+        data = replace(data, geometry=as_simplices(data.geometry))
+    train({"model": "series", "series_order": 3}, data, tmp_path / "run")
+    write_page(tmp_path / "run", tmp_path / "page.html")
+    model = load(tmp_path / "run")
+    page = open_page(tmp_path / "page.html")
+    nodes = np.flatnonzero(model.geometry.loadable)
+    for factor, before in ((0.1, 0.0), (30.0, 0.1)):
+        page.load(int(nodes[-1]), 2.0 * factor, -3.0 * factor, 1.0 * factor)
+        error, settled = page.certificate()
+        plain = model.predict(page.forces)
+        expected = model.solve(page.forces, tolerance=5e-3).displacement  # takes a direction always
+        size = np.abs(expected).max()
+        assert settled
+        assert np.abs(plain - expected).max() > before * size
+        assert np.abs(page.field("displacement") - expected).max() < 1e-6 * size
+        assert np.abs(error).max() < 5e-3 * size
+    assert "--tolerance 0.005 " in page.text("#panel code")
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -202,3 +229,19 @@ def test_loads_unlike_those_of_the_training_are_warned_of(
     page.drag(lowest, right=0, up=30)
     assert kinds() == {"places"}
     assert "never loaded in training" in page.text("#warnings")
+
+
+def test_force_beyond_the_training_range_is_warned_of(
+    dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """By a line, the stage and the load itself, as long as it is too large."""
+    run = untrained(tmp_path / "run", dataset, dataset.geometry, {})
+    write_page(run, tmp_path / "page.html")
+    page, limit = open_page(tmp_path / "page.html"), load(run).description.data.info.force.max_abs
+    node = int(np.flatnonzero(dataset.geometry.loadable)[-1])
+    for factor, beyond in ((0.9, 0), (1.1, 1), (0.9, 0)):
+        page.load(node, 0.0, factor * limit[1])
+        text = page.text("#warnings")
+        assert text.startswith("Force beyond the training range, ±") if beyond else text == ""
+        assert page.page.locator("#stage.outside").count() == beyond
+        assert page.page.locator(".load.beyond").count() == beyond

@@ -26,6 +26,8 @@ from surrogate.page.body import mechanics_of, spread_of
 from surrogate.page.inlined import inlined, packed
 from surrogate.page.page import write_page
 from surrogate.page.page_network import fitting_passes, page_network
+from surrogate.runs.config_reader import read_config
+from surrogate.training.loop import train
 from tests.surrogate.inference.test_export import embedded
 from tests.surrogate.page.runs import LINEAR, untrained
 
@@ -74,6 +76,20 @@ def test_page_contains_body_network_and_script(
     np.testing.assert_array_equal(found, dataset.geometry.coordinates.ravel())
     network = onnx.load_from_string(gzip.decompress(b64decode(element(page, "network"))))
     assert [i.name for i in network.graph.input] == ["force", "response"]
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_page_of_a_series_has_no_network(
+    small_bundle: Path, dataset: Dataset, tmp_path: Path, order: int
+) -> None:
+    config = read_config("series", data=dataset, changes=[f"series_order={order}"])
+    train(config, dataset, tmp_path / "run")
+    written = write_page(tmp_path / "run", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    content = json.loads(element(page, "content"))
+    assert (content["series"], content["needsResponse"]) == (order, False)
+    assert element(page, "network") == element(page, "runtime") == ""
+    assert written.estimates
 
 
 def test_name_of_a_case_cannot_end_the_script(

@@ -29,7 +29,7 @@ def test_kinds_of_model_are_named() -> None:
     assert only["training.beta"] == "model unet, reduced with maximum_likelihood, variational_bayes"
     assert only["training.loss"] == "model unet, reduced with deterministic; model linear"
     types = {key.name: key.type for key in KEYS}
-    assert types["model"] == "unet | linear | pod | reduced"
+    assert types["model"] == "unet | linear | pod | reduced | series"
     assert types["likelihood"] == "deterministic | maximum_likelihood | variational_bayes"
     names = [key.name for key in KEYS]
     assert names.index("training") < names.index("training.loss") < names.index("seed")

@@ -146,9 +146,8 @@ def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["deterministic", "mle"])
-def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
-    config = config_of(dataset, **KINDS[kind])
+def test_saved_and_exported(tmp_path: Path, dataset: Dataset) -> None:
+    config = config_of(dataset, **KINDS["mle"])
     run = trained(config, in_equilibrium(dataset), tmp_path / "run")
     model = load(run.folder)
     force = np.random.default_rng(0).normal(size=(3, *dataset.geometry.coordinates.shape))
@@ -156,10 +155,9 @@ def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None
     expected = model.averaged_passes(force).fields()
     export(run.folder, tmp_path / "a.onnx", format="onnx")
     exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
-    for name in {"displacement", "std"} & set(exported):
+    for name in ("displacement", "std"):
         scale = np.abs(expected[name]).max()
         np.testing.assert_allclose(exported[name].numpy(), expected[name], atol=1e-4 * scale)
-    assert "displacement" in exported
     assert not scattered_sums(tmp_path / "a.onnx")
 
 

@@ -1,0 +1,107 @@
+"""Sparse layouts against bands, with SuperLU and, where it is installed, with PARDISO."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+from shared_schema.material import NeoHookean
+from surrogate.certify.correction import correct
+from surrogate.certify.fast_estimate import FastEstimate
+from surrogate.descent.carried_compliance import CarriedCompliance
+from surrogate.mechanics import sparse_matrix, stiffness_layout
+from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.sparse_matrix import SparseLayout
+from tests.surrogate.mechanics.bodies import box, end_load
+
+MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(params=["SuperLU", "PARDISO"])
+def sparse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Every stiffness is a sparse matrix, factorised by one of the two."""
+    if request.param == "PARDISO":
+        pytest.importorskip("pypardiso")
+    else:
+        monkeypatch.setattr(sparse_matrix, "has_pardiso", lambda: False)
+    monkeypatch.setattr(stiffness_layout, "MOST", 0)
+    return str(request.param)
+
+
+@pytest.fixture
+def banded() -> Equilibrium:
+    return Equilibrium(box("tetra"), MATERIAL)
+
+
+def forces(count: int) -> Array:
+    random = np.random.default_rng(0)
+    geometry = box("tetra")
+    return random.normal(size=(count, *geometry.coordinates.shape)) * ~geometry.held
+
+
+def test_responses_and_newton_steps(banded: Equilibrium, sparse: str) -> None:
+    """The same as by a band, to rounding, at rest and bent; many right-hand sides at once."""
+    body, f = Equilibrium(box("tetra"), MATERIAL), forces(20)
+    assert isinstance(body.layout, SparseLayout)
+    expected = banded.linear_response(f)
+    np.testing.assert_allclose(
+        body.linear_response(f), expected, rtol=0, atol=1e-11 * np.abs(expected).max()
+    )
+    u = 0.2 * expected[:3] / np.abs(expected[:3]).max()
+    steps, others = banded.newton_steps(u, f[:3]), body.newton_steps(u, f[:3])
+    scale = np.abs(steps.steps).max()
+    np.testing.assert_allclose(others.steps, steps.steps, rtol=0, atol=1e-9 * scale)
+    assert np.array_equal(others.stable, steps.stable)
+
+
+def test_a_matrix_that_is_not_definite(sparse: str) -> None:
+    """The eigenvalues of K − c D, with the diagonal D of K, are negative if c is large."""
+    body = Equilibrium(box("tetra"), MATERIAL)
+    layout = body.layout
+    assert isinstance(layout, SparseLayout)
+    k = layout.assembled(body.solid.stiffness_at_rest())[0]
+    assert layout.factor(k) is not None
+    assert layout.factor(layout.on_springs(k, -0.9 * layout.diagonal(k))) is None
+    assert layout.factor(csc_array(k - k)) is None
+
+
+def test_single_precision_is_that_of_the_forces(sparse: str) -> None:
+    body = Equilibrium(box("tetra"), MATERIAL)
+    right = np.ones(len(body.layout.dofs), np.float32)
+    assert body.undeformed.single.solve(right).dtype == np.float32
+
+
+def test_corrections_estimates_and_directions(banded: Equilibrium, sparse: str) -> None:
+    """What is built on the factor is the same as with a band."""
+    geometry = box("tetra")
+    body, f = Equilibrium(geometry, MATERIAL), end_load(geometry, 3.0, 2.0, 1.0)
+    start = banded.linear_response(f[None])[0]
+    expected = correct(banded, f, start).displacement
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(
+        correct(body, f, start).displacement, expected, rtol=0, atol=1e-10 * size
+    )
+    one, other = (FastEstimate(geometry, MATERIAL, e) for e in (banded, body))
+    np.testing.assert_allclose(
+        other(f[None], start[None]), one(f[None], start[None]), rtol=0, atol=1e-9 * size
+    )
+    r = banded.out_of_balance(start[None], f[None])[0]
+    one_p, other_p = (CarriedCompliance(e).at(start)(r) for e in (banded, body))
+    np.testing.assert_allclose(other_p, one_p, rtol=0, atol=1e-9 * np.abs(one_p).max())
+
+
+def test_compliance_of_a_large_body(sparse: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    large = Compliance(box("tetra"), MATERIAL)
+    monkeypatch.undo()
+    small = Compliance(box("tetra"), MATERIAL)
+    force = torch.from_numpy(np.random.default_rng(1).normal(size=(3, small.size)))
+    expected = small(force).numpy()  # by a matrix in single precision
+    np.testing.assert_allclose(
+        large(force).numpy(), expected, rtol=0, atol=1e-6 * np.abs(expected).max()
+    )
