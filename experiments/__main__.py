@@ -1,11 +1,11 @@
-"""The program ``python -m experiments``: studies, benchmarks, calibrations and what needs a GPU."""
+"""The program ``python -m experiments``: studies, benchmarks and what needs a GPU."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from experiments import benchmark_commands, calibration_commands, gpu_commands, study_commands
+from experiments import benchmark_commands, gpu_commands, study_commands
 from shared_schema import __version__
 from shared_schema.common import make_parser, run_command
 
@@ -16,7 +16,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser, commands = make_parser("experiments", description, __version__)
     study_commands.add_to(commands)
     benchmark_commands.add_to(commands)
-    calibration_commands.add_to(commands)
     gpu_commands.add_to(commands)
     options = parser.parse_args(arguments)
     return run_command("experiments", lambda: options.command(options))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import math
 import os
 import shlex
@@ -13,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.framework.quiet import only_errors
 from shared_schema.common import Commands, InputError, WorkError, add_command
 
 if TYPE_CHECKING:
@@ -87,16 +87,16 @@ def run_steps(options: argparse.Namespace) -> None:
     for case in CASES:
         if not any(options.data.glob(f"{case}*")):
             raise InputError(f"--data '{options.data}': no dataset of '{case}' in it")
-    logging.getLogger("surrogate").setLevel(logging.ERROR)
-    outcome = run(
-        steps,
-        setting,
-        options.out,
-        command=shlex.join(["python", "-m", "experiments", *sys.argv[1:]]),
-        again=options.step is not None,
-        seconds=options.seconds,
-        after_error=lambda rest: start_afresh(options, setting, rest),
-    )
+    with only_errors("surrogate"):
+        outcome = run(
+            steps,
+            setting,
+            options.out,
+            command=shlex.join(["python", "-m", "experiments", *sys.argv[1:]]),
+            again=options.step is not None,
+            seconds=options.seconds,
+            after_error=lambda rest: start_afresh(options, setting, rest),
+        )
     if outcome.unfinished:
         print(f"to be gone on with, by the same command: {', '.join(outcome.unfinished)}")
     elif options.step is None:

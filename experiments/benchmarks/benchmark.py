@@ -13,6 +13,7 @@ import numpy as np
 
 from experiments.framework.experiment import Experiment, Findings, Setting
 from experiments.framework.machine import ROOT, machine
+from experiments.framework.quiet import quiet
 from experiments.framework.record import DatasetRecord, Record, read_record, record_path
 from experiments.framework.runner import measured
 from shared_schema import MANIFEST, DatasetReader, digest_of, read_manifest
@@ -94,9 +95,9 @@ class Benchmark:
         parser = argparse.ArgumentParser(prog=command, description=self.title)
         self.arguments(parser)
         options = parser.parse_args(words)
-        logging.disable(logging.INFO)
         name = "-".join(filter(None, (self.name, self.variant(options))))
-        measured(self.experiment(name), Options(options), RESULTS, " ".join([command, *words]))
+        with quiet(logging.INFO):
+            measured(self.experiment(name), Options(options), RESULTS, " ".join([command, *words]))
         return self.publish(name)
 
     def experiment(self, name: str) -> Experiment[Options]:

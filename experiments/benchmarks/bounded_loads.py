@@ -24,7 +24,7 @@ import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
-from surrogate.data import random_loads
+from surrogate.inference import drawn_loads
 from surrogate.measures import node_errors
 from surrogate.runs import RunFolder, find_run
 
@@ -48,8 +48,7 @@ def kinds_of_loads(model: surrogate.Surrogate, count: int, seed: int) -> dict[st
     of the training.
     """
     data, x, rng = model.description.data, model.geometry.coordinates, np.random.default_rng(seed)
-    limits, d = data.info.force.max_abs, x.shape[1]
-    limit = max(limits)
+    limit, d = max(data.info.force.max_abs), x.shape[1]
     end = np.flatnonzero(np.isclose(x[:, 0], x[:, 0].max()))
     free = np.flatnonzero(~model.geometry.clamped)
 
@@ -75,9 +74,7 @@ def kinds_of_loads(model: surrogate.Surrogate, count: int, seed: int) -> dict[st
 
     fewest, most = data.load_numbers
     return {
-        "like the training": random_loads(
-            "trained", model.geometry, limits, data.load_numbers
-        ).draw(count, rng),
+        "like the training": drawn_loads(model, count, rng),
         "axial, in range, at 4 nodes of the end": drawn(lambda f: at_four(f, 0, 0)),
         "the same, from 0.8 of the range on": drawn(lambda f: at_four(f, 0.8, 0)),
         "axial, in range, and a tenth across": drawn(lambda f: at_four(f, 0, 0.1)),

@@ -33,8 +33,7 @@ from shared_schema.common import Parser
 from shared_schema.common.drawing import make_drawing, make_figure, save, styled
 from surrogate import Dataset, read_dataset
 from surrogate.certify import Certificate
-from surrogate.data import random_loads
-from surrogate.inference import fit_fast_certificate
+from surrogate.inference import drawn_loads, fit_fast_certificate
 from surrogate.measures import node_errors
 
 Array = NDArray[np.float64]
@@ -107,9 +106,7 @@ def fast(dataset: Dataset, found: Certified, reference: Array) -> Results:
         certificate = fit_fast_certificate(model, dataset, 1, 0)
     results = fast_measures(certificate, found, reference)
     if found.dimension == 2:
-        data = model.description.data
-        family = random_loads("trained", model.geometry, data.info.force.max_abs, data.load_numbers)
-        new = family.draw(NEW_LOADS, np.random.default_rng(0))
+        new = drawn_loads(model, NEW_LOADS, np.random.default_rng(0))
         u = model.predict(new)
         results["new_loads"] = certificate.measures(new, u, u - model.certify(new, u).error)
         results["new_loads"]["loads"] = NEW_LOADS

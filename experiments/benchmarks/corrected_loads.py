@@ -19,7 +19,7 @@ import torch
 import surrogate
 from experiments.measures.corrections import corrected
 from shared_schema.common import complete_or_absent
-from surrogate.data import random_loads
+from surrogate.inference import drawn_loads
 
 SEED = 15
 
@@ -34,20 +34,18 @@ def main(run: str, count: int, folder: Path) -> None:
     warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
     torch.set_num_threads(1)
     model = surrogate.load(run)
-    data, geometry = model.description.data, model.geometry
-    family = random_loads("trained", geometry, data.info.force.max_abs, data.load_numbers)
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(count):
         path = file_of(folder, number)
         if path.is_file():
             continue
-        force = family.draw(1, np.random.default_rng([SEED, number]))[0]
+        force = drawn_loads(model, 1, np.random.default_rng([SEED, number]))[0]
         predicted = model.predict(force)
         found, seconds = corrected(partial(model.correct, force, predicted))
         with complete_or_absent(path) as unfinished, unfinished.open("wb") as file:
             np.savez_compressed(
                 file,
-                coordinates=geometry.coordinates,
+                coordinates=model.geometry.coordinates,
                 force=force,
                 displacement=predicted,
                 corrected=np.full_like(force, np.nan) if found is None else found.displacement,

@@ -18,12 +18,12 @@ import torch
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from surrogate import Surrogate, load, shelved
-from surrogate.one_load import InputsByPyTorch, OneLoad, in_numpy
-from surrogate.series import SeriesResponse
+from surrogate.one_load import InputsByPyTorch, OneLoad, ResponseAlone, in_numpy
 
 LOADS, FEW, LARGE = 20, 4, 1000  # different loads; nodes of few; nodes of a large body
 Array = NDArray[np.float64]
@@ -48,8 +48,12 @@ def parts(model: Surrogate, forces: Array) -> Iterator[tuple[str, Function, Func
     nodal, shape = model.nodal_network, model.geometry.grid.shape
     field = nodal.network
     members = in_numpy(field.network, shape, len(shape))
-    assert members is not None
-    one, before = OneLoad(nodal, members), InputsByPyTorch(nodal)
+    before = InputsByPyTorch(nodal)
+    if members is None:
+        alone, own_loads = ResponseAlone(nodal), np.split(forces, len(forces))
+        yield "whole", lambda i: alone.several(own_loads[i]), lambda i: before(own_loads[i])
+        return
+    one = OneLoad(nodal, members)
     yield "whole", lambda i: one(forces[i]), lambda i: one.by_pytorch(forces[i : i + 1])
     if not isinstance(one.before, InputsByPyTorch) and one.before.known(forces).all():
         own = one.before
@@ -63,20 +67,6 @@ def parts(model: Surrogate, forces: Array) -> Iterator[tuple[str, Function, Func
         tensors = [field.scaled(field.inputs_of(nodal.on_grid(f[None]))[0]) for f in single]
     arrays = [np.ascontiguousarray(x.flatten(2)[0].T.numpy()) for x in tensors]
     yield "network", lambda i: members[0](arrays[i]), lambda i: field.network(tensors[i])
-    series = field.linear
-    if isinstance(series, SeriesResponse) and len(model.geometry.coordinates) > LARGE:
-        with torch.inference_mode():
-            first = [series.at_nodes(nodal.on_grid(f[None])) for f in single]
-
-        def beyond(compiled: bool) -> Function:
-            def work(i: int) -> object:
-                series.compiled = compiled
-                return series.beyond_first(first[i])
-
-            return work
-
-        yield "load series, compiled", beyond(True), beyond(False)
-        series.compiled = True
 
 
 @torch.inference_mode()
@@ -152,9 +142,9 @@ for a hundred lines more.
 """  # noqa: E501
 
 
+@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for all networks of the package."""
-    logging.disable(logging.WARNING)
     found: list[Results] = []
     for name in shelved():
         model = load(name)

@@ -22,6 +22,7 @@ from pathlib import Path
 import torch
 
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import Timing, median_seconds
 from experiments.measures.latency import Work, by_compiling, by_onnx, by_pytorch
@@ -136,11 +137,11 @@ def page(results: Results) -> str:
     )
 
 
+@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for all networks on all bodies."""
     import onnxruntime
 
-    logging.disable(logging.WARNING)
     devices = ["cpu", "cuda"] if torch.cuda.is_available() else ["cpu"]
     bodies = [read_body(folder) for folder in options.nodal]
     found: list[Results] = []

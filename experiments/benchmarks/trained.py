@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from itertools import cycle, islice
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ import torch
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.measures.latency import Predict, by_onnx, by_pytorch
 from shared_schema import DatasetReader
@@ -86,7 +88,7 @@ def compare(name: str, samples: int, repeats: int) -> Results:
     with tempfile.TemporaryDirectory() as folder:
         forces, before = solve(case, samples, Path(folder, "before"))
         by_file = by_onnx(find_run(name), Path(folder, "model.onnx"))
-        ways = {
+        ways: dict[str, Callable[[Array], object]] = {
             "predict": model.predict,
             "PyTorch": lambda force: in_pytorch(force[None]),
             "ONNX Runtime": lambda force: by_file(force[None]),
@@ -135,9 +137,9 @@ def page(results: Results) -> str:
     )
 
 
+@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for all networks of the package."""
-    logging.disable(logging.WARNING)
     found: list[Results] = []
     for name in shelved():
         found.append(compare(name, options.samples, options.repeats))

@@ -1,9 +1,12 @@
-"""Coverage of predicted intervals in the range of the training, by the number of loads as well."""
+"""Coverage of predicted intervals in the range of the training: by number of loads, by place."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
 
+from experiments.beyond.body_maps import draw_maps
 from experiments.beyond.error_curves import Curve, draw_curves
 from experiments.beyond.networks import (
     BODIES,
@@ -11,6 +14,7 @@ from experiments.beyond.networks import (
     kind_of,
     patterns,
     runs_by_body,
+    stem_of,
 )
 from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import Cell, Table
@@ -37,6 +41,21 @@ def measure(resources: Resources) -> Findings:
     certified = {run: found for run, found in samples.items() if found.certificate is not None}
     if certified:
         result.tables.append(number_table(resources, certified, with_size=True))
+    result.tables.append(place_table(resources, samples))
+    for run, shown in certified.items():
+        if kind_of(run) == KINDS["mechanics-vb"]:
+            maps = {
+                "intervals of σ": by_node(shown, shown.inside),
+                f"intervals{OF_SIZE}": by_node(shown, shown.inside_with_size),
+            }
+            case = resources.case_of(run)
+            result.figures[f"places-{stem_of(case)}"] = (
+                draw_maps(
+                    shown.geometry, maps, Normalize(70, 100), "inside the 95 % intervals [%]"
+                ),
+                f"{BODIES[case]}, {kind_of(run).label}: components inside the 95 % intervals by "
+                "node, over the samples of the test split.",
+            )
     panels: dict[str, list[Curve]] = {}
     for run in runs:
         body, found = BODIES[resources.case_of(run)], calibrations[run]
@@ -117,6 +136,36 @@ def by_number(samples: PredictedSamples, with_size: bool = False) -> dict[int, f
     numbers = np.unique(samples.number)
     covered = samples.covered_with_size if with_size else samples.covered
     return {int(n): float(covered[samples.number == n].mean()) for n in numbers}
+
+
+def place_table(resources: Resources, samples: dict[str, PredictedSamples]) -> Table:
+    """Table of the coverage of the 95 % intervals by the place of the components."""
+    rows: list[tuple[Cell, ...]] = []
+    for run, found in samples.items():
+        cells: list[Cell] = []
+        for certified in (False, True):
+            if certified and found.certificate is None:
+                cells += [None] * 3
+                continue
+            shares = by_node(found, found.inside_with_size if certified else found.inside)
+            shares = shares[np.isfinite(shares)]
+            cells += [shares.min(), *np.quantile(shares, (0.05, 0.5))]
+        rows.append((BODIES[resources.case_of(run)], kind_of(run).label, *cells))
+    quantiles = ("worst node", "5 % of the nodes below", "median node")
+    return Table(
+        caption="Components inside the 95 % intervals in %, by the node that they belong to (test "
+        f"split); then inside those{OF_SIZE}.",
+        head=("example", "network", *quantiles, *(f"{name}, with size" for name in quantiles)),
+        rows=tuple(rows),
+    )
+
+
+def by_node(samples: PredictedSamples, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Share in % of the free components of every node that are inside, (n_nodes,); else NaN."""
+    free = samples.geometry.free
+    with np.errstate(invalid="ignore"):
+        shares = (inside & free).sum(axis=(0, 2)) / (len(inside) * free.sum(axis=1))
+    return np.asarray(100 * shares)
 
 
 STUDY = Experiment(

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
-from experiments.beyond.error_curves import WIDTH, Curve, draw_curves
+from experiments.beyond.body_maps import draw_maps
+from experiments.beyond.error_curves import Curve, draw_curves
 from experiments.beyond.networks import (
     BODIES,
     kind_of,
@@ -28,8 +25,6 @@ from experiments.measures.predicted_samples import (
     distance_groups,
     predicted_samples,
 )
-from shared_schema.common.drawing import UNDEFORMED, make_drawing, make_figure, styled
-from surrogate.data import Geometry
 
 Array = NDArray[np.float64]
 COMPARED = ("forces", "mechanics", "reduced")
@@ -47,11 +42,12 @@ def measure(resources: Resources) -> Findings:
             continue
         singles = [run for kind in COMPARED if (run := f"{stem}-{kind}") in scale.runs]
         samples = {run: predicted_samples(resources, run, dataset) for run in (*runs, *singles)}
-        maps = {label_of(run): by_node(found, found.error) for run, found in samples.items()}
+        maps = {label_of(run): MM * by_node(found, found.error) for run, found in samples.items()}
         result.tables.append(place_table(body, samples))
-        geometry = next(iter(samples.values())).geometry
+        geometry, errors = next(iter(samples.values())).geometry, np.stack([*maps.values()])
+        scale_of_errors = LogNorm(np.nanmin(errors), np.nanmax(errors))
         result.figures[f"map-{stem}"] = (
-            draw_maps(geometry, maps),
+            draw_maps(geometry, maps, scale_of_errors, "mean error [mm]"),
             f"{body}: mean error under single loads on each node, at the place of the load.",
         )
         if singles:
@@ -138,33 +134,6 @@ def distance_table(
             for run, found in samples.items()
         ),
     )
-
-
-@styled
-def draw_maps(geometry: Geometry, maps: dict[str, Array]) -> Figure:
-    """Draw the errors in m at the loaded nodes, a panel a network, on one logarithmic scale."""
-    x, size = geometry.coordinates, np.ptp(geometry.coordinates, axis=0)
-    height = 0.6 + WIDTH * float(size[1] / size[0]) if geometry.dimension == 2 else 1.9
-    figure = make_figure(WIDTH, height * len(maps))
-    values = np.concatenate([MM * errors[np.isfinite(errors)] for errors in maps.values()])
-    norm, colours = LogNorm(values.min(), values.max()), colormaps["viridis"]
-    places = GridSpec(len(maps), 1, figure=figure)
-    for place, (label, errors) in enumerate(maps.items()):
-        drawing = make_drawing(figure, geometry, places[place, 0])
-        drawing.body(x, UNDEFORMED, "white", linewidth=0.4)
-        nodes = drawing.seen_nodes(x)
-        nodes = nodes[np.isfinite(errors[nodes])]
-        marks = 36 if geometry.dimension == 2 else 9
-        drawing.markers(x[nodes], colours(norm(MM * errors[nodes])), s=marks)
-        drawing.finish(labelled=False)
-        drawing.axes.set_title(label, fontsize=10)
-        drawing.axes.set_axis_off()
-    bar = figure.colorbar(
-        ScalarMappable(norm, colours), ax=figure.axes, location="bottom", shrink=0.8, aspect=30
-    )
-    bar.set_label("mean error [mm]")
-    bar.outline.set_visible(False)
-    return figure
 
 
 STUDY = Experiment(

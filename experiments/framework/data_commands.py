@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +28,8 @@ def missing_data(scale: Scale, data: Path) -> Iterator[str]:
         commands = []
         if spec.case:
             samples = ("--samples", spec.samples) if spec.samples else ()
-            command = shell_line("run", spec.case, "--out", nodal, *samples)
+            changes = [f"--set={key}={json.dumps(value)}" for key, value in spec.change.items()]
+            command = shell_line("run", spec.case, *changes, "--out", nodal, *samples)
             commands.append((nodal, f"${{MPIRUN-}} {command}"))
         else:
             source = data / scale.folder_of(str(spec.of)) / "nodal"

@@ -21,6 +21,7 @@ from surrogate.data import NodalDataset, read_nodal_dataset
 from surrogate.hardware import hardware
 from surrogate.inference import fit_fast_certificate
 from surrogate.measures import Extrapolation, extrapolate
+from surrogate.models import Model
 from surrogate.networks import parameter_count
 from surrogate.probabilistic import Distribution
 from surrogate.runs import RunFolder
@@ -141,9 +142,13 @@ class Resources(Setting):
         folder = self.nodal_folder(dataset)
         return self._cached(("nodal", folder), lambda: read_nodal_dataset(folder))
 
+    def config_of(self, name: str) -> Model:
+        """Configuration of a run."""
+        return self._cached(("configuration", name), lambda: self.scale.config_of(name))
+
     def run(self, name: str) -> RunFolder:
         """Folder of a run, trained or not."""
-        config = self.scale.config_of(name)
+        config = self.config_of(name)
         return RunFolder(self.runs / f"{config.name}-{self.run_fingerprint(name)[:8]}")
 
     def run_fingerprint(self, name: str) -> str:
@@ -151,7 +156,7 @@ class Resources(Setting):
         return self._cached(("fingerprint", name), lambda: self._run_fingerprint(name))
 
     def _run_fingerprint(self, name: str) -> str:
-        config = self.scale.config_of(name)
+        config = self.config_of(name)
         data = self.manifest(self.scale.runs[name].data).digest
         return digest_of({"config": config.plain(), "data": data})
 
@@ -161,7 +166,7 @@ class Resources(Setting):
         if not run.is_finished:
             self.runs.mkdir(parents=True, exist_ok=True)
             train(
-                self.scale.config_of(name),
+                self.config_of(name),
                 self.dataset_of(name),
                 run.folder,
                 device=self.device.type,
@@ -216,7 +221,7 @@ class Resources(Setting):
 
     def run_record(self, name: str) -> RunRecord:
         """Entry of a trained network in the record of a study."""
-        spec, config, run = self.scale.runs[name], self.scale.config_of(name), self.trained(name)
+        spec, config, run = self.scale.runs[name], self.config_of(name), self.trained(name)
         lines = run.metric_lines()
         return RunRecord(
             config=spec.config,

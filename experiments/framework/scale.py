@@ -10,7 +10,7 @@ from typing import Any, Self
 from pydantic import Field, TypeAdapter, model_validator
 
 from experiments.framework.timing import TIMING, Timing
-from shared_schema import NodeOrder
+from shared_schema import NodeOrder, digest_of
 from shared_schema.common import Frozen, InputError, changed, read_named, source_of, validate
 from surrogate.models import Model, UNetModel
 from surrogate.probabilistic import MOST_PASSES, PASSES
@@ -34,6 +34,8 @@ class DatasetSpec(Frozen):
         Order of the nodes on the grid.
     grid : bool
         Make the structured dataset as well, for training.
+    change : dict of str to value
+        New values of keys of the case, such as ``mesh.elements``.
     """
 
     case: str | None = None
@@ -42,12 +44,15 @@ class DatasetSpec(Frozen):
     noise: bool = False
     order: NodeOrder = "preferred"
     grid: bool = True
+    change: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
         changed = self.noise or self.order != "preferred"
         if (self.case is None) == (self.of is None) or changed != (self.of is not None):
             raise ValueError("expected either 'case', or 'of' and one of 'noise' and 'order'")
+        if self.change and self.case is None:
+            raise ValueError("'change' changes a 'case'")
         return self
 
 
@@ -152,7 +157,8 @@ class Scale(Frozen):
         spec = self.datasets[dataset]
         if spec.of:
             return f"{self.folder_of(spec.of)}-{'noisy' if spec.noise else spec.order}"
-        return f"{spec.case}-{spec.samples}" if spec.samples else str(spec.case)
+        name = f"{spec.case}-{spec.samples}" if spec.samples else str(spec.case)
+        return f"{name}-{digest_of(spec.change)[:8]}" if spec.change else name
 
     def matching(self, patterns: tuple[str, ...]) -> list[str]:
         """Names of the runs that match one of the patterns, in the order of the scale."""

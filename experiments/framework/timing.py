@@ -12,7 +12,7 @@ from pydantic import Field
 from shared_schema.common import Frozen
 
 Value = TypeVar("Value")
-WARM_UP = 3
+WARM_UP = 3  # calls before the first that is timed, at most as many as are timed
 
 
 class Timing(Frozen):
@@ -44,7 +44,7 @@ def timed(
 
 
 def median_seconds(work: Callable[[], object], timing: Timing = TIMING) -> float:
-    """Median wall time of repeated work after a warm-up."""
+    """Median wall time of repeated work after a warm-up of at most as many calls."""
     return alternating_seconds([work], timing)[0]
 
 
@@ -52,7 +52,7 @@ def alternating_seconds(
     works: Sequence[Callable[[], object]], timing: Timing = TIMING
 ) -> list[float]:
     """Median wall times of several works in turn, so that other load slows all of them alike."""
-    for _ in range(WARM_UP):
+    for _ in range(min(WARM_UP, timing.repeats)):
         for work in works:
             work()
     times: list[list[float]] = [[] for _ in works]

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.metrics import roc_auc_score
 
 from shared_schema import NeoHookean
 from shared_schema.common import WorkError
@@ -205,6 +204,8 @@ def true_errors(judged: Judged) -> Array:
 
 def auroc(inside: Array, outside: Array) -> float:
     """Probability that a score outside is above one inside; ties count half."""
+    from sklearn.metrics import roc_auc_score
+
     labels = np.repeat([0, 1], [len(inside), len(outside)])
     return float(roc_auc_score(labels, np.concatenate([inside, outside])))
 

@@ -24,7 +24,7 @@ def split_errors(resources: Resources, run: str) -> ErrorMeasures:
 
 def name_of(resources: Resources, run: str) -> str:
     """Name of a run in the paper's tables: body and likelihood."""
-    config = resources.scale.config_of(run)
+    config = resources.config_of(run)
     return f"{BODIES[config.case]} ({LIKELIHOODS[config.likelihood]})"
 
 

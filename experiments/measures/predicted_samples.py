@@ -57,19 +57,27 @@ class PredictedSamples:
         return np.asarray(at_free(self.predicted.std, self.geometry.free).mean(axis=(1, 2)))
 
     @cached_property
+    def inside(self) -> Mask:
+        """Components inside their 95 % intervals, (M, n_nodes, d)."""
+        error = np.abs(self.predicted.mean - self.reference)
+        return np.asarray(error <= half_width(BAND) * self.predicted.std)
+
+    @cached_property
+    def inside_with_size(self) -> Mask:
+        """The same, in the intervals that have the size of the fast estimate."""
+        assert self.certificate is not None
+        mean, std = self.predicted.mean, self.predicted.std
+        return self.certificate.inside(self.force, mean, self.reference, std, BAND)
+
+    @cached_property
     def covered(self) -> Array:
-        """Share of the free components of every sample inside the 95 % band, (M,)."""
-        free = self.geometry.free
-        error = at_free(np.abs(self.predicted.mean - self.reference), free)
-        inside = error <= half_width(BAND) * at_free(self.predicted.std, free)
-        return inside.mean(axis=(1, 2))
+        """Share of the free components of every sample inside their 95 % intervals, (M,)."""
+        return at_free(self.inside, self.geometry.free).mean(axis=(1, 2))
 
     @cached_property
     def covered_with_size(self) -> Array:
         """The same, in the intervals that have the size of the fast estimate, (M,)."""
-        assert self.certificate is not None
-        mean, std = self.predicted.mean, self.predicted.std
-        return self.certificate.covered(self.force, mean, self.reference, std, BAND)
+        return at_free(self.inside_with_size, self.geometry.free).mean(axis=(1, 2))
 
     @property
     def loaded(self) -> Mask:

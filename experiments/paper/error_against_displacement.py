@@ -68,7 +68,7 @@ def measure(resources: Resources) -> Findings:
         head=("example", "slope [10⁻³]", "intercept [mm]", "upper half / lower half"),
         rows=tuple(rows),
     )
-    likelihoods = {run: resources.scale.config_of(run).likelihood for run in runs}
+    likelihoods = {run: resources.config_of(run).likelihood for run in runs}
     comparisons = [
         compare(
             f"{names[run]}: absolute slope",

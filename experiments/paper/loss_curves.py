@@ -24,7 +24,7 @@ def measure(resources: Resources) -> Findings:
     for run in RUNS:
         lines, name = resources.trained(run).metric_lines(), name_of(resources, run)
         unit = float(resources.surrogate(run).network.displacement_rms)
-        losses.append(f"{name}, {resources.scale.config_of(run).objective}, {unit:.3g} m")
+        losses.append(f"{name}, {resources.config_of(run).objective}, {unit:.3g} m")
         training[name], curves[name] = [line["train_loss"] for line in lines], lines
         watched = [line["validation_loss"] for line in lines if "validation_loss" in line]
         if watched:

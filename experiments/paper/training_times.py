@@ -39,7 +39,7 @@ def measure(resources: Resources) -> Findings:
     result, durations = Findings(), {}
     for run in RUNS:
         name, case = name_of(resources, run), resources.case_of(run)
-        record, config = resources.run_record(run), resources.scale.config_of(run)
+        record, config = resources.run_record(run), resources.config_of(run)
         paper = papers_duration(case, config.likelihood)
         durations[run] = here = Duration(record.epochs, record.minutes)
         samples, training = resources.dataset_of(run).info.train, config.training

@@ -1,0 +1,174 @@
+"""Predictions within a tolerance: their errors, their times beside those without, wrong claims.
+
+Fresh loads like those of the training; the true displacement is the equilibrium that a correction
+reaches from the driven one. Errors are those of the worst node, relative to the largest
+displacement. A claim is wrong if directions say that the tolerance is reached and it is not.
+
+    python -m experiments benchmark directions beam3d_any:400 finger3d:20
+
+writes its record and its page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import time
+import warnings
+from functools import partial
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+import surrogate
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.quiet import quiet
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser, WorkError
+from surrogate.descent import Aim
+from surrogate.inference import drawn_loads, separated
+from surrogate.measures import node_errors
+
+Array = NDArray[np.float64]
+NETWORKS = ["beam3d_any:400", "finger3d:20", "beam2d_any:800", "lshape2d_any:800"]
+TOLERANCES = (5e-3, 1e-3)
+
+
+def rounded(value: float) -> float:
+    """Three digits."""
+    return float(f"{value:.3g}")
+
+
+def compare(name: str, count: int, seed: int) -> Results:
+    """Predict the loads of one network with and without tolerances, in turn."""
+    model = surrogate.load(name)
+    geometry = model.geometry
+    errors, lengths, seconds, found, failed = [], [], [], [], 0
+    for number in range(count):
+        force = drawn_loads(model, 1, np.random.default_rng([seed, number]))
+        dead, follows = separated(geometry, force)
+        if number == 0:  # compiles, and fills caches
+            model.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))
+        work = partial(model.mean_and_last_term, force[0])
+        (plain, last), taken = timed(work, time.process_time)
+        driven, times = [plain], [taken]
+        ends = []
+        for tolerance in TOLERANCES:
+            goes_on = partial(
+                model.descend, dead[0], follows, plain, Aim(tolerance), float(last[0])
+            )
+            (displacement, descent), more = timed(goes_on, time.process_time)
+            driven.append(displacement)
+            times.append(taken + more)
+            ends.append(descent)
+        pressure = None if follows is None else follows.pressures[0]
+        try:
+            truth = model.correct(force[0], driven[-1], pressure=pressure).displacement
+        except WorkError:
+            failed += 1
+            continue
+        size = float(np.linalg.norm(truth, axis=1).max())
+        errors.append([node_errors(u, truth).max() / size for u in driven])
+        lengths.append([np.abs(u - truth).mean() for u in driven])
+        seconds.append(times)
+        found.append([(end.directions, end.reached) for end in ends])
+        print(name, number, *(f"{error:.1e}" for error in errors[-1]), file=sys.stderr)
+    relative, ratios = np.array(errors), np.array(seconds) / np.array(seconds)[:, :1]
+    result: Results = {"name": name, "loads": len(errors), "without equilibrium": failed}
+    result["ways"] = [
+        {
+            "tolerance": ([None, *TOLERANCES])[way],
+            "within": rounded(float((relative[:, way] <= TOLERANCES[0]).mean())),
+            "worst": rounded(relative[:, way].max()),
+            "median": rounded(float(np.median(relative[:, way]))),
+            "mean_error_m": rounded(float(np.mean([one[way] for one in lengths]))),
+            "median_time": rounded(float(np.median(ratios[:, way]))),
+            "mean_time": rounded(sum(s[way] for s in seconds) / sum(s[0] for s in seconds)),
+            "directions": rounded(float(np.mean([one[way - 1][0] for one in found])) * (way > 0)),
+            "none": sum(one[way - 1][0] == 0 for one in found) if way else 0,
+            "single": sum(one[way - 1][0] == 1 for one in found) if way else 0,
+            "claims": sum(bool(one[way - 1][1]) for one in found) if way else 0,
+            "wrong": sum(
+                bool(one[way - 1][1] and e[way] > TOLERANCES[way - 1])
+                for one, e in zip(found, errors, strict=True)
+            )
+            if way
+            else 0,
+        }
+        for way in range(1 + len(TOLERANCES))
+    ]
+    return result
+
+
+def page(results: Results) -> str:
+    """Make the page."""
+    rows = markdown_table(
+        (
+            "network",
+            "loads",
+            "tolerance",
+            f"within {TOLERANCES[0]:.1%}",
+            "median",
+            "worst",
+            "ē [1e-3 m]",
+            "directions",
+            "loads with none, one",
+            "median time",
+            "mean time",
+            "wrong claims",
+        ),
+        (
+            (
+                f"`{of['name']}`",
+                str(of["loads"]),
+                "none" if way["tolerance"] is None else f"{way['tolerance']:.1%}",
+                f"{way['within']:.1%}",
+                f"{way['median']:.2g}",
+                f"{way['worst']:.2%}",
+                f"{1e3 * way['mean_error_m']:.3g}",
+                "" if way["tolerance"] is None else f"{way['directions']:.2g}",
+                "" if way["tolerance"] is None else f"{way['none']}, {way['single']}",
+                f"{way['median_time']:.2f}",
+                f"{way['mean_time']:.2f}",
+                "" if way["tolerance"] is None else f"{way['wrong']} of {way['claims']}",
+            )
+            for of in results["networks"]
+            for way in of["ways"]
+        ),
+    )
+    return (
+        f"Fresh loads like those of the training, seed {results['seed']}, on {results['threads']} "
+        "thread. Errors are those of the worst node, relative to the\nlargest displacement; ē is "
+        "the mean absolute error of all components. Times are processor times of the same loads in "
+        "one run,\nrelative to the prediction without a tolerance: the median of the ratios, and "
+        "the ratio of the sums. A claim is wrong if\ndirections say that the tolerance is reached, "
+        f"and the true error is larger.\n\n{rows}"
+    )
+
+
+@quiet(logging.WARNING)
+def measure(options: argparse.Namespace) -> Results:
+    """Results for some networks."""
+    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+    pairs = [text.split(":") for text in options.networks]
+    found = [compare(name, int(count), options.seed) for name, count in pairs]
+    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+
+
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    what = f"network and number of loads (default {' '.join(NETWORKS)})"
+    parser.add_argument("networks", nargs="*", default=NETWORKS, metavar="NAME:N", help=what)
+    parser.add_argument("--seed", type=int, default=211)
+
+
+BENCHMARK = Benchmark(
+    name="directions",
+    title="Directions towards equilibrium",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)
