@@ -16,7 +16,8 @@ def runs_of(target: str) -> list[tuple[str, set[str], str]]:
     found = []
     for line in make("--dry-run", *INSTALLED, target).splitlines():
         if " -m pytest " in line:
-            python, *words = shlex.split(line)
+            words = shlex.split(line)
+            python = next(word for word in words if word.endswith("/python"))
             folders = {word for word in words if word.startswith("tests/")}
             selections = [words[i + 1] for i, word in enumerate(words) if word == "-m"]
             found.append((python.split("/")[0], folders, " ".join(selections[1:])))

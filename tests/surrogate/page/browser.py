@@ -87,13 +87,14 @@ class OpenPage:
         return box["x"] + place["x"], box["y"] + place["y"]
 
     def drag(self, node: int, right: float, up: float, steps: int = 8) -> None:
-        """Press on a node, move by some pixels, release."""
+        """Press on a node, move by some pixels, release; the body follows each step."""
         x, y = self.pixel(node)
         mouse = self.page.mouse
         mouse.move(x, y)
         mouse.down()
         for step in range(1, steps + 1):
             mouse.move(x + right * step / steps, y - up * step / steps)
+            self.settle()
         mouse.up()
         self.settle()
 
