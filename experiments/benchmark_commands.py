@@ -57,18 +57,20 @@ def add_to(commands: Commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Measure in the environment of the benchmark's program, on one thread."""
+    """Measure in the environment of the benchmark's program, on one thread or OMP_NUM_THREADS."""
     name, words = options.name, options.words
     if name not in PROGRAMS:
         raise InputError(f"benchmark '{name}': expected one of {', '.join(PROGRAMS)}")
     python = ROOT / f".venv-{PROGRAMS[name]}" / "bin" / "python"
     elsewhere = python.is_file() and Path(sys.prefix).resolve() != python.parents[1].resolve()
-    if elsewhere or "OMP_NUM_THREADS" not in os.environ:
+    threads = os.environ.get("OMP_NUM_THREADS")
+    if elsewhere or threads is None:
         program = str(python) if elsewhere else sys.executable
         arguments = [program, "-m", "experiments", "benchmark", name, *words]
-        threads = {"OMP_NUM_THREADS": "1"}
-        os.execve(program, arguments, {"PYTHONPATH": str(ROOT), **os.environ, **threads})
-    command = f"OMP_NUM_THREADS=1 .venv-{PROGRAMS[name]}/bin/python -m experiments benchmark {name}"
+        added = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": threads or "1"}
+        os.execve(program, arguments, {**os.environ, **added})
+    program = f"OMP_NUM_THREADS={threads} .venv-{PROGRAMS[name]}/bin/python"
+    command = f"{program} -m experiments benchmark {name}"
     print(find_benchmark(name).run(words, command))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-import time
 from collections.abc import Sequence
 from functools import partial
 
@@ -46,7 +45,7 @@ def compare(
     seconds = np.empty((repeats, len(sizes), len(ways)))
     for repeat, i, j in np.ndindex(seconds.shape):
         some = forces[: sizes[i]]
-        seconds[repeat, i, j] = timed(partial(ways[j], some), time.process_time)[1] / len(some)
+        seconds[repeat, i, j] = timed(partial(ways[j], some))[1] / len(some)
     loop, batch = np.median(seconds, axis=0).T
     ratios = np.median(seconds[..., 0] / seconds[..., 1], axis=0)
     found = {
@@ -85,7 +84,7 @@ def page(results: Results) -> str:
         ),
     )
     return (
-        f"Loads a second of `Surrogate.predict`, by processor time on {results['threads']} thread: "
+        f"Loads a second of `Surrogate.predict`, by the clock, threads: {results['threads']}; "
         f"medians over {results['repeats']} repeats,\nloops and batches in turn. The ratio is the "
         "time of a loop over that of a batch of so many loads. The difference\nis that between a "
         f"load in a batch of {SIZES[-1]} and alone, relative to its largest displacement.\n\n"
@@ -95,13 +94,13 @@ def page(results: Results) -> str:
 
 BOUNDS = """\
 A batch reads what its loads share, the factor of the stiffness, the gradients in the cells and the
-matrices, once, and PyTorch convolves its grids together; one grid alone is faster in NumPy. What a
-load computes alone is the same in both. On the body of `beam3d_any` with a load series of order 5
-and no network, loads on few nodes take, in ms of processor time a load on a busy machine, alone and
-in a batch of 64: four solves with the factor 26.4 and 7.3, terms at the 26 136 quadrature points
-13.5 and 12.1, the least energy 9.3 and 9.1, all 55.3 and 31.1. Large differences on large bodies
-are rounding errors of the factor in single precision, which solves for a load alone as well: on
-`beam3d_any`, that load alone is 4.4e-6 from its prediction with a factor in double precision.
+matrices, once, PyTorch convolves its grids together, and threads share the loads of a series. What
+a load computes is the same in both. On the body of `beam3d_any` with its load series of order 5,
+loads on few nodes take, in ms of one thread a load, alone and in a batch of 64: four solves with
+the factor 14.1 and 2.7, terms at the 26 136 quadrature points 7.2 and 6.2, the least energy 4.0 and
+3.8, all 26 and 13.8. Large differences on large bodies are rounding errors of the factor in single
+precision, which solves for a load alone as well: on `beam3d_any`, that load alone is 4.4e-6 from
+its prediction with a factor in double precision.
 """
 
 

@@ -225,7 +225,12 @@ class BandCholesky:
 
     @cached_property
     def _blocks(self) -> list[tuple[Values, Values]]:
-        """Blocks of L: on the diagonal and below it, from the first rows to the last."""
+        """Blocks of L, from the first rows to the last: inverse of that on the diagonal, and below.
+
+        With inverses all of a solve is products of one library: those of NumPy and SciPy, each with
+        threads that wait for work, would take the cores from each other.
+        """
+        (trtri,) = get_lapack_funcs(("trtri",), (self.factor,))
         rows, n = self.factor.shape
         size, blocks = min(BLOCK, self.width), []
         for start in range(0, n, size):
@@ -235,7 +240,8 @@ class BandCholesky:
             for j in range(end - start):
                 length = min(rows, below - start - j)
                 both[j : j + length, j] = columns[:length, j]
-            blocks.append((np.asfortranarray(both[: end - start]), both[end - start :]))
+            inverse = trtri(both[: end - start], lower=1)[0]
+            blocks.append((inverse, both[end - start :]))
         return blocks
 
     @classmethod
@@ -249,17 +255,16 @@ class BandCholesky:
 
     def solve(self, right: Values) -> Values:
         """A⁻¹ b: (n,) or (n, m) → same; many right-hand sides are solved for block by block."""
-        pbtrs, trtrs = get_lapack_funcs(("pbtrs", "trtrs"), (self.factor,))
         if right.ndim == 1 or right.shape[1] < MANY or len(self.factor) < WIDE:
+            (pbtrs,) = get_lapack_funcs(("pbtrs",), (self.factor,))
             return pbtrs(self.factor, right, lower=1)[0]
         x, start = np.array(right, self.factor.dtype, order="C"), 0
-        for diagonal, below in self._blocks:  # L y = b
-            end = start + len(diagonal)
-            x[start:end] = trtrs(diagonal, x[start:end], lower=1)[0]
+        for inverse, below in self._blocks:  # L y = b
+            end = start + len(inverse)
+            x[start:end] = inverse @ x[start:end]
             x[end : end + len(below)] -= below @ x[start:end]
             start = end
-        for diagonal, below in reversed(self._blocks):  # Lᵀ x = y
-            end, start = start, start - len(diagonal)
-            rest = x[start:end] - below.T @ x[end : end + len(below)]
-            x[start:end] = trtrs(diagonal, rest, lower=1, trans=1)[0]
+        for inverse, below in reversed(self._blocks):  # Lᵀ x = y
+            end, start = start, start - len(inverse)
+            x[start:end] = inverse.T @ (x[start:end] - below.T @ x[end : end + len(below)])
         return x

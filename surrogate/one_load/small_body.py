@@ -17,12 +17,13 @@ from torch import Tensor
 
 from surrogate.mechanics.weighted_sums import padded_rows
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import SeriesResponse
 from surrogate.series.stress_series import Factors
 
 MOST = 2**22  # values of a matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
-SERIES_AT_ONCE = 16  # loads whose series are found together: their fields stay in the cache
+OF_A_THREAD = 8  # loads of a series, at least
 Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 
@@ -81,12 +82,9 @@ class SmallBody:
         found = flat @ matrix
         inputs = found[:, : self.inputs].reshape(len(forces), self.points, -1)
         if self.series is not None:
-            response = np.empty(forces.shape)
-            for start in range(0, len(forces), SERIES_AT_ONCE):
-                some = slice(start, start + SERIES_AT_ONCE)
-                response[some], last, _ = self.series(forces[some])
-                if self.last_gradient is not None:
-                    inputs[some, :, self.last_gradient] = last
+            response, last, _ = self.series(forces)
+            if self.last_gradient is not None:
+                inputs[:, :, self.last_gradient] = last
             return inputs, response
         if len(found[0]) == self.inputs:
             return inputs, None
@@ -148,8 +146,15 @@ class SmallSeries:
 
         (N, n_nodes, d) → same, (N, n_grid_points, d²), (N,)
         """
-        terms = self.room(1, self.order, self.operators.cells)
-        u, gradients, lengths = self.find(forces, self.operators, self.factors, terms)
+        u, lengths = np.empty(forces.shape), np.empty(len(forces))
+        gradients = np.empty((len(forces), self.operators.on_grid[1].shape[1]))
+
+        def find(some: slice) -> None:
+            terms = self.room(1, self.order, self.operators.cells)
+            found = self.find(forces[some], self.operators, self.factors, terms)
+            u[some], gradients[some], lengths[some] = found
+
+        in_threads(find, len(forces), OF_A_THREAD)
         return u, gradients.reshape(len(forces), -1, forces.shape[-1] ** 2), lengths
 
 

@@ -21,11 +21,11 @@ SUMS = {"reassoc", "contract", "arcp", "nsz"}  # in any order; infinite numbers 
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function of numbers and arrays at its first call."""
+    """Compile a function of numbers and arrays at its first call; other threads go on meanwhile."""
     try:
-        made = njit(function, cache=True, fastmath=SUMS, error_model="numpy")
+        made = njit(function, cache=True, nogil=True, fastmath=SUMS, error_model="numpy")
     except RuntimeError:  # no folder can be written
-        made = njit(function, fastmath=SUMS, error_model="numpy")
+        made = njit(function, nogil=True, fastmath=SUMS, error_model="numpy")
     return cast(Function, made)
 
 

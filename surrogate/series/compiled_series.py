@@ -7,6 +7,7 @@ on a large body, `CompiledResponse` go on to the combination :math:`\sum_k c_k u
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from surrogate.series.compiled_fields import (
     largest,
     longest,
 )
+from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import NEGLIGIBLE, CellOperators
 from surrogate.series.stress_series import Factors
 
@@ -60,6 +62,10 @@ class Terms(NamedTuple):
     j: Array
     r: Array
     s: Array
+
+    def of(self, loads: slice) -> Terms:
+        """Those of some loads."""
+        return Terms(*(field[loads] for field in self))
 
 
 def room_for_terms(loads: int, order: int, cells: Cells) -> Terms:
@@ -257,10 +263,13 @@ class CompiledResponse:
         self.cells = cells_of(higher)
 
     def __call__(self, first: Array) -> tuple[Array, Array]:
-        """Response beyond u₁, and its last term, of u₁: (N, n_nodes, d) in m → same."""
+        """Response beyond u₁, and its last term, of u₁: (N, n_nodes, d) in m → same.
+
+        Threads share the loads; every load is the same to the last bit for any number of them.
+        """
         room = room_for_terms(min(SOLVED, len(first)), self.order, self.cells)
         parts = [
-            self._of_some(some, Terms(*(field[: len(some)] for field in room)))
+            self._of_some(some, room.of(slice(len(some))))
             for some in np.split(first, range(SOLVED, len(first), SOLVED))
         ]
         beyond, last = zip(*parts, strict=True)
@@ -270,17 +279,29 @@ class CompiledResponse:
         """The same of a few, with room for their terms."""
         count, order, eps = len(first), self.order, float(np.finfo(first.dtype).eps)
         every, forces = np.zeros((order, *first.shape), first.dtype), np.zeros_like(first)
-        every[0] = first
-        add_term(1, self.cells, self.factors, first, terms, forces)
-        seen = np.array([not is_negligible(terms, n, eps) for n in range(count)])
+        every[0], seen, c = first, np.empty(count, bool), np.eye(1, order).repeat(count, axis=0)
+
+        def add(k: int, some: slice) -> None:
+            u = every[k - 1, some]
+            add_term(k, self.cells, self.factors, u, terms.of(some), forces[some])
+
+        def begin(some: slice) -> None:
+            add(1, some)
+            for n in range(some.start, some.stop):
+                seen[n] = not is_negligible(terms, n, eps)
+
+        def combine(some: slice) -> None:
+            for n in range(some.start, some.stop):
+                if seen[n]:
+                    potential = potential_of_terms(terms.h[n], self.cells.volumes, self.factors)
+                    c[n] = least_energy(potential, eps)
+
+        in_threads(begin, count)
         for k in range(2, order + 1) if seen.any() else ():
             every[k - 1, seen] = self.compliance.respond_at_nodes(forces[seen])
             forces[:] = 0
-            add_term(k, self.cells, self.factors, every[k - 1], terms, forces)
-        c = np.eye(1, order).repeat(count, axis=0)
-        for n in np.flatnonzero(seen):
-            potential = potential_of_terms(terms.h[n], self.cells.volumes, self.factors)
-            c[n] = least_energy(potential, eps)
+            in_threads(partial(add, k), count)
+        in_threads(combine, count)
         last = c[:, -1, None, None].astype(first.dtype) * every[-1]
         c[:, 0] -= 1
         return np.einsum("nk,knid->nid", c.astype(first.dtype), every), last

@@ -227,7 +227,7 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
     [
         ("beam2d_any", 1e-9, 1e-9),
         ("lshape2d_any", 1e-8, 1e-8),
-        ("beam3d_any_reduced", 1e-6, CLOSE),
+        ("beam3d_any_reduced", 3e-6, CLOSE),
         ("finger3d", 1e-6, CLOSE),
         pytest.param("beam3d_any", CLOSE, CLOSE, marks=pytest.mark.slow),
     ],
@@ -235,7 +235,7 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
 def test_a_load_in_a_batch_is_that_load_alone(
     name: str, close: float, close_under_many: float
 ) -> None:
-    """To 1e-6; where a factor in single precision solves, to the error that it may have.
+    """To rounding errors; where a factor in single precision solves, to those that it may have.
 
     Most nodes of the last load are loaded, and those of a large body are solved for.
     """

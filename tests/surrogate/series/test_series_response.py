@@ -16,10 +16,12 @@ from shared_schema.material import NeoHookean, StVenantKirchhoff
 from surrogate.certify.correction import correct
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
+from surrogate.inference.fresh_loads import drawn_loads
 from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.models.unet_model import UNetModel
+from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import SeriesResponse
 from surrogate.series.third_order import third_order_terms
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium
@@ -235,3 +237,23 @@ def test_other_materials_are_refused() -> None:
     material = StVenantKirchhoff(young_modulus=500, poisson_ratio=0.3)
     with pytest.raises(InputError, match="expected a body of one Neo-Hookean material"):
         SeriesResponse(geometry, material)
+
+
+def test_any_number_of_threads_finds_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit: threads share loads, not sums."""
+    model = load("lshape2d_any")
+    forces = drawn_loads(model, 40, np.random.default_rng(3))
+    one = model.predict(forces)
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 3)
+    assert np.array_equal(model.predict(forces), one)
+
+
+@pytest.mark.parametrize(("loads", "least", "shares"), [(1, 1, 1), (7, 1, 3), (7, 3, 2), (2, 8, 1)])
+def test_threads_share_all_loads(
+    loads: int, least: int, shares: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 3)
+    parts: list[slice] = []
+    in_threads(parts.append, loads, least)
+    assert len(parts) == shares
+    assert sorted(n for part in parts for n in range(part.start, part.stop)) == list(range(loads))
