@@ -118,9 +118,9 @@ def page(results: Results) -> str:
         "parentheses the 10 %\nquantile. Every load is predicted once before. The ratio is that "
         "of the medians.\n\n"
         f"{rows}\n"
-        "What comes before the network on `beam3d_any` is PyTorch's, with the compiled load "
-        "series, which batches of loads use as\nwell. A load on many nodes of an embedded grid "
-        "(`finger3d`) is left to PyTorch.\n\n"
+        "A load series without a network (`beam2d_any`, `lshape2d_any`, `beam3d_any`) is one part. "
+        "On a large body (`beam3d_any`)\nPyTorch and the backend call the same compiled series. A "
+        "load on many nodes of an embedded grid (`finger3d`) is left to\nPyTorch.\n\n"
         f"{LEFT_OUT}"
     )
 
@@ -128,7 +128,8 @@ def page(results: Results) -> str:
 LEFT_OUT = """\
 ## Left out
 
-Parts that were measured in the same way, and given up since they are not clearly faster:
+Parts that were measured in the same way, `beam3d_any` with a U-Net on its series, and given up since they are not
+clearly faster:
 
 | network | part | loaded nodes | backend | PyTorch | ratio |
 | --- | --- | --- | --- | --- | --- |
@@ -136,7 +137,7 @@ Parts that were measured in the same way, and given up since they are not clearl
 | `beam3d_any` | the same | all | 109 (95.7) | 137 (122) | 1.26 |
 | `finger3d` | embedded grid in NumPy, response by PyTorch | all | 19.8 (10.9) | 17.6 (9.6) | 0.89 |
 
-The U-Net once had its points in blocks by parity, and added up the taps that read the same coarse point. That took
+U-Nets once had their points in blocks by parity, and added up the taps that read the same coarse point. That took
 0.124 ms in place of 0.144 on `beam2d_any`, and 10.1 ms in place of 13.2 on `beam3d_any` (10 % quantile: 8.4 and 7.9),
 for a hundred lines more.
 """  # noqa: E501

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.one_load.backend import TOGETHER
-from surrogate.one_load.small_body import MOST, SmallSeries
+from surrogate.one_load.small_body import SmallSeries
 from surrogate.series.series_response import SeriesResponse
 
 Array = NDArray[np.float64]
@@ -28,11 +28,8 @@ class ResponseAlone:
         response = network.network.linear
         assert isinstance(response, LinearResponse)
         self.response, self.small = response, None
-        d = len(response.shape)
-        if isinstance(response, SeriesResponse) and response.compiled:
-            values = max(response.nodes * d, response.higher.volumes.numel() * d**2)
-            if values * response.nodes * d <= MOST:
-                self.small = SmallSeries(response, d)
+        if isinstance(response, SeriesResponse) and SmallSeries.fits(response):
+            self.small = SmallSeries(response, len(response.shape))
 
     def several(self, forces: Array) -> tuple[Array, Array]:
         """Predict displacements, and tell how much the last term of the series changes them.

@@ -64,9 +64,8 @@ class SmallBody:
         linear = field.linear
         if isinstance(linear, SeriesResponse):
             maps = network.to_nodes, network.to_grid, linear.to_grid, linear.to_nodes
-            if not linear.compiled or any(len(sums.weights) > 1 for sums in maps):
+            if not SmallSeries.fits(linear) or any(len(sums.weights) > 1 for sums in maps):
                 return False
-            values = max(values, linear.higher.volumes.numel() * len(linear.shape) ** 2)
         return values * size <= MOST
 
     def known(self, forces: Array) -> NDArray[np.bool_]:
@@ -140,6 +139,13 @@ class SmallSeries:
                 on_grid=_by_column(gradients.T),
             )
         self.find, self.room = compiled_series.small_series, compiled_series.room_for_terms
+
+    @staticmethod
+    def fits(response: SeriesResponse) -> bool:
+        """Whether matrix and fields of the body are small; needs Numba."""
+        d, points = len(response.shape), response.higher.volumes.numel()
+        size = response.nodes * d
+        return response.compiled and max(size, points * d**2) * size <= MOST
 
     def __call__(self, forces: Array) -> tuple[Array, Array, Array]:
         """Return the displacements in m, gradient and size in m of the last term, of forces in N.
