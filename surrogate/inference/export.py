@@ -48,7 +48,7 @@ Fields = dict[str, Tensor]
 ONNX_PACKAGES = ("onnx", "onnxscript", "onnxruntime")
 ONNX_OPSET = 18
 ONNX_LIMIT = 2e9  # bytes in one file
-TOLERANCE = 1e-4
+TOLERANCE, ROUGH_TOLERANCE = 1e-4, 1e-3
 CHECKED_BATCHES, CHECKED_LOADS = (1, 8), 4  # random loads, on so many nodes at most
 PRECISION = 2.0**-23  # relative, of numbers in single precision
 _EXPORTS = RLock()  # PyTorch's exporters and settings of warnings are for one thread at a time
@@ -217,12 +217,24 @@ def export_network(
             raise WorkError(f"{path}: {kind} cannot express this network ({reason})") from error
         exported = load_exported(partial)
         difference = max(largest_difference(exported(*i), function(*i)) for i in checked)
-        if not difference <= TOLERANCE:  # true for NaN as well
+        allowed = tolerance(surrogate)
+        if not difference <= allowed:  # true for NaN as well
             raise WorkError(
                 f"{path}: differs from the network by {difference:.1e}, "
-                f"expected {TOLERANCE:.0e} at most"
+                f"expected {allowed:.0e} at most"
             )
     return difference
+
+
+def tolerance(surrogate: Surrogate) -> float:
+    """Largest difference of a file that is right, relative to the largest value of a field.
+
+    Under loads that move a large body far, the energy of a load series is so flat that rounding
+    errors of its terms, in single precision, are amplified a hundredfold.
+    """
+    response = surrogate.network.linear
+    rough = isinstance(response, SeriesResponse) and response.precision == torch.float32
+    return ROUGH_TOLERANCE if rough else TOLERANCE
 
 
 def _make_exportable(module: nn.Module) -> None:

@@ -73,6 +73,7 @@ def test_directions_are_compared() -> None:
         "certificates-beam2d_any",
         "certificates-beam3d_any",
         "directions",
+        "error-over-time",
         "further-training-beam3d_coarse-reduced",
         "further-training-lshape2d_any-modal-gp",
         "further-training-lshape2d_any-reduced",
