@@ -49,6 +49,7 @@ from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.runs.tensor_file import load_tensors, serialised
 
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
+LEAST = 1.5  # least q
 LEVELS = (0.9, 0.95)  # whose coverage is measured
 MEASURES = ("mean", "largest")
 COMPONENT = "component"  # of networks that predict standard deviations
@@ -203,17 +204,18 @@ class FastCertificate:
         return np.asarray(np.abs(predicted - truth) <= half)
 
     def factor(self, level: float, measure: str = "mean") -> float:
-        """Return q of a level 1 − α, at least 1.
+        """Return q of a level 1 − α, at least `LEAST`.
 
         Where the steps converge x is the error. So the samples may say that a bound needs more than
-        the size of the estimate, but never that less will do.
+        the size of the estimate, but never that less will do; and loads that are unlike them in
+        ways that no check sees need somewhat more.
 
         Raises
         ------
         ValueError
             If the level is not between 0 and 1, or there were too few samples for it.
         """
-        return max(1.0, float(conformal_quantile(self.ratios[measure], level)))
+        return max(LEAST, float(conformal_quantile(self.ratios[measure], level)))
 
     def bounds(self, error: Array, rest: Array, softest: Array, level: float) -> dict[str, Array]:
         """Bounds in m that hold with the probability `level` each, by measure: (N,).

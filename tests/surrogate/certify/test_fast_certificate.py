@@ -10,6 +10,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from surrogate.certify.calibrated_range import CalibratedRange
+from surrogate.certify.conformal import conformal_quantile
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_certificate import FastCertificate, read_calibration, sizes, with_rest
 from surrogate.certify.fast_estimate import FastEstimate
@@ -29,7 +30,7 @@ def estimate() -> FastEstimate:
 
 
 def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
-    """Errors from 1e-5 to 1e-2 m; coverage is 90 % within three standard deviations."""
+    """Errors from 1e-5 to 1e-2 m; q covers 90 % within three standard deviations, bounds more."""
     equilibrium = Equilibrium(box("quad"), MATERIAL)
     rng, n = np.random.default_rng(0), 400
     force = end_load(box("quad"), 1.0, 1.0)[None] * rng.uniform(-3, 3, (n, 1, 2))
@@ -43,8 +44,11 @@ def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
     bounds = fitted.bounds(*estimate.with_stability(force[half:], predicted[half:]), 0.9)
     true = sizes((predicted - truth)[half:])
     for name in ("mean", "largest"):
-        assert abs((true[name] <= bounds[name]).mean() - 0.9) < 3 * np.sqrt(2 * 0.9 * 0.1 / half)
-        assert np.median(bounds[name] / true[name]) < 1.5  # as wide as each load needs
+        ratios = true[name] / (bounds[name] / fitted.factor(0.9, name))
+        covered = (ratios <= conformal_quantile(fitted.ratios[name], 0.9)).mean()
+        assert abs(covered - 0.9) < 3 * np.sqrt(2 * 0.9 * 0.1 / half)
+        assert (true[name] <= bounds[name]).mean() >= covered
+        assert np.median(bounds[name] / true[name]) < 2  # as wide as each load needs
         assert bounds[name].max() / bounds[name].min() > 100
     measured = fitted.measures(force[half:], predicted[half:], truth[half:])
     assert measured["samples"] == half
@@ -104,10 +108,10 @@ def test_inverted_predictions_have_no_bound(estimate: FastEstimate) -> None:
 
 
 def test_bounds_are_no_smaller_than_the_estimate(estimate: FastEstimate) -> None:
-    """Samples whose errors are half of their estimates do not make bounds smaller than these."""
+    """Samples whose errors are half of their estimates leave bounds of 1.5 times these."""
     ratios = {"mean": np.full(40, 0.5), "largest": np.linspace(0.5, 2.0, 40)}
     fast = FastCertificate(estimate, ratios)
-    assert fast.factor(0.9) == 1.0
+    assert fast.factor(0.9) == 1.5
     assert fast.factor(0.9, "largest") == np.sort(ratios["largest"])[36]  # ⌈41 · 0.9⌉ = 37
 
 
