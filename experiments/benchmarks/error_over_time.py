@@ -152,11 +152,8 @@ def page(results: Results) -> str:
         "are processor time of one thread, after a first prediction of each load. The truth is the "
         "equilibrium of the finite elements. Errors of a node are relative to the largest "
         "displacement under the load. U-Nets are those that came with the package before the load "
-        "series took their places.\n\nA network pays where its point lies left of the curves. In "
-        "the plane none does. In space the reduced network does, whose prediction takes 1 ms; "
-        "directions are the way from there to any smaller error.\n\n"
-        "![Mean error over the time of a prediction]"
-        "(../figures/error-over-time.png)\n"
+        "series took their places.\n\nA network pays where its point lies left of the curves.\n\n"
+        "![Mean error over the time of a prediction](../figures/error-over-time.png)\n"
     ]
     columns = (
         *("prediction", "ē, mm", "median ē, mm", "within 0.5 %, %", "worst, %"),

@@ -21,11 +21,10 @@ def in_threads(work: Callable[[slice], object], loads: int, least: int = 1) -> N
         Loads of a thread, at least: those of small bodies take less time than its start.
     """
     threads = max(1, min(torch.get_num_threads(), loads // least))
+    if threads == 1:
+        work(slice(0, loads))
+        return
     share = -(-loads // threads)
     shares = [slice(start, min(start + share, loads)) for start in range(0, loads, share)]
-    if threads == 1:
-        for some in shares:
-            work(some)
-        return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, shares))

@@ -248,7 +248,9 @@ def test_any_number_of_threads_finds_the_same(monkeypatch: pytest.MonkeyPatch) -
     assert np.array_equal(model.predict(forces), one)
 
 
-@pytest.mark.parametrize(("loads", "least", "shares"), [(1, 1, 1), (7, 1, 3), (7, 3, 2), (2, 8, 1)])
+@pytest.mark.parametrize(
+    ("loads", "least", "shares"), [(0, 1, 1), (1, 1, 1), (7, 1, 3), (7, 3, 2), (2, 8, 1)]
+)
 def test_threads_share_all_loads(
     loads: int, least: int, shares: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
