@@ -118,8 +118,9 @@ class TrainingRange:
         at_some = forces[:, some]  # most loads act on a few nodes
         values = at_some
         if self._to_grid is not None:  # rows of all loads beside one another
-            rows = forces.swapaxes(0, 1).reshape(len(self._elsewhere), -1)
-            values = (self._to_grid @ rows).reshape(-1, *forces.shape[::2])
+            loads, nodes, d = forces.shape
+            rows = forces.swapaxes(0, 1).reshape(nodes, loads * d)
+            values = (self._to_grid @ rows).reshape(self._to_grid.shape[0], loads, d)
         if (np.abs(values) > self._largest).any():
             limit = self._pm(self._limit)
             yield "range", f"force components reach beyond those of the training data ({limit})"

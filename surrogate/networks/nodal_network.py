@@ -63,7 +63,7 @@ class NodalNetwork(nn.Module):
         count = self.network.members * passes
 
         def by_pass(nodal: Tensor) -> Tensor:
-            return nodal.transpose(1, 2).reshape(count, -1, *force.shape[1:])
+            return nodal.transpose(1, 2).reshape(count, *force.shape)
 
         found = by_pass(self.at_nodes(mean, linear))
         if std is None:
@@ -100,7 +100,7 @@ class NodalNetwork(nn.Module):
             assert self.network.linear is not None
             single = linear.float()
             rest = single - self.to_nodes(self.network.linear.to_grid(single))
-            nodal = nodal + rest.repeat(nodal.shape[0] // rest.shape[0], 1, 1)
+            nodal = nodal + rest.repeat(nodal.shape[0] // max(rest.shape[0], 1), 1, 1)
         return torch.as_tensor(self.held(nodal))
 
     def on_grid(self, force: Tensor) -> Tensor:

@@ -91,6 +91,13 @@ def test_no_samples(model: surrogate.Surrogate) -> None:
     assert model.predict(np.zeros((0, 32, 2))).shape == (0, 32, 2)
 
 
+@pytest.mark.parametrize("name", ["lshape2d_any", "beam3d_any", "beam3d_any_reduced", "finger3d"])
+def test_no_loads_on_shipped_networks(name: str) -> None:
+    """Series, reduced networks and networks on embedded grids."""
+    none = np.zeros((0, *surrogate.load(name).geometry.coordinates.shape))
+    assert surrogate.load(name).predict(none).shape == none.shape
+
+
 @pytest.fixture(scope="module")
 def likely(make_run: Callable[..., Path]) -> surrogate.Surrogate:
     return surrogate.load(make_run(epochs=2, likelihood="maximum_likelihood"))
