@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 from shared_schema.layout import NO_NODE, Arrays
 
+IN_A_ROW = "nodes"  # the name of such a grid, where a grid is chosen
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -136,6 +138,11 @@ class Grid:
             and np.count_nonzero(self.mask) == self.nodes
             and np.array_equal(at.ravel()[self.points[:, 0]], np.arange(self.nodes))
         )
+
+    @property
+    def is_a_row(self) -> bool:
+        """True if neighbours on the grid are none in space, since all nodes stand in a row."""
+        return self.points_are_nodes and max(self.shape[1:]) == 1
 
     @property
     def node_at(self) -> NDArray[np.int64]:

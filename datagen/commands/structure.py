@@ -7,6 +7,7 @@ from pathlib import Path
 
 from datagen.commands.options import add_nodal
 from shared_schema.common.command_line import Commands, add_command
+from shared_schema.grid import IN_A_ROW
 
 
 def add_to(commands: Commands) -> None:
@@ -31,8 +32,9 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--grid",
         type=grid_shape,
-        metavar="NX,NY[,NZ]",
-        help="embed a grid of this many points (default: the mesh's own, or as fine as the mesh)",
+        metavar="NX,NY[,NZ]|nodes",
+        help="embed a grid of this many points, or put all nodes in a row, for models of modes "
+        "(default: the mesh's own grid, or one as fine as the mesh)",
     )
     parser.add_argument(
         "--error",
@@ -44,12 +46,16 @@ def add_to(commands: Commands) -> None:
     parser.set_defaults(command=run)
 
 
-def grid_shape(text: str) -> tuple[int, ...]:
-    """Read the numbers of points of a grid; ArgumentTypeError if they are none."""
+def grid_shape(text: str) -> tuple[int, ...] | str:
+    """Read the numbers of points of a grid, or `nodes`; ArgumentTypeError if it is neither."""
+    if text == IN_A_ROW:
+        return text
     try:
         return tuple(int(count) for count in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}': expected NX,NY or NX,NY,NZ") from None
+        raise argparse.ArgumentTypeError(
+            f"'{text}': expected NX,NY or NX,NY,NZ, or {IN_A_ROW}"
+        ) from None
 
 
 def run(options: argparse.Namespace) -> None:

@@ -66,6 +66,7 @@ class Unknowns:
         self.state = dolfinx.fem.Function(space, name="displacement")
         index_map, block_size = space.dofmap.index_map, space.dofmap.index_map_bs
         self.owned = index_map.size_local * block_size
+        self._has_ghosts = domain.comm.size > 1
         all_dofs = _dofs_of_cells(space)
         owned_cells = domain.topology.index_map(domain.topology.dim).size_local
         self.cell_dofs = all_dofs[:owned_cells]
@@ -78,6 +79,12 @@ class Unknowns:
         self.numbering = node_numbering(mesh, corner_of, owned_corners)
         self.cell_points = point_of[:owned_cells]
         self.interpolation = _interpolation(weights, point_of, corner_of)
+
+    def set_owned(self, values: NDArray[np.float64]) -> None:
+        """Set the entries of the state that this rank owns, and of its ghosts (collective)."""
+        self.state.x.array[: self.owned] = values
+        if self._has_ghosts:
+            self.state.x.scatter_forward()
 
     def set_displacement(self, displacement: NDArray[np.float64]) -> None:
         """Set the displacement from that of the nodes, (n_nodes, d) in m; leave other unknowns."""

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 SMALLEST = 1e-12  # least eigenvalue of the stiffness at rest, over the largest; rounding is 1e-15
 UNCHANGED = 1e-8  # change of the energy by a rotation, over the energy
 STRAIN = 0.05  # of the deformations that are turned
+STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 
 
 def require_elastic(material: OwnMaterial, dimension: int) -> None:
@@ -63,6 +64,26 @@ def require_elastic(material: OwnMaterial, dimension: int) -> None:
         raise InputError(
             f"model '{material.model}': a rotation of the deformed body changes its energy from "
             f"{before[number]:.6g} to {after[number]:.6g} J/m³, expected W(QF) = W(F)"
+        )
+
+
+def require_no_stress(forces: Array, stiffness: float, coordinates: Array) -> None:
+    """Raise InputError if forces act in the undeformed body.
+
+    Parameters
+    ----------
+    forces : array, (n_nodes, d)
+        In N.
+    stiffness : float
+        Largest sum of a row of the tangent at rest, in N/m.
+    coordinates : array, (n_nodes, d)
+        In m.
+    """
+    scale = stiffness * float(np.ptp(coordinates, axis=0).max())
+    if not np.abs(forces).max() <= STRESS_FREE * scale:  # true for NaN as well
+        raise InputError(
+            "key 'material': the energy gives forces of "
+            f"{np.abs(forces).max():g} N in the undeformed body, expected none"
         )
 
 

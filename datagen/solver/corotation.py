@@ -32,7 +32,9 @@ from datagen.dolfinx_versions import geometry_nodes
 from datagen.solver.linear_solver import factors, multigrid, set_up_gmres
 from shared_schema.common.bodies import polar_decomposition
 
-MOST_ITERATIONS = 100  # of a trial at rest
+MOST_ITERATIONS = 100  # of Krylov's method at rest
+CONVERGED = 1e-6  # relative residual of a trial at rest
+AT_REST = 1e-2  # of the terms of a load series
 SMALLEST = 1e-3  # determinant of a mean F, below which a point is not turned
 
 Array = NDArray[np.float64]
@@ -45,6 +47,8 @@ class Corotation:
     ----------
     undeformed : PETSc.Mat
         K₀ in N/m, with the identity in held rows, which this object keeps.
+    symmetric : bool
+        K₀ is symmetric, which prescribed displacements prevent.
     unknowns : Unknowns
         Their state is followed.
     kind : ElementKind
@@ -54,22 +58,29 @@ class Corotation:
     Attributes
     ----------
     undeformed : PETSc.Mat
+    at_rest : PETSc.PC
+        M₀.
     uses_multigrid : bool
         True if M₀ is a multigrid cycle.
     """
 
     def __init__(
-        self, undeformed: PETSc.Mat, unknowns: Unknowns, kind: ElementKind, coordinates: Array
+        self,
+        undeformed: PETSc.Mat,
+        symmetric: bool,
+        unknowns: Unknowns,
+        kind: ElementKind,
+        coordinates: Array,
     ) -> None:
         self.undeformed = undeformed
         self.uses_multigrid = False
         if not kind.has_pressure:
-            self._inner = multigrid(undeformed, unknowns.owned_points(coordinates))
-            self.uses_multigrid = _converges(undeformed, self._inner)
+            self.at_rest = multigrid(undeformed, unknowns.owned_points(coordinates))
+            self.uses_multigrid = _converges(undeformed, self.at_rest)
             if not self.uses_multigrid:
-                self._inner.destroy()
+                self.at_rest.destroy()
         if not self.uses_multigrid:
-            self._inner = factors(undeformed)
+            self.at_rest = factors(undeformed, symmetric and not kind.has_pressure)
         self._turned = undeformed.createVecRight()
         d = coordinates.shape[1]
         owned = unknowns.point_dofs[:, 0] < unknowns.owned
@@ -79,6 +90,10 @@ class Corotation:
         self._corners = unknowns.cell_dofs[:, : self._slopes.shape[1] * d]
         self._mean = _mean_around(unknowns.cell_points, len(self._dofs))
         self._rotations = np.broadcast_to(np.eye(d), (len(self._dofs), d, d))
+
+    def solver_at_rest(self) -> PETSc.KSP:
+        """Make a solver of K₀ x = b, to `AT_REST` of b."""
+        return _krylov(self.undeformed, self.at_rest, AT_REST)
 
     def turn(self) -> None:
         """Follow the body to its present state."""
@@ -92,7 +107,7 @@ class Corotation:
         values = x.array_r.copy()
         values[self._dofs] = np.einsum("nji,nj->ni", self._rotations, values[self._dofs])
         self._turned.array_w[:] = values
-        self._inner.apply(self._turned, y)
+        self.at_rest.apply(self._turned, y)
         values = y.array_w
         values[self._dofs] = np.einsum("nij,nj->ni", self._rotations, values[self._dofs])
 
@@ -101,16 +116,16 @@ class Corotation:
         """Make P symmetric for a while, by cycles of multigrid that go down and up; yield it."""
         kind = PETSc.PC.MGType
         if self.uses_multigrid:
-            self._inner.setMGType(kind.MULTIPLICATIVE)
+            self.at_rest.setMGType(kind.MULTIPLICATIVE)
         try:
             yield lambda x, y: self.apply(None, x, y)
         finally:
             if self.uses_multigrid:
-                self._inner.setMGType(kind.KASKADE)
+                self.at_rest.setMGType(kind.KASKADE)
 
     def destroy(self, pc: PETSc.PC) -> None:
         """Release PETSc's memory; PETSc calls this as it releases the solver."""
-        for thing in (self._inner, self._turned, self.undeformed):
+        for thing in (self.at_rest, self._turned, self.undeformed):
             thing.destroy()
 
 
@@ -124,16 +139,21 @@ def rotations(f: Array) -> Array:
     return np.asarray(turned.transpose(2, 0, 1), np.float64)
 
 
+def _krylov(matrix: PETSc.Mat, inner: PETSc.PC, tolerance: float) -> PETSc.KSP:
+    ksp = PETSc.KSP().create(matrix.comm)
+    set_up_gmres(ksp)
+    ksp.setTolerances(rtol=tolerance, max_it=MOST_ITERATIONS)
+    ksp.setOperators(matrix)
+    ksp.setPC(inner)
+    return ksp
+
+
 def _converges(matrix: PETSc.Mat, inner: PETSc.PC) -> bool:
     """True if a hundred Krylov iterations take 6 digits off a residual (collective).
 
     The right-hand side is the same in every entry.
     """
-    ksp = PETSc.KSP().create(matrix.comm)
-    set_up_gmres(ksp)
-    ksp.setTolerances(rtol=1e-6, max_it=MOST_ITERATIONS)
-    ksp.setOperators(matrix)
-    ksp.setPC(inner)
+    ksp = _krylov(matrix, inner, CONVERGED)
     x, b = matrix.createVecs()
     b.set(1.0)
     ksp.solve(b, x)

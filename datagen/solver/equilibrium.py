@@ -36,24 +36,23 @@ from datagen.discretisation.element import Element, element_kind
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.materials import OwnMaterial
-from datagen.materials.elasticity_at_rest import require_elastic
+from datagen.materials.elasticity_at_rest import require_elastic, require_no_stress
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import DistributedAssembly, SerialAssembly
 from datagen.solver.corotation import Corotation
 from datagen.solver.drag import Drag
 from datagen.solver.linear_solver import chosen_solver
+from datagen.solver.load_series import LoadSeries
 from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Supports
 from datagen.solver.weak_form import weak_form
 from shared_schema.common.bodies.force_tolerance import ForceTolerance, mean_edge
-from shared_schema.common.errors import InputError
 from shared_schema.material import Material
 
 INVERTED = "inverted element (J <= 0)"
-STRESS_FREE = 1e-9  # largest force in the undeformed body, over stiffness times size
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
 
 
@@ -112,6 +111,8 @@ class EquilibriumProblem:
         Name of the linear solver that it uses.
     corotation : Corotation or None
         Preconditioner of the linear solver `corotated`.
+    series : LoadSeries or None
+        Where Newton's method begins from rest, with the linear solver `corotated`.
     load_factor : float
         Part s of the nodal load that acts.
     drag : Drag or None
@@ -171,16 +172,32 @@ class EquilibriumProblem:
         )
         self.corotation: Corotation | None = None
         if self.linear_solver == "corotated":
-            at_rest = self.tangent().copy()
-            self.corotation = Corotation(at_rest, self.unknowns, self.kind, mesh.coordinates)
+            self.corotation = Corotation(
+                self.tangent().copy(),
+                not self.supports.has_grip,
+                self.unknowns,
+                self.kind,
+                mesh.coordinates,
+            )
         self.newton = Newton(self, settings, self.linear_solver, self.corotation)
+        self.series: LoadSeries | None = None
+        if self.corotation is not None:
+            self.series = LoadSeries(self, self.corotation.solver_at_rest(), size)
         if own:
-            self._require_no_stress_at_rest()
+            self.reset()
+            forces, largest = self.reactions(), PETSc.NormType.NORM_INFINITY
+            require_no_stress(forces, self.tangent().norm(largest), mesh.coordinates)
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return int(self.residual.size)
+
+    @property
+    def is_linear(self) -> bool:
+        """True if the load is so small that rounding hides all but the linear response."""
+        smallest = LINEAR_LOADS * self._round_off.at_rest
+        return not self.supports.has_grip and self.load.norm <= smallest
 
     @property
     def is_dead(self) -> bool:
@@ -243,11 +260,10 @@ class EquilibriumProblem:
         self._inverted = False
         self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
-        smallest = LINEAR_LOADS * self._round_off.at_rest
         reason, iterations, residual_norm = self.newton.solve(
             self._x,
             is_loaded=self._is_loaded,
-            is_linear=not self.supports.has_grip and self.load.norm <= smallest,
+            is_linear=self.is_linear,
             predicts=self.forms.before is not None,
             direct=direct,
         )
@@ -264,8 +280,18 @@ class EquilibriumProblem:
             residual_norm=residual_norm,
         )
 
+    def residual_at(self, owned: NDArray[np.float64], load_factor: float) -> NDArray[np.float64]:
+        """R by the unknowns that this rank owns (collective); NaN where a cell is inverted."""
+        self.load_factor, self._inverted = load_factor, False
+        self._x.array_w[:] = owned
+        self.compute_residual(self.newton.snes, self._x, self.residual)
+        values: NDArray[np.float64] = self.residual.array_r.copy()
+        return values
+
     def close(self) -> None:
         """Release PETSc's memory, which garbage collection does not; unusable afterwards."""
+        if self.series is not None:
+            self.series.close()
         self.newton.close()
         for thing in (self.matrix, self.residual, self._x):
             thing.destroy()
@@ -348,24 +374,9 @@ class EquilibriumProblem:
         """True if an element is inverted in the current state (collective)."""
         return not self._min_j.value() > 0.0
 
-    def _require_no_stress_at_rest(self) -> None:
-        """Raise InputError if internal forces act in the undeformed body (collective)."""
-        self.reset()
-        forces = self.reactions()
-        stiffness = self.tangent()
-        size = float(np.ptp(self.mesh.coordinates, axis=0).max())
-        scale = stiffness.norm(PETSc.NormType.NORM_INFINITY) * size
-        if not np.abs(forces).max() <= STRESS_FREE * scale:  # true for NaN as well
-            raise InputError(
-                "key 'material': the energy gives forces of "
-                f"{np.abs(forces).max():g} N in the undeformed body, expected none"
-            )
-
     def _take(self, x: PETSc.Vec) -> None:
         """Set the displacement to the solver's vector, and update the ghosts."""
-        self.u.x.array[: self.unknowns.owned] = x.array_r
-        if self.comm.size > 1:
-            self.u.x.scatter_forward()
+        self.unknowns.set_owned(x.array_r)
 
     def out_of_balance(self, b: PETSc.Vec | None = None) -> PETSc.Vec:
         """Set `residual`, or b, to f_int(u) − s f − s f_p(u), in the rows of supports as well."""

@@ -155,11 +155,20 @@ def multigrid(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.PC:
     return pc
 
 
-def factors(matrix: PETSc.Mat) -> PETSc.PC:
-    """Factorise a matrix by MUMPS, as an operator that applies its inverse (collective)."""
+def factors(matrix: PETSc.Mat, definite: bool) -> PETSc.PC:
+    """Factorise a matrix by MUMPS, as an operator that applies its inverse (collective).
+
+    Parameters
+    ----------
+    matrix : PETSc.Mat
+    definite : bool
+        It is symmetric and positive definite: Cholesky's factor is applied twice as fast as LU.
+    """
     pc = PETSc.PC().create(matrix.comm)
     pc.setOperators(matrix)
-    pc.setType("lu")
+    if definite:
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+    pc.setType("cholesky" if definite else "lu")
     pc.setFactorSolverType("mumps")
     pc.setUp()
     return pc

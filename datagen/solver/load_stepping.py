@@ -5,6 +5,7 @@ the one at
 
 .. math:: s' = \min(1, s + Δs).
 
+- From rest, Newton's method begins on the path's power series (`datagen.solver.load_series`).
 - If it converges, s' becomes s. If it took few iterations (`wanted_iterations`), Δs is doubled.
 - If it fails (no convergence, or an inverted element), the last equilibrium is restored and the
   step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed.
@@ -88,14 +89,19 @@ def solve_load_case(
     pressures, displacement
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     """
-    problem.reset()
     problem.set_load(nodes, forces, pressures, displacement)
+    series = None if problem.is_linear else problem.series
+    if series is not None:
+        series.expand()
+    problem.reset()
     equilibrium = problem.state()
     factor, step = 0.0, settings.first_step
     steps = cutbacks = iterations = 0
     direct = problem.newton.is_direct
     while True:
         target = min(1.0, factor + step)
+        if factor == 0.0 and series is not None:
+            series.begin(target)
         result = problem.solve(target, direct)
         iterations += result.iterations
         if result.converged:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ def structure(
     *,
     order: NodeOrder = "preferred",
     order_seed: int = 0,
-    grid: Sequence[int] | None = None,
+    grid: Sequence[int] | Literal["nodes"] | None = None,
     error: float | None = None,
 ) -> Manifest:
     """Lay a nodal dataset on the grid of its mesh, or on a grid embedded on the mesh.
@@ -78,9 +78,10 @@ def structure(
         neighbours in space are neighbours on the grid; the others are for the study of it.
     order_seed : int
         Seed of the random order.
-    grid : sequence of d ints, optional
+    grid : sequence of d ints, or "nodes", optional
         Number of grid points along each axis; it embeds a grid on any mesh, even on one that
-        has a structured order.
+        has a structured order. With "nodes" all nodes of the mesh stand in a row, without an
+        error: for reduced networks and Gaussian processes, whose modes need no neighbours.
     error : float, optional
         Takes the coarsest embedded grid to which and back displacements differ by no more, relative
         and in the mean over the samples; a grid whose points are the nodes has no error.
@@ -99,7 +100,8 @@ def structure(
     settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:
         raise InputError(f"{source}: {manifest.samples} samples, expected 2 at least")
-    points = _grid_of(reader, None if grid is None else tuple(grid), error, order, order_seed)
+    shape = grid if grid is None or isinstance(grid, str) else tuple(grid)
+    points = _grid_of(reader, shape, error, order, order_seed)
     made = _already_made(folder, manifest, points, order, order_seed)
     if made is not None:
         return made
@@ -206,7 +208,7 @@ def _already_made(
 
 def _grid_of(
     reader: DatasetReader,
-    shape: tuple[int, ...] | None,
+    shape: tuple[int, ...] | str | None,
     error: float | None,
     order: NodeOrder,
     order_seed: int,
@@ -214,6 +216,9 @@ def _grid_of(
     """Grid of the mesh with its nodes in the given order, or an embedded one."""
     if shape is not None and error is not None:
         raise InputError(f"--error {error:g}: expected without --grid, which chooses a grid itself")
+    if isinstance(shape, str):
+        row = Grid.in_a_row(*reader.body["mesh/coordinates"].shape)
+        return in_order(row, order, order_seed)
     if error is not None and not 0 < error < 1:
         raise InputError(f"--error {error:g}: expected a number between 0 and 1, such as 0.01")
     if shape is None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+LONGEST = 200  # characters of a value in a message
+
 
 def differences(
     old: Mapping[str, Any], new: Mapping[str, Any], above: str = ""
@@ -35,4 +37,10 @@ def differences(
 
 def difference_text(key: str, old: Any, new: Any) -> str:
     """Say how a key differs from what a folder has."""
-    return f"{key} = {new!r}, the folder has {old!r}"
+    return f"{key} = {_short(new)}, the folder has {_short(old)}"
+
+
+def _short(value: Any) -> str:
+    """Write a value, the beginning of it if it is long, such as a list of nodes."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else text[:LONGEST] + " …"

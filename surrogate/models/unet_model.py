@@ -100,6 +100,11 @@ class UNetModel(NetworkModel):
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if the coarsest level would be finer than a point of the grid."""
         super().require_suitable(dataset, train)
+        if dataset.geometry.grid.is_a_row:
+            raise InputError(
+                f"config '{self.name}': a U-Net, on a dataset whose nodes stand in a row: expected "
+                "`datagen structure` without --grid nodes, or a reduced network"
+            )
         shape, padding = dataset.geometry.grid.shape, self.network.padding
         most = int(math.log2(min(shape) + 2 * padding)) + 1
         if self.network.levels > most:

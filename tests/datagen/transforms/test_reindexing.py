@@ -177,6 +177,11 @@ def test_mesh_without_order(nodal: Path, tmp_path: Path) -> None:
     assert info is not None
     assert info.embedding is not None
     assert check_dataset(tmp_path / "grid") == []
+    row = structure(crooked, tmp_path / "row", grid="nodes").structured
+    assert row is not None
+    assert row.grid_shape == (len(x), 1)
+    assert row.embedding is None
+    assert check_dataset(tmp_path / "row") == []
 
 
 def without_stiffness(nodal: Path, folder: Path) -> Path:

@@ -19,6 +19,7 @@ import surrogate
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import shown_progress
+from shared_schema.grid import Grid
 from surrogate.data import Dataset, read_dataset
 from surrogate.device import choose_device
 from surrogate.inference.loading import load
@@ -379,6 +380,17 @@ def test_advice_when_samples_are_too_few(
     advised = [line for line in capsys.readouterr().err.splitlines() if "advice" in line]
     assert len(advised) == 1
     assert "more than 4 training samples would help" in advised[0]
+
+
+def test_no_convolutions_along_a_row_of_nodes(
+    tmp_path: Path, dataset: Dataset, make_config: MakeConfig
+) -> None:
+    """On `structure --grid nodes`, neighbours on the grid are none in space."""
+    geometry = dataset.geometry
+    row = replace(geometry, grid=Grid.in_a_row(*geometry.coordinates.shape))
+    with pytest.raises(InputError, match="a U-Net, on a dataset whose nodes stand in a row"):
+        train(make_config(), replace(dataset, geometry=row), tmp_path / "run", device="cpu")
+    assert not (tmp_path / "run").exists()
 
 
 def test_network_too_deep_for_its_grid(
