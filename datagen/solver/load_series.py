@@ -14,6 +14,9 @@ numerical method, Cochelin 1994):
 where :math:`c_1 = R(0, 1)`, and :math:`c_2, c_3` are differences of R at load factors ±ε that
 stretch no cell by more than some thousandths. The solves are inexact: K₀ u_1 + c_1 = ρ is left,
 which :math:`c_3` must not contain. Newton's method takes care of what the start lacks.
+
+Where the load is stepped up, every equilibrium found adds a term in :math:`s^4 (s - s_1) (s - s_2)
+…`, so that the sum passes through it and those before.
 """
 
 from __future__ import annotations
@@ -67,12 +70,13 @@ class LoadSeries:
         self._x, self._b = self._stiffness.createVecs()
         self._rest = np.zeros(self._x.local_size)
         self.terms: list[Array] = []
+        self._passed: list[float] = []
 
     def expand(self) -> None:
         """Compute the terms under the present load; u_1 alone if it strains no cell."""
         residual = self._equations.residual_at
         first, left = self._response(residual(self._rest, 1.0))
-        self.terms = [first]
+        self.terms, self._passed = [first], []
         strain = self._largest_strain(first)
         if not 0.0 < strain < np.inf:
             return
@@ -83,18 +87,37 @@ class LoadSeries:
         third, _ = self._response(((ahead - back) / (2 * small) - left) / small**2)
         self.terms += [second, third]
 
+    def pass_through(self, load_factor: float) -> None:
+        """Add a term with which the sum is the state of the problem, an equilibrium found."""
+        found = self._equations.unknowns.state.x.array[: len(self._rest)]
+        rest = found - self._sums(load_factor)[-1]
+        self._passed.append(load_factor)
+        self.terms.append(rest / self._powers(load_factor)[-1])
+
     def begin(self, load_factor: float) -> None:
         """Set the state to the sum of the first terms that leaves the smallest residual.
 
-        It stays at rest if cells are inverted in all of them.
+        Once equilibria have been found, only sums that pass through the first of them count. The
+        state stays as it is if cells are inverted in all of them.
         """
-        terms = enumerate(self.terms, start=1)
-        sums = list(accumulate(load_factor**k * term for k, term in terms))
+        before = self._equations.unknowns.state.x.array[: len(self._rest)].copy()
+        sums = self._sums(load_factor)[-len(self._passed) :]  # all, before one is found
         residuals = [self._equations.residual_at(u, load_factor) for u in sums]
         squares = self._equations.comm.allreduce(np.array([r @ r for r in residuals]))
         sizes = np.where(np.isfinite(squares), squares, np.inf)
-        best = sums[int(sizes.argmin())] if sizes.min() < np.inf else self._rest
+        best = sums[int(sizes.argmin())] if sizes.min() < np.inf else before
         self._equations.unknowns.set_owned(best)
+
+    def _sums(self, s: float) -> list[Array]:
+        products = (p * term for p, term in zip(self._powers(s), self.terms, strict=True))
+        return list(accumulate(products))
+
+    def _powers(self, s: float) -> list[float]:
+        """s, s² and s³, then s⁴ (s − s_1) (s − s_2) … of the equilibria passed through before."""
+        powers = [s**k for k in range(1, len(self.terms) - len(self._passed) + 1)]
+        for number in range(len(self._passed)):
+            powers.append(s**4 * float(np.prod([s - p for p in self._passed[:number]])))
+        return powers
 
     def _response(self, coefficient: Array) -> tuple[Array, Array]:
         """Solve K₀ u = −c inexactly; return u and what is left, K₀ u + c."""

@@ -5,12 +5,13 @@ the one at
 
 .. math:: s' = \min(1, s + Δs).
 
-- From rest, Newton's method begins on the path's power series (`datagen.solver.load_series`).
+- Newton's method begins on the path's power series, if there is one (`datagen.solver.load_series`),
+  else at the last equilibrium.
 - If it converges, s' becomes s. If it took few iterations (`wanted_iterations`), Δs is doubled.
 - If it fails (no convergence, or an inverted element), the last equilibrium is restored and the
   step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed.
-- If it fails because the iterative linear solver failed, the same step is solved again by LU, and
-  LU is used for the rest of the load case.
+- If it fails a second time in a row because the iterative linear solver failed, the same step is
+  solved again by LU, and LU is used for the rest of the load case.
 """
 
 from __future__ import annotations
@@ -97,26 +98,29 @@ def solve_load_case(
     equilibrium = problem.state()
     factor, step = 0.0, settings.first_step
     steps = cutbacks = iterations = 0
-    direct = problem.newton.is_direct
+    direct, fails = problem.newton.is_direct, False
     while True:
         target = min(1.0, factor + step)
-        if factor == 0.0 and series is not None:
+        if series is not None:
             series.begin(target)
         result = problem.solve(target, direct)
         iterations += result.iterations
         if result.converged:
-            factor, steps = target, steps + 1
+            factor, steps, fails = target, steps + 1, False
             if factor == 1.0:
                 break
             equilibrium = problem.state()
+            if series is not None:
+                series.pass_through(factor)
             if result.iterations <= settings.wanted_iterations:
                 step *= GROWTH
-        elif result.linear_solve_failed and not direct:
+        elif result.linear_solve_failed and fails and not direct:
             problem.restore(equilibrium)
             direct = True
         else:
             problem.restore(equilibrium)
             cutbacks += 1
+            fails = result.linear_solve_failed
             step = CUT * (target - factor)
             if step < settings.smallest_step:
                 break

@@ -95,3 +95,21 @@ def test_newton_begins_nearer_to_the_same_equilibrium() -> None:
         assert found == pytest.approx(expected, abs=1e-7)
         assert report.newton_iterations < from_rest.newton_iterations
     assert np.abs(expected).max() > 1.0
+
+
+def test_passes_through_equilibria_that_are_found() -> None:
+    """Each adds a term; further on, the sum is nearer to the path than before."""
+    body = beam("linear")
+    found = {share: body.solve(share)[0] for share in (0.4, 0.7, 1.0)}
+    series, unknowns = body.problem.series, body.problem.unknowns
+    assert series is not None
+    series.expand()  # under the whole load
+    far = [np.linalg.norm(sum(series.terms) - found[1.0])]
+    for share in (0.4, 0.7):
+        unknowns.set_owned(found[share])
+        series.pass_through(share)
+        series.begin(share)
+        assert unknowns.state.x.array == pytest.approx(found[share], abs=1e-12)
+        series.begin(1.0)
+        far.append(np.linalg.norm(unknowns.state.x.array - found[1.0]))
+    assert far[2] < 0.5 * far[1] < 0.25 * far[0]
