@@ -15,8 +15,8 @@ where :math:`c_1 = R(0, 1)`, and :math:`c_2, c_3` are differences of R at load f
 stretch no cell by more than some thousandths. The solves are inexact: K₀ u_1 + c_1 = ρ is left,
 which :math:`c_3` must not contain. Newton's method takes care of what the start lacks.
 
-Where the load is stepped up, every equilibrium found adds a term in :math:`s^4 (s - s_1) (s - s_2)
-…`, so that the sum passes through it and those before.
+Where the load is stepped up, each of the first equilibria found adds a term in :math:`s^4`,
+:math:`s^4 (s - s_1)`, so that the sum passes through it and those before.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from petsc4py import PETSc
 
 from datagen.discretisation.unknowns import Unknowns
 
+PASSED = 2  # equilibria that the sum may pass through; extrapolation through more is wild
 SMALL = 2e-3  # largest difference of displacements in a cell under ε, over the size of the cells
 
 Array = NDArray[np.float64]
@@ -89,6 +90,8 @@ class LoadSeries:
 
     def pass_through(self, load_factor: float) -> None:
         """Add a term with which the sum is the state of the problem, an equilibrium found."""
+        if len(self._passed) > PASSED:
+            return
         found = self._equations.unknowns.state.x.array[: len(self._rest)]
         rest = found - self._sums(load_factor)[-1]
         self._passed.append(load_factor)
@@ -98,8 +101,10 @@ class LoadSeries:
         """Set the state to the sum of the first terms that leaves the smallest residual.
 
         Once equilibria have been found, only sums that pass through the first of them count. The
-        state stays as it is if cells are inverted in all of them.
+        state stays as it is if cells are inverted in all of them, or after `PASSED` equilibria.
         """
+        if len(self._passed) > PASSED:
+            return
         before = self._equations.unknowns.state.x.array[: len(self._rest)].copy()
         sums = self._sums(load_factor)[-len(self._passed) :]  # all, before one is found
         residuals = [self._equations.residual_at(u, load_factor) for u in sums]
