@@ -1,4 +1,4 @@
-"""All experiments: the studies of both reports, the benchmarks, and the steps on a GPU."""
+"""All experiments: the studies of all reports, the benchmarks, and the steps on a GPU."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from experiments.framework.experiment import Experiment
 from experiments.framework.report import Report
 from experiments.framework.resources import Resources
 from experiments.framework.runner import find
+from experiments.organs.catalogue import ORGANS
 from experiments.paper.catalogue import REPRODUCTION
 from shared_schema.common import InputError
 
-REPORTS = {"reproduce": REPRODUCTION, "beyond": BEYOND}
+REPORTS = {"reproduce": REPRODUCTION, "beyond": BEYOND, "organs": ORGANS}
 
 
 def find_studies(names: Sequence[str]) -> tuple[Report, list[Experiment[Resources]]]:

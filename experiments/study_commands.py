@@ -1,4 +1,4 @@
-"""Commands of the studies: reproduce, beyond, study, and published for the paper's numbers."""
+"""Commands of the studies: reproduce, beyond, organs, study; published for the paper's numbers."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ def add_to(commands: Commands) -> None:
     for name, what in (
         ("reproduce", "make all of the paper's tables and figures"),
         ("beyond", "do all studies beyond the paper"),
+        ("organs", "do all studies of the liver and the breast"),
     ):
         whole = add_command(commands, name, what, f"python -m experiments {name} --scale smoke")
         _add_options(whole)
@@ -33,7 +34,7 @@ def add_to(commands: Commands) -> None:
     study = add_command(
         commands,
         "study",
-        "do some studies of one of the two reports",
+        "do some studies of one of the reports",
         "python -m experiments study force-sweep-beam --scale smoke",
     )
     study.add_argument("names", nargs="+", metavar="NAME", help="study, such as force-sweep-beam")
@@ -55,7 +56,7 @@ def _add_options(parser: Parser) -> None:
         "--scale",
         default="laptop",
         metavar="NAME",
-        help="smoke, laptop, paper (reproduction), plane, space or day (beyond), or a YAML file",
+        help="smoke, laptop, paper (reproduction), plane, space, day (beyond), or a YAML file",
     )
     add_set(parser, "the scale", "passes=100")
     parser.add_argument("--data", type=Path, default=Path("data"), metavar="DIR", help="datasets")
@@ -64,7 +65,7 @@ def _add_options(parser: Parser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="report (default docs/reproduction/SCALE or docs/beyond/SCALE)",
+        help="report (default docs/reproduction/SCALE, docs/beyond/SCALE or docs/organs/SCALE)",
     )
     parser.add_argument(
         "--device",

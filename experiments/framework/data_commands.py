@@ -39,8 +39,9 @@ def missing_data(scale: Scale, data: Path) -> Iterator[str]:
                 nodal = source
         if spec.grid:
             order = () if spec.order == "preferred" else ("--order", spec.order)
+            row = ("--grid", "nodes") if spec.grid == "nodes" else ()
             commands.append(
-                (structured, shell_line("structure", nodal, "--out", structured, *order))
+                (structured, shell_line("structure", nodal, "--out", structured, *order, *row))
             )
         missing = [command for made, command in commands if not (made / MANIFEST).is_file()]
         if missing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, TypeAdapter, model_validator
 
@@ -27,13 +27,14 @@ class DatasetSpec(Frozen):
     samples : int, optional
         Number of samples; by default that of the case.
     of : str, optional
-        Name of the dataset from which this one is made, with noise or another order of nodes.
+        Name of the dataset from which this one is made, with noise, another order of nodes or all
+        of them in a row.
     noise : bool
         Add the paper's noise.
     order : {"preferred", "gmsh", "random"}
         Order of the nodes on the grid.
-    grid : bool
-        Make the structured dataset as well, for training.
+    grid : bool or "nodes"
+        Make the structured dataset as well, for training; with "nodes" all nodes stand in a row.
     change : dict of str to value
         New values of keys of the case, such as ``mesh.elements``.
     """
@@ -43,14 +44,16 @@ class DatasetSpec(Frozen):
     of: str | None = None
     noise: bool = False
     order: NodeOrder = "preferred"
-    grid: bool = True
+    grid: bool | Literal["nodes"] = True
     change: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
-        changed = self.noise or self.order != "preferred"
+        changed = self.noise or self.order != "preferred" or self.grid == "nodes"
         if (self.case is None) == (self.of is None) or changed != (self.of is not None):
-            raise ValueError("expected either 'case', or 'of' and one of 'noise' and 'order'")
+            raise ValueError(
+                "expected either 'case', or 'of' and one of 'noise', 'order' and 'grid: nodes'"
+            )
         if self.change and self.case is None:
             raise ValueError("'change' changes a 'case'")
         return self
@@ -156,7 +159,8 @@ class Scale(Frozen):
         """Name of the folder of a dataset, the same at all scales with the same dataset."""
         spec = self.datasets[dataset]
         if spec.of:
-            return f"{self.folder_of(spec.of)}-{'noisy' if spec.noise else spec.order}"
+            row = "nodes" if spec.grid == "nodes" else spec.order
+            return f"{self.folder_of(spec.of)}-{'noisy' if spec.noise else row}"
         name = f"{spec.case}-{spec.samples}" if spec.samples else str(spec.case)
         return f"{name}-{digest_of(spec.change)[:8]}" if spec.change else name
 

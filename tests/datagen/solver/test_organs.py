@@ -10,7 +10,8 @@ import pytest
 import datagen
 from shared_schema import DatasetReader
 
-ACEFEM = Path(__file__).with_name("breast_acefem.txt")  # u in m, saurabhdeshpande93/MAgNET, MIT
+ROOT = Path(__file__).parents[3]
+ACEFEM = ROOT / "experiments/organs/breast_acefem.txt"  # u in m, saurabhdeshpande93/MAgNET, MIT
 BODY_FORCE = (-5941.76154725, -5233.60075768, -2561.67423583)  # N/m³, fitted to that solution
 
 

@@ -1,0 +1,1 @@
+"""Studies of the liver and the breast, whose meshes the paper's authors published."""
