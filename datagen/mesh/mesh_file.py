@@ -1,4 +1,4 @@
-"""Mesh from a file of the user: a gmsh script or mesh, a CAD file, or any file that meshio reads.
+"""Mesh from a file of the user: a gmsh script or mesh, CAD, a surface, or what meshio reads.
 
 The file is read by another process, so that gmsh or a library that meshio uses can end (they may
 crash, exit or ask a question) without ending this one.
@@ -24,6 +24,7 @@ from datagen.mesh.gmsh_model import gmsh_session, mesh_of
 from datagen.mesh.gmsh_script import constants_of, require_harmless
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
+from datagen.mesh.surface_file import is_surface, mesh_inside
 from datagen.quantities import Size
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import Frozen, absent
@@ -42,10 +43,12 @@ class MeshFile(Frozen):
     kind : "file"
         Kind of the geometry.
     path : str
-        Path relative to the case file. gmsh meshes ``.geo`` and CAD files (``.step``, ``.iges``,
-        ``.brep``) and reads ``.msh``; meshio reads all other files.
+        Path relative to the case file. gmsh meshes ``.geo``, CAD files (``.step``, ``.iges``,
+        ``.brep``) and the inside of closed surfaces (``.stl``), and reads ``.msh``; meshio reads
+        all other files.
     size : float, optional
-        Size of the cells in m before `scale`, of a CAD file only.
+        Size of the cells in m before `scale`, of a CAD file or a surface only. Without it the
+        triangles of a surface stay.
     sha256 : str, optional
         Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
         mesh.
@@ -67,9 +70,13 @@ class MeshFile(Frozen):
 
     @model_validator(mode="after")
     def _has_size_of_cad(self) -> MeshFile:
-        if is_cad(self.path) != (self.size is not None):
-            expected = "that of the cells in m" if is_cad(self.path) else "none, it is no CAD file"
-            raise ValueError(f"'size' of '{self.path}': expected {expected}")
+        given = self.size is not None
+        if is_cad(self.path) and not given:
+            raise ValueError(f"'size' of '{self.path}': expected that of the cells in m")
+        if given and not is_cad(self.path) and not is_surface(self.path):
+            raise ValueError(
+                f"'size' of '{self.path}': expected none, it is no CAD file and no surface"
+            )
         return self
 
     @model_validator(mode="after")
@@ -153,7 +160,9 @@ def _ending(code: int) -> str:
 def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, float]) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        if size is not None:
+        if is_surface(path):
+            mesh = mesh_inside(path, size)
+        elif size is not None:
             mesh = mesh_of_cad(path, size)
         else:
             mesh = _by_gmsh(path, parameters) if path.suffix in OF_GMSH else _by_meshio(path)

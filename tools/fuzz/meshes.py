@@ -41,7 +41,7 @@ def write_plate(path: Path, random: Random, kind: str) -> None:
         x = np.vstack((x, x.mean(axis=0) + np.array(((0.1, 0, 0), (0.6, 0.05, 0), (0.3, 0.3, 0)))))
         cells = np.vstack((cells, np.arange(len(x) - 3, len(x))))
     elif kind == "a node beyond its neighbours":
-        inside = np.flatnonzero((x[:, 0] > 0.01) & (x[:, 0] < 3.99))
+        inside = np.flatnonzero((x[:, 0] > 0.01) & (x[:, 0] < 3.99) & (x[:, 1] < 0.99))
         x[random.choice(inside.tolist())] += np.array((2.5, 0.7, 0))
     elif kind == "plates over each other":
         cells = np.vstack((cells, cells + len(x)))

@@ -75,7 +75,10 @@ def test_a_plate_is_solved(tmp_path: Path) -> None:
     ("mesh", "said"),
     [
         ({"path": "own.step"}, "'size' of 'own.step': expected that of the cells in m"),
-        ({"path": "own.geo", "size": 1}, "'size' of 'own.geo': expected none, it is no CAD file"),
+        (
+            {"path": "own.geo", "size": 1},
+            "'size' of 'own.geo': expected none, it is no CAD",
+        ),
         ({"path": "own.step", "size": 0.1}, "key 'mesh.path' = 'own.step': "),
         ({"path": "own.step", "size": -1}, "size' = -1: input should be greater"),
     ],
