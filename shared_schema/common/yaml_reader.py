@@ -25,7 +25,7 @@ def yaml_content(text: str) -> Any:
     Raises
     ------
     yaml.YAMLError
-        If the text is not valid YAML, a key occurs twice in a mapping, a value contains itself, or
+        If the text is not valid YAML, a key is no name or occurs twice, a value contains itself, or
         aliases repeat values so often that there are more than `MOST_VALUES`.
     """
     loader = _Loader(text)
@@ -52,9 +52,11 @@ def _count(node: yaml.Node, counted: dict[int, int]) -> int:
     if isinstance(node, yaml.MappingNode):
         keys: set[str] = set()
         for key, _ in node.value:
-            if key.value in keys and isinstance(key, yaml.ScalarNode):
+            if not isinstance(key, yaml.ScalarNode):
+                raise _problem("a list or a mapping as a key, expected a name", key)
+            if key.value in keys:
                 raise _problem(f"key '{key.value}' occurs twice", key)
-            if isinstance(key, yaml.ScalarNode) and key.value != MERGE:
+            if key.value != MERGE:
                 keys.add(key.value)
         parts = [part for pair in node.value for part in pair]
     total = 1 + sum(_count(part, counted) for part in parts)

@@ -105,6 +105,8 @@ def test_read_yaml(tmp_path: Path) -> None:
         (b"- a", "expected a mapping"),
         (b"a: 1\nb: 2\na: 3", "key 'a' occurs twice"),
         (b"b: {a: 1, a: 1}", "key 'a' occurs twice"),
+        (b"[1, 2]: 4", "a list or a mapping as a key, expected a name"),
+        (b"a: {{b: 1}: 4}", "a list or a mapping as a key, expected a name"),
         (b"a: &a [*a]", "a value contains itself"),
         (b"a: " + b"[" * 5000, "not valid YAML"),
         (b"a: " + b"9" * 5000, "not valid YAML"),
