@@ -56,7 +56,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo data train evaluate report page script shelve reproduce beyond benchmark gpu test \
+.PHONY: help setup demo data train evaluate report page script shelve reproduce beyond organs benchmark gpu test \
 	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
 	images compose-demo test-images test-debian
 
@@ -101,7 +101,8 @@ shelve: evaluate ## put the evaluated run among the trained networks of the pack
 
 reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
 beyond: ## do the studies beyond the paper at SCALE=smoke|plane|laptop|day
-reproduce beyond: setup
+organs: ## do the studies of the liver and the breast at SCALE=smoke|laptop
+reproduce beyond organs: setup
 	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \
 		sh -e .venv-surrogate/data-commands

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import CaseSource, read_case
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
+from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.stability import with_stability

@@ -74,7 +74,7 @@ import numpy as np
 from mpi4py import MPI
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
-from datagen.solver.cell_stresses import CellStresses
+from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings

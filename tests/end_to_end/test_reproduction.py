@@ -19,7 +19,7 @@ from tests.end_to_end.commands import ROOT, execute
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the datasets of both reports, which have some in common."""
+    """Folder of the datasets of the reports, which have some in common."""
     return tmp_path_factory.mktemp("data")
 
 
@@ -28,7 +28,11 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("target", "title", "least"),  # tables and figures of the paper with results; wanted
-    [("reproduce", "The paper's tables and figures", 17), ("beyond", "Beyond the paper", 7)],
+    [
+        ("reproduce", "The paper's tables and figures", 17),
+        ("beyond", "Beyond the paper", 7),
+        ("organs", "Organs", 3),
+    ],
 )
 def test_smoke(
     tmp_path: Path,

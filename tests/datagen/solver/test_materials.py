@@ -16,7 +16,7 @@ from datagen.cases.body import make_body
 from datagen.cases.case import read_case
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
-from datagen.solver.cell_stresses import CellStresses, reactions_of_supports
+from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings

@@ -10,7 +10,7 @@ from datagen.discretisation.element import Element
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
-from datagen.solver.cell_stresses import CellStresses
+from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
