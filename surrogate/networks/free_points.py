@@ -14,6 +14,6 @@ def at_points(grid: Tensor, points: Tensor) -> Tensor:
 
 def on_grid(values: Tensor, points: Tensor, like: Tensor) -> Tensor:
     """Place values (N, d · n_points) on grids like others, with zeros elsewhere."""
-    fields = values.reshape(len(values), like.shape[1], len(points))
+    fields = values.reshape(values.shape[0], like.shape[1], points.shape[0])
     grid = fields.new_zeros(*fields.shape[:2], prod(like.shape[2:]))
-    return grid.index_copy(2, points, fields).reshape(len(values), *like.shape[1:])
+    return grid.index_copy(2, points, fields).reshape(values.shape[0], *like.shape[1:])

@@ -144,6 +144,12 @@ def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     lines = [line.split("\t") for line in capsys.readouterr().out.splitlines()]
     counts = {command: sum(line[0] == command for line in lines) for command, _, _ in lines}
-    assert counts == {"reproduce": 18, "beyond": 8, "benchmark": len(PROGRAMS), "gpu": 15}
+    assert counts == {
+        "reproduce": 18,
+        "beyond": 8,
+        "organs": 3,
+        "benchmark": len(PROGRAMS),
+        "gpu": 15,
+    }
     assert ["benchmark", "two-nodes"] in [line[:2] for line in lines]
     assert all(line[2] for line in lines)
