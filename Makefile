@@ -101,7 +101,7 @@ shelve: evaluate ## put the evaluated run among the trained networks of the pack
 
 reproduce: ## make the paper's tables and figures at SCALE=smoke|laptop|paper
 beyond: ## do the studies beyond the paper at SCALE=smoke|plane|laptop|day
-organs: ## do the studies of the liver and the breast at SCALE=smoke|laptop
+organs: ## do the studies of organs at SCALE=smoke|laptop
 reproduce beyond organs: setup
 	@$(STUDIES) --list-data > .venv-surrogate/data-commands
 	@OMP_NUM_THREADS=1 MPIRUN="$(MPIRUN)" PATH="$(CURDIR)/.venv-datagen/bin:$$PATH" \

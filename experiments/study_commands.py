@@ -23,7 +23,7 @@ def add_to(commands: Commands) -> None:
     for name, what in (
         ("reproduce", "make all of the paper's tables and figures"),
         ("beyond", "do all studies beyond the paper"),
-        ("organs", "do all studies of the liver and the breast"),
+        ("organs", "do all studies of organs"),
     ):
         whole = add_command(commands, name, what, f"python -m experiments {name} --scale smoke")
         _add_options(whole)

@@ -315,8 +315,7 @@ class EquilibriumProblem:
 
     def move_by(self, change: NDArray[np.float64]) -> None:
         """Add a change of the unknowns that this rank owns to the state (collective)."""
-        self.u.x.array[: self.unknowns.owned] += change
-        self.u.x.scatter_forward()
+        self.unknowns.set_owned(self.u.x.array[: self.unknowns.owned] + change)
 
     def displacement(self) -> NDArray[np.float64]:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""

@@ -8,14 +8,12 @@ from experiments.framework.experiment import Experiment, Findings, Setting
 from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
 from experiments.framework.timing import median_seconds
-from experiments.organs.predictors import RUNS, Predictor, predictors
-from surrogate.data import at_free
+from experiments.measures.predicted_samples import PredictedSamples
+from experiments.organs.predictors import HUNDREDTHS_OF_MM, RUNS, Predictor, predictors
 from surrogate.measures import node_errors
-from surrogate.probabilistic import half_width
 
-LEVEL = 0.95
 SHARES = 0.005, 0.02, 0.04  # of the largest displacement
-TENTHS_OF_MM, MS = 1e5, 1e3  # 1e-5 m in a metre, ms in a second
+MS = 1e3  # ms in a second
 HEAD = (
     "body",
     "predicted by",
@@ -44,7 +42,7 @@ def measure(resources: Resources) -> Findings:
 
 def row(resources: Resources, predictor: Predictor) -> tuple[Cell, ...]:
     """Measure one predictor."""
-    test, geometry = resources.dataset_of(predictor.run).nodal_test, predictor.surrogate.geometry
+    test = resources.dataset_of(predictor.run).nodal_test
     passes = resources.scale.passes
     predicted = predictor.predict(test.force, passes, Setting.seed)
     error = np.abs(predicted.mean - test.displacement)
@@ -52,15 +50,16 @@ def row(resources: Resources, predictor: Predictor) -> tuple[Cell, ...]:
     relative = largest / np.linalg.norm(test.displacement, axis=2).max(axis=1)
     covered: Cell = None
     if predictor.surrogate.is_probabilistic:
-        inside = error <= half_width(LEVEL) * predicted.std
-        covered = 100 * float(at_free(inside, geometry.free).mean())
+        fields = test.force, test.displacement, predicted
+        samples = PredictedSamples(predictor.surrogate.geometry, *fields)
+        covered = 100 * float(samples.covered.mean())
     work = predictor.predict_one(test.force[0], passes)
     seconds = median_seconds(work, resources.scale.timing)
     minutes = resources.run_record(predictor.run).minutes
     return (
         predictor.body,
         predictor.label,
-        TENTHS_OF_MM * float(error.mean()),
+        HUNDREDTHS_OF_MM * float(error.mean()),
         100 * float(np.median(relative)),
         *(100 * float((relative <= share).mean()) for share in SHARES),
         covered,

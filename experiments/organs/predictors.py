@@ -14,6 +14,7 @@ from experiments.measures.latency import prediction
 from surrogate import Surrogate
 from surrogate.probabilistic import Distribution
 
+HUNDREDTHS_OF_MM = 1e5  # 1e-5 m in a metre
 TOLERANCE = 5e-3  # of the displacement, that directions go on to
 BODIES = {"breast3d": "breast", "liver3d": "liver", "liver3d_touch": "liver, touched"}
 KINDS = {
