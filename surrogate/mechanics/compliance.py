@@ -1,10 +1,10 @@
 r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes that can move.
 
 K and its factor are those of `surrogate.mechanics.out_of_balance`. A small body keeps K⁻¹ as a
-dense matrix. A large one solves with the factor, and keeps the columns of K⁻¹ that it has solved
-for: a load on a few nodes, met again, then costs a sum of a few columns. Forces in single precision
-are solved for by a factor in single precision, unless the body is so slender that this has an
-effect.
+dense matrix, a large one solves with the factor. Columns of K⁻¹ that are met and the responses to
+uniform body forces are kept (`surrogate.mechanics.kept_responses`): a load that is made of them
+costs a sum. Forces in single precision are solved for by a factor in single precision, unless the
+body is so slender that this has an effect.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 from torch.nn import functional
 
+from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.cell_matrices import sum_of_cells
-from surrogate.mechanics.kept_columns import LOADED, KeptColumns
+from surrogate.mechanics.kept_responses import KeptResponses
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.sparse_matrix import SparseFactor
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 CLOSE = 1e-5  # relative error that a factor in single precision may have
-FEW = 16  # samples whose loads are answered by columns
+FEW = 16  # samples whose loads are answered by columns that are not there yet
 
 
 StoredFactor: TypeAlias = BandCholesky | SparseFactor
@@ -101,7 +102,10 @@ class Compliance(nn.Module):
             tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
             self.stiffness = assembled(tangents, geometry, dofs)
         self.register_buffer("matrix", matrix, persistent=False)
-        self._columns = KeptColumns(self.solve, self.size)
+        volumes = nodal_volumes(geometry.coordinates, geometry.cells)[free]
+        by_axis = np.arange(self.size).reshape(geometry.dimension, -1)
+        units = [(inputs, volumes) for inputs in by_axis]
+        self.kept = KeptResponses(self._solved, self.size, units)
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
@@ -118,13 +122,13 @@ class Compliance(nn.Module):
         return found
 
     def respond(self, force: NDArray[Any]) -> NDArray[Any]:
-        """Respond to a few loads by sums of columns, to others, or in double, by solves."""
-        loaded = np.flatnonzero(force.any(axis=0))
+        """Respond by sums of what is kept, or else, or in double, by solves: (N, size) → same.
+
+        Loads on a few nodes are solved for once, unless there are many of them.
+        """
         if force.dtype == np.float64:
             return self.solve(force)
-        if len(force) > FEW or len(loaded) > LOADED * len(force) or not self._columns.fit:
-            return self.solve(force)
-        return force[:, loaded] @ self.columns(loaded)
+        return self._summed(force, len(force) <= FEW)
 
     def respond_at_nodes(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond to forces, given and answered at all nodes: (N, n_nodes, d) → same.
@@ -133,21 +137,26 @@ class Compliance(nn.Module):
         """
         by_component = force.reshape(len(force), -1).take(self._at_nodes, axis=1)
         padded = np.zeros((len(force), self.size + 1), force.dtype)
-        if len(self.matrix):
-            padded[:, :-1] = by_component @ self.matrix.numpy()
-        else:
-            few = np.count_nonzero(by_component, axis=1) <= LOADED
-            for n in np.flatnonzero(few):
-                padded[n, :-1] = self.respond(by_component[n : n + 1])[0]
-            if not few.all():
-                padded[~few, :-1] = self.solve(by_component[~few])
+        single = force.dtype == np.float32
+        padded[:, :-1] = self._summed(by_component) if single else self._solved(by_component)
         return padded.take(self._of_nodes, axis=1)
 
-    def columns(self, dofs: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Columns of K⁻¹ in m/N, as rows: (n, d · n_free)."""
-        if len(self.matrix):
-            return self.matrix[torch.from_numpy(dofs)].float().cpu().numpy()
-        return self._columns[dofs]
+    def _summed(self, force: NDArray[np.float32], new: bool = True) -> NDArray[np.float32]:
+        """Respond by sums of what is kept, new columns among it if they may be, or by solves."""
+        found, left = np.empty_like(force), []
+        for number, load in enumerate(force):
+            answer = self.kept.answer(load, new)
+            if answer is None:
+                left.append(number)
+            else:
+                found[number] = answer
+        if left:
+            found[left] = self._solved(force[left])
+        return found
+
+    def _solved(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Respond by the dense matrix, or solves."""
+        return force @ self.matrix.numpy() if len(self.matrix) else self.solve(force)
 
 
 def in_single_precision(factor: StoredFactor, size: int) -> StoredFactor:

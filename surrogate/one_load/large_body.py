@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from surrogate.mechanics.compliance import Compliance
-from surrogate.mechanics.kept_columns import LOADED, KeptColumns
+from surrogate.mechanics.kept_responses import LOADED, KeptResponses
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.series.series_response import SeriesResponse
@@ -44,7 +44,7 @@ class LargeBody:
         if all(len(sums.weights) == 1 for sums in maps):
             assert isinstance(self.linear.compliance, Compliance)
             self.compliance = self.linear.compliance
-        self.columns = KeptColumns(self._responses, nodes * d)
+        self.columns = KeptResponses(self._responses, nodes * d)
 
     @staticmethod
     def fits(network: NodalNetwork) -> bool:
@@ -60,7 +60,7 @@ class LargeBody:
         if self.compliance is not None:
             return np.ones(len(forces), bool)
         loaded = np.count_nonzero(forces.reshape(len(forces), -1), axis=1)
-        return (loaded <= LOADED) & self.columns.fit
+        return loaded <= LOADED
 
     def __call__(self, forces: Array) -> tuple[Single, Array]:
         """Return inputs and response."""

@@ -32,7 +32,7 @@ from surrogate.inference import export
 from surrogate.inference.loading import load
 from surrogate.inference.proposal import propose
 from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.kept_columns import KeptColumns
+from surrogate.mechanics.kept_responses import KeptResponses
 from surrogate.runs.config_reader import run_config
 from surrogate.runs.folder import RunFolder
 from surrogate.training.loop import train
@@ -311,7 +311,7 @@ def test_columns_are_kept_once() -> None:
         threading.Event().wait(0.01)
         return 2.0 * unit
 
-    columns = KeptColumns(respond, 12)
+    columns = KeptResponses(respond, 12)
     numbers = [np.array([k, (k + 1) % 12]) for k in range(THREADS)]
     for one, found in zip(numbers, in_threads(lambda k: columns[numbers[k]], THREADS), strict=True):
         assert np.array_equal(found, 2 * np.eye(12)[one])

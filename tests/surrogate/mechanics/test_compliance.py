@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from surrogate.data.dataset import Dataset
-from surrogate.mechanics import compliance
+from surrogate.mechanics import compliance, kept_responses
 from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.kept_responses import KeptResponses
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
 
@@ -104,11 +106,48 @@ def test_columns_are_solved_for_once(
     large: Compliance, inverse: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dofs = np.array([3, 20])
-    np.testing.assert_allclose(large.columns(dofs), inverse[dofs], rtol=1e-4, atol=1e-6)
-    monkeypatch.setattr(large._columns, "respond", None)
-    assert large.columns(dofs[::-1]).shape == (2, large.size)
+    np.testing.assert_allclose(large.kept[dofs], inverse[dofs], rtol=1e-4, atol=1e-6)
+    monkeypatch.setattr(large.kept, "respond", None)
+    assert large.kept[dofs[::-1]].shape == (2, large.size)
     with pytest.raises(TypeError):
-        large.columns(np.array([4]))
+        large.kept[np.array([4])]
+
+
+def test_body_forces_cost_no_solve(
+    large: Compliance, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A uniform body force beside forces on nodes that are known: a sum of what is kept."""
+    x, cells = dataset.geometry.coordinates, dataset.geometry.cells
+    weight = np.outer(nodal_volumes(x, cells), [0.3, -1.7])
+    touched = np.zeros_like(weight)
+    touched[(~dataset.geometry.clamped).nonzero()[0][3]] = 0.4, 0.2
+    force = np.stack([weight, weight + touched, touched])
+    expected = large.respond_at_nodes(force)
+    for _ in range(2):
+        found = large.respond_at_nodes(force.astype(np.float32))
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+        monkeypatch.setattr(large, "solve", None)
+    with pytest.raises(TypeError):
+        large.respond_at_nodes((weight * x).astype(np.float32)[None])
+
+
+def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_responses, "KEPT", 5 * 4 * 40)
+    monkeypatch.setattr(kept_responses, "LOADED", 3)
+    matrix, solved = np.random.default_rng(0).normal(size=(40, 40)), []
+
+    def respond(unit: np.ndarray) -> np.ndarray:
+        solved.append(len(unit))
+        return unit @ matrix
+
+    kept = KeptResponses(respond, 40)
+    assert kept.most == 5
+    for numbers, solves in (([0, 1, 2], 3), ([2, 3], 4), ([1, 4, 5], 7), ([5, 1], 7), ([0], 8)):
+        np.testing.assert_allclose(kept[np.array(numbers)], matrix[numbers], rtol=1e-6)
+        assert sum(solved) == solves
+    many = np.zeros(40, np.float32)
+    many[:4] = 1
+    assert kept.answer(many) is None
 
 
 def test_derivative_of_the_response_is_the_response_to_gradients(

@@ -287,7 +287,7 @@ def test_what_the_loads_of_a_batch_share_is_read_once(
     """Every term of the series on a large body is one solve, for all loads of a batch."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
     monkeypatch.setattr(small_body, "MOST", 1000)
-    monkeypatch.setattr("surrogate.mechanics.compliance.LOADED", 0)
+    monkeypatch.setattr("surrogate.mechanics.kept_responses.LOADED", 0)
     model = untrained(dataset_3d, network=SERIES)
     solved = counted_solves(monkeypatch)
     force = loads(dataset_3d)
