@@ -9,10 +9,11 @@ of 20 000 nodes in a tenth of the time; it fails exactly where a matrix is not p
 
 from __future__ import annotations
 
+import logging
 import threading
 import weakref
 from collections.abc import Iterable
-from importlib.util import find_spec
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,6 +24,7 @@ from torch import Tensor
 
 from surrogate.mechanics.cell_matrices import sum_of_cells
 
+logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 Facets = tuple[NDArray[np.int64], Array]  # of one surface, and their matrices
 IN_PLACE = {"diag_pivot_thresh": 0.0, "permc_spec": "NATURAL", "options": {"SymmetricMode": True}}
@@ -145,34 +147,45 @@ class SparseFactor:
     matrix : csc_array
     places : array of int, (n,)
         Rows of the displacements.
+    refined : bool
+        Refine every solution once.
     """
 
-    def __init__(self, solver: Solver, matrix: csc_array, places: NDArray[np.int64]) -> None:
+    def __init__(
+        self,
+        solver: Solver,
+        matrix: csc_array,
+        places: NDArray[np.int64],
+        refined: bool = True,
+    ) -> None:
         self._solver, self._matrix, self._places = solver, matrix, places
+        self._refined = refined
 
     @property
     def single(self) -> SparseFactor:
-        """The factor for forces in single precision: itself."""
-        return self
+        """The same factors for forces in single precision, whose solutions are not refined."""
+        return SparseFactor(self._solver, self._matrix, self._places, refined=False)
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
-        """K⁻¹ f, once refined, in the precision of f: (n,) or (n, m) → same."""
-        found = self._whole(right.astype(np.float64, copy=False))[0][self._places]
+        """K⁻¹ f, in the precision of f: (n,) or (n, m) → same."""
+        found = self._whole(right.astype(np.float64, copy=False))[self._places]
         return found.astype(right.dtype, copy=False)
 
     def is_accurate(self) -> bool:
         """Whether the solution for random forces solves the equations."""
         force = np.random.default_rng(0).standard_normal(len(self._places))
-        rest = self._whole(force)[1]
+        rest = -(self._matrix @ self._whole(force))
+        rest[self._places] += force
         return bool(np.linalg.norm(rest) <= ACCURATE * np.linalg.norm(force))
 
-    def _whole(self, right: Array) -> tuple[Array, Array]:
-        """All unknowns, and what they leave of the right-hand side."""
+    def _whole(self, right: Array) -> Array:
+        """All unknowns."""
         whole = np.zeros((self._matrix.shape[0], *right.shape[1:]))
         whole[self._places] = right
         found = self._solver.solve(whole)
-        found += self._solver.solve(whole - self._matrix @ found)
-        return found, whole - self._matrix @ found
+        if self._refined:
+            found += self._solver.solve(whole - self._matrix @ found)
+        return found
 
 
 class Pardiso:
@@ -209,9 +222,17 @@ class Pardiso:
             return np.asarray(self._solver.solve(self._upper, right))
 
 
+@cache
 def has_pardiso() -> bool:
-    """True if PARDISO is installed."""
-    return find_spec("pypardiso") is not None
+    """True if PARDISO is installed, with the Math Kernel Library that it is part of."""
+    try:
+        import pypardiso  # noqa: F401
+    except ModuleNotFoundError:
+        return False
+    except ImportError as error:
+        logger.warning("pypardiso: %s SuperLU, which takes more time, is used", error)
+        return False
+    return True
 
 
 def of_least_degree(cells: NDArray[np.int64], points: int) -> NDArray[np.int64]:
