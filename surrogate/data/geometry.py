@@ -7,17 +7,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
+from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
 GROUP = "group:"  # before the name of a group of nodes
+SURFACE = "surface"  # in place of the name of a group
 
 
 @dataclass(frozen=True)
@@ -150,6 +153,31 @@ class Geometry:
             return (self.pressed,)
         of = self.pressed_surface
         return tuple(self.pressed[of == number] for number in range(int(of.max()) + 1))
+
+    def nodes_of(self, nodes: str | ArrayLike) -> NDArray[np.int64]:
+        """Numbers of the nodes of the surface ("surface"), of a named group, or those given.
+
+        Raises
+        ------
+        InputError
+            If there is no such group, or a number is none of a node or stands there twice.
+        """
+        count = len(self.coordinates)
+        if isinstance(nodes, str):
+            if nodes == SURFACE:
+                return np.unique(boundary_facets(self.cells, self.cell_type))
+            if nodes not in self.groups:
+                known = ", ".join([SURFACE, *sorted(self.groups)])
+                raise InputError(f"nodes '{nodes}': no such group, expected one of {known}")
+            return np.flatnonzero(self.groups[nodes])
+        numbers = np.asarray(nodes)
+        if numbers.ndim != 1 or numbers.dtype.kind not in "iu":
+            raise InputError("nodes: expected whole numbers in a row, or the name of a group")
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
+            raise InputError(f"nodes: expected numbers from 0 to {count - 1}")
+        if len(np.unique(numbers)) < len(numbers):
+            raise InputError("nodes: expected each number once")
+        return numbers.astype(np.int64)
 
     @property
     def loaded_body(self) -> LoadedBody:

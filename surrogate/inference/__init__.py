@@ -12,6 +12,7 @@
 `calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
 `fresh_loads`          random load cases of a run: those of its training, or around them
 `load_calibration`     bounds of a run without a dataset, on corrected random loads
+`touched_region`       columns of the compliance at the nodes that tools reach
 `modal_cubature`       the least energy in the modes of a reduced network: `surrogate balance`
 `proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``

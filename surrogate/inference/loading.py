@@ -17,6 +17,7 @@ from surrogate.device import choose_device
 from surrogate.hardware import memory_errors
 from surrogate.inference.modal_cubature import balance, read_cubature
 from surrogate.inference.surrogate import Surrogate
+from surrogate.inference.touched_region import restore_columns
 from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
 from surrogate.runs.shelf import find_run
@@ -79,6 +80,7 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
     if folder.modal_cubature.is_file():
         folder.seal.require_intact(folder.modal_cubature)
         balance(surrogate, read_cubature(folder.modal_cubature))
+    restore_columns(surrogate, folder)
     surrogate.folder = folder.folder
     surrogate.mean_error = folder.mean_error()
     return surrogate

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from surrogate.data.geometry import Geometry
+from surrogate.data.geometry import SURFACE, Geometry
 from surrogate.data.load_range import PressedNodes
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from surrogate.descent import Aim
     from surrogate.one_load.backend import OneLoad
     from surrogate.one_load.response_alone import ResponseAlone
+    from surrogate.one_load.some_nodes import SomeNodes
 
 Array = NDArray[np.float64]
 
@@ -81,6 +82,7 @@ class TrainedNetwork(TrainedBody):
         self._batched = BatchedPrediction(
             self.nodal_network, self.passes, description.run, geometry.grid.mask.size
         )
+        self._some_nodes: SomeNodes | None = None  # of the last prediction at some nodes alone
         self.folder: Path | None = None
         self.mean_error: float | None = None
 
@@ -115,6 +117,7 @@ class TrainedNetwork(TrainedBody):
         tolerance: float | None = None,
         budget: float | None = None,
         pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
     ) -> Tensor: ...
     @overload
     def predict(
@@ -124,6 +127,7 @@ class TrainedNetwork(TrainedBody):
         tolerance: float | None = None,
         budget: float | None = None,
         pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
     ) -> Array: ...
     def predict(
         self,
@@ -132,6 +136,7 @@ class TrainedNetwork(TrainedBody):
         tolerance: float | None = None,
         budget: float | None = None,
         pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
     ) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
@@ -160,25 +165,33 @@ class TrainedNetwork(TrainedBody):
             Seconds that the directions of each load may take, after its prediction.
         pressure : array, (n_surfaces,) or (N, n_surfaces)
             As that of `Surrogate.certify`, beside a tolerance or a budget only.
+        nodes : "surface", name of a group of nodes, or array of int, optional
+            Nodes whose displacements are wanted, all by default. A reduced network on a large body
+            computes no others.
 
         Returns
         -------
-        array, or Tensor if the forces are one, of the same shape
+        array, or Tensor if the forces are one, of the same shape, or with n `nodes` of n_nodes
             Nodal displacements in m; those of a tensor have its precision and device.
 
         Raises
         ------
         InputError
-            If the shape is wrong, a force is not finite, or one acts at a clamped node; or a
-            tolerance or budget is not positive, stands beside gradients, or is for a body whose
-            equilibrium the learner does not compute.
+            If the shape is wrong, a force is not finite, or one acts at a clamped node; there are
+            no such nodes; or a tolerance or budget is not positive, stands beside gradients, or is
+            for a body whose equilibrium the learner does not compute.
         """
         aim = given_aim(tolerance, budget, pressure)
+        wanted = None if nodes is None else self.geometry.nodes_of(nodes)
         if isinstance(forces, Tensor):
-            return self._predicted_tensor(forces, aim, pressure)
+            found = self._predicted_tensor(forces, aim, pressure)
+            return found if wanted is None else found[..., torch.from_numpy(wanted), :]
         nodal = checked_forces(self.geometry, forces)
         self.training_range.warn(nodal)
-        return self._mean(nodal) if aim is None else self._driven(nodal, aim, pressure)
+        if aim is not None:
+            driven = self._driven(nodal, aim, pressure)
+            return driven if wanted is None else driven[..., wanted, :]
+        return self._mean(nodal) if wanted is None else self._mean_at(nodal, wanted)
 
     def _predicted_tensor(
         self, forces: Tensor, aim: Aim | None, pressure: ArrayLike | None
@@ -201,6 +214,21 @@ class TrainedNetwork(TrainedBody):
     def _mean(self, nodal: Array) -> Array:
         """Predict without warnings."""
         return self.mean_and_last_term(nodal)[0]
+
+    def _mean_at(self, nodal: Array, nodes: NDArray[np.int64]) -> Array:
+        """Predict at some nodes alone: (n_nodes, d) or (N, n_nodes, d) → (n, d) or (N, n, d)."""
+        if self._one_load is None:
+            return self._mean(nodal)[..., nodes, :]
+        from surrogate.one_load.some_nodes import SomeNodes
+
+        if not SomeNodes.fits(self._one_load):
+            return self._mean(nodal)[..., nodes, :]
+        some = self._some_nodes
+        is_for = some is not None and some.one_load is self._one_load
+        if some is None or not (is_for and np.array_equal(some.nodes, nodes)):
+            some = self._some_nodes = SomeNodes(self._one_load, nodes)
+        found = some(nodal.reshape(-1, *nodal.shape[-2:]))
+        return found.reshape(*nodal.shape[:-2], *found.shape[1:])
 
     def mean_and_last_term(self, nodal: Array) -> tuple[Array, Array]:
         """Predict, and tell what the last term of the load series adds.
@@ -306,6 +334,31 @@ class TrainedNetwork(TrainedBody):
     def _averaged(self, nodal: Array, passes: int, seed: int) -> Distribution:
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
         return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
+
+    def prepare(self, nodes: str | ArrayLike = SURFACE) -> None:
+        """Get ready for loads on some nodes of a large body, such as those that a tool reaches.
+
+        Predictions that begin with the linear response solve with the stiffness of the body, unless
+        a load acts on a few nodes, or is a uniform body force. With the columns of its inverse for
+        these nodes, loads on any number of them, beside a body force, cost a sum. They are solved
+        for once, kept while the model lives, and written beside its run
+        (``columns.safetensors``), unless that comes with the package. A body that keeps the whole
+        inverse (up to 4000 degrees of freedom) is ready as it is.
+
+        Parameters
+        ----------
+        nodes : "surface", name of a group of nodes, or array of int
+
+        Raises
+        ------
+        InputError
+            If there is no such group or node, the columns take more than 2 GiB, the network does
+            not begin with the response of the body at its own nodes, or another process works in
+            the run folder.
+        """
+        from surrogate.inference.touched_region import keep_columns
+
+        keep_columns(self, nodes)
 
     def require_stochastic(self, **options: int | None) -> None:
         """Raise InputError if pass options are given for a network that is not stochastic."""

@@ -130,6 +130,11 @@ class Compliance(nn.Module):
             return self.solve(force)
         return self._summed(force, len(force) <= FEW)
 
+    def inputs_at(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Degrees of freedom of the nodes that can move, of some nodes of the mesh."""
+        inputs = self._of_nodes[nodes].T.ravel()
+        return np.asarray(inputs[inputs < self.size])
+
     def respond_at_nodes(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond to forces, given and answered at all nodes: (N, n_nodes, d) → same.
 

@@ -16,6 +16,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from shared_schema.common.errors import InputError
 
 KEPT = 2**31  # bytes of all columns that may be kept
 LOADED = 30  # inputs of one load for which columns are solved for
@@ -44,7 +47,8 @@ class KeptResponses:
     Attributes
     ----------
     most : int
-        Number of columns that are kept at most. Where there is no room, they are forgotten.
+        Number of columns that are kept at most. Where there is no room, those are forgotten that
+        `keep` has not been asked for.
     """
 
     def __init__(
@@ -57,33 +61,74 @@ class KeptResponses:
         self.most = min(size, max(KEPT // (4 * size), LOADED))
         self._columns: Single | None = None
         self._places = np.full(size, -1)  # of every column that is kept
-        self._kept = 0
+        self._kept, self._lasting = 0, 0
         self._of_units: Single | None = None
         self._lock = Lock()
-        self._probes = [i[:: max(1, len(i) // PROBES)] for i in (np.arange(len(u)) for u, _ in units)]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return KeptResponses, (self.respond, self.size, self.units)  # without what is kept
 
-    def __getitem__(self, numbers: Numbers) -> Single:
-        """Columns of some different inputs, `most` at most, as rows: (n, size)."""
+    def sum_of(self, numbers: Numbers, weights: Single) -> Single:
+        """Sum of the columns of some different inputs, `most` at most, times weights: (size,)."""
         with self._lock:
             missing = numbers[self._places[numbers] < 0]
-            if len(missing):
-                if self._columns is None:
-                    self._columns = np.empty((self.most, self.size), dtype=np.float32)
-                if self._kept + len(missing) > self.most:
-                    self._places[:], self._kept, missing = -1, 0, numbers
-                for start in range(0, len(missing), AT_ONCE):
-                    some = missing[start : start + AT_ONCE]
-                    unit = np.zeros((len(some), self.size))
-                    unit[np.arange(len(some)), some] = 1
-                    end = self._kept + len(some)
-                    self._columns[self._kept : end] = self.respond(unit)
-                    self._places[some], self._kept = np.arange(self._kept, end), end
-            if self._columns is None:
-                return np.empty((0, self.size), np.float32)
-            return self._columns[self._places[numbers]]
+            if self._kept + len(missing) > self.most:
+                self._places[self._places >= self._lasting], self._kept = -1, self._lasting
+                missing = numbers[self._places[numbers] < 0]
+            if self._kept + len(missing) > self.most:
+                parts = zip(_parts(numbers), _parts(weights), strict=True)
+                found = sum(w @ self._solved(some) for some, w in parts)
+                return np.asarray(found, np.float32)
+            for some in _parts(missing):
+                self._put(some, self._solved(some))
+            ends = [0, len(numbers)]  # a sparse row times the columns, which copies none of them
+            row = csr_array((weights, self._places[numbers], ends), shape=(1, self.most))
+            return np.asarray((row @ self._room())[0])
+
+    def keep(self, numbers: Numbers, columns: Single | None = None) -> Single:
+        """Keep the columns of some different inputs for good, in place of all others: (n, size).
+
+        Parameters
+        ----------
+        numbers : array of int, (n,)
+        columns : array, (n, size), optional
+            If they are known; otherwise they are solved for.
+
+        Raises
+        ------
+        InputError
+            If they take more memory than may be kept.
+        """
+        if len(numbers) > self.most:
+            taken = 4 * len(numbers) * self.size / 1e9
+            raise InputError(
+                f"{len(numbers)} columns take {taken:.2g} GB, expected {KEPT / 1e9:.2g} GB at most"
+            )
+        with self._lock:
+            self._places[:], self._kept, self._lasting = -1, 0, 0
+            if columns is not None:
+                self._put(numbers, columns)
+            else:
+                for part in _parts(numbers):
+                    self._put(part, self._solved(part))
+            self._lasting = self._kept
+            return self._room()[: self._kept]
+
+    def _room(self) -> Single:
+        """Where columns are kept, (most, size)."""
+        if self._columns is None:
+            self._columns = np.empty((self.most, self.size), dtype=np.float32)
+        return self._columns
+
+    def _put(self, numbers: Numbers, columns: NDArray[Any]) -> None:
+        end = self._kept + len(numbers)
+        self._room()[self._kept : end] = columns
+        self._places[numbers], self._kept = np.arange(self._kept, end), end
+
+    def _solved(self, numbers: Numbers) -> NDArray[Any]:
+        unit = np.zeros((len(numbers), self.size))
+        unit[np.arange(len(numbers)), numbers] = 1
+        return self.respond(unit)
 
     def holds(self, numbers: Numbers) -> bool:
         """Tell whether the columns of some inputs are there."""
@@ -103,7 +148,7 @@ class KeptResponses:
         there = self.holds(loaded)
         if len(loaded) > self.most or not (there or (new and len(loaded) <= LOADED)):
             return None
-        found: Single = rest[loaded] @ self[loaded]
+        found = self.sum_of(loaded, rest[loaded])
         if shares.any():
             found += shares @ self._unit_responses()
         return found
@@ -111,18 +156,18 @@ class KeptResponses:
     def _taken_apart(self, load: Single) -> tuple[Single, Single]:
         """Share of every unit load, and the rest."""
         shares, rest = np.zeros(len(self.units), load.dtype), load
-        for number, ((inputs, values), probes) in enumerate(
-            zip(self.units, self._probes, strict=True)
-        ):
-            of_probes = load[inputs[probes]] / values[probes]
+        for number, (inputs, values) in enumerate(self.units):
+            step = max(1, len(inputs) // PROBES)
+            of_probes = load[inputs[::step]] / values[::step]
             share = np.median(of_probes)
             near = np.abs(of_probes - share) <= ROUNDING * abs(share)
-            if share == 0 or 2 * np.count_nonzero(near) <= len(probes):
+            if share == 0 or 2 * np.count_nonzero(near) <= len(near):
                 continue
             if rest is load:
                 rest = load.copy()
-            part, whole = load[inputs], share * values
-            rest[inputs] = np.where(np.abs(part - whole) <= ROUNDING * np.abs(whole), 0, part - whole)
+            whole = share * values
+            part = load[inputs] - whole
+            rest[inputs] = np.where(np.abs(part) <= ROUNDING * np.abs(whole), 0, part)
             shares[number] = share
         return shares, rest
 
@@ -135,3 +180,8 @@ class KeptResponses:
                     load[inputs] = values
                 self._of_units = self.respond(loads).astype(np.float32)
             return self._of_units
+
+
+def _parts(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Values of inputs that are solved for together."""
+    return [values[start : start + AT_ONCE] for start in range(0, len(values), AT_ONCE)]

@@ -71,7 +71,7 @@ class LargeBody:
         response = np.empty(forces.shape)
         for found, flat in zip(response, force.reshape(len(force), -1), strict=True):
             loaded = flat.nonzero()[0]
-            found[:] = (flat[loaded] @ self.columns[loaded]).reshape(found.shape)
+            found[:] = self.columns.sum_of(loaded, flat[loaded]).reshape(found.shape)
         return inputs, response
 
     @torch.inference_mode()

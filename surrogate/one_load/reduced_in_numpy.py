@@ -87,6 +87,10 @@ class ReducedInNumPy:
 
     def __call__(self, fields: Single) -> Single:
         """Predict scaled corrections from scaled forces, both (N, n_points, d) or (n_points, d)."""
+        return (self.amplitudes(fields) @ self.modes).reshape(fields.shape)
+
+    def amplitudes(self, fields: Single) -> Single:
+        """Coefficients of `modes` in the corrections: fields as above → (N, outputs)."""
         force = fields.reshape(-1, len(self.encoder))
         loaded = np.flatnonzero(force.any(axis=0))
         encoder, modes = self.encoder, self.modes
@@ -95,7 +99,7 @@ class ReducedInNumPy:
         total = self.coefficients(force @ encoder)
         if self.equilibrium is not None:
             total = self.equilibrium.of_arrays(force @ modes.T, total)
-        return (total @ self.modes).reshape(fields.shape)
+        return total
 
     def coefficients(self, coefficients: Single) -> Single:
         """Coefficients of the corrections, summed over members: (…, inputs) → (…, outputs)."""

@@ -11,6 +11,7 @@
     intervals.safetensors   factors of conformal intervals (with `evaluate --conformal`)
     fast_certificate.safetensors   calibrated ratios (with `evaluate --certify`, `calibrate`)
     modal_cubature.safetensors   points of the equilibrium in modes (with `surrogate balance`)
+    columns.safetensors   columns of the compliance (with `Surrogate.prepare`)
     figures/            figures
     checkpoint/         last.safetensors, to resume from, with its own checksum
     tensorboard/        event files of TensorBoard (with `train --tensorboard`)
@@ -56,6 +57,7 @@ class RunFolder:
         self.intervals = folder / "intervals.safetensors"
         self.fast_certificate = folder / "fast_certificate.safetensors"
         self.modal_cubature = folder / "modal_cubature.safetensors"
+        self.columns = folder / "columns.safetensors"
         self.figures = folder / "figures"
         self.checkpoint = folder / "checkpoint" / "last.safetensors"
         self.tensorboard = folder / "tensorboard"
@@ -298,6 +300,10 @@ class RunFolder:
                 evaluation["fast_certificate"] = measured
             files[self.evaluation] = (json.dumps(evaluation, indent=1) + "\n").encode()
         self._write_sealed(files)
+
+    def write_columns(self, content: bytes) -> None:
+        """Write ``columns.safetensors``, and seal it; InputError as above."""
+        self._write_sealed({self.columns: content})
 
     def write_cubature(self, content: bytes) -> None:
         """Write ``modal_cubature.safetensors``, and seal it; InputError as above."""

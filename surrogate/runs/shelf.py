@@ -60,6 +60,11 @@ def find_run(run: str | Path) -> Path:
     )
 
 
+def is_shelved(folder: Path) -> bool:
+    """True for the folder of a network that comes with the package."""
+    return folder.parent.resolve() == SHELF.resolve()
+
+
 def require_changeable(run: Path, copy: Path | None) -> None:
     """Require that results can be written into a run, or into a new folder for a copy of it.
 
@@ -73,7 +78,7 @@ def require_changeable(run: Path, copy: Path | None) -> None:
         if copy.exists():
             raise InputError(f"--out '{copy}': exists, expected a new folder")
         require_writable(copy)
-    elif folder.parent.resolve() == SHELF.resolve():
+    elif is_shelved(folder):
         raise InputError(
             f"{folder.name}: comes with the package and is not changed; expected --out DIR, "
             "a new folder for a copy with the results"

@@ -124,6 +124,9 @@ def options(model: Surrogate, number: int) -> dict[str, Any]:
 CALLS: dict[str, Callable[[Surrogate, Array, int], Any]] = {
     "predict": lambda model, force, _: [model.predict(force[0]), model.predict(force)],
     "predict, driven": lambda model, force, _: model.predict(force, tolerance=1e-4),
+    "predict, some nodes": lambda model, force, number: model.predict(
+        force, nodes=np.arange(number, 12)
+    ),
     "predict tensors": lambda model, force, _: model.predict(torch.tensor(force)),
     "gradient": lambda model, force, _: gradient(model, force[:2]),
     "predict_distribution": lambda model, force, number: [
@@ -162,6 +165,7 @@ def test_every_public_name_is_called() -> None:
     """Names of `Surrogate` that threads may use, but for what only says what it is."""
     called = {name.partition(",")[0] for name in CALLS}
     said = {"balanced", "is_probabilistic", "is_stochastic", "require_stochastic", "run"}
+    said |= {"prepare"}  # which writes
     inner = {"descend", "driven_body", "mean_and_last_term"}  # in predict
     inner |= {"equilibrium", "score_scale", "stressed", "under"}  # in solve, certify and stresses
     public = {name for name in dir(Surrogate) if not name.startswith("_")}
@@ -313,8 +317,10 @@ def test_columns_are_kept_once() -> None:
 
     columns = KeptResponses(respond, 12)
     numbers = [np.array([k, (k + 1) % 12]) for k in range(THREADS)]
-    for one, found in zip(numbers, in_threads(lambda k: columns[numbers[k]], THREADS), strict=True):
-        assert np.array_equal(found, 2 * np.eye(12)[one])
+    weights = np.array([1, 3], np.float32)
+    found = in_threads(lambda k: columns.sum_of(numbers[k], weights), THREADS)
+    for one, total in zip(numbers, found, strict=True):
+        assert np.array_equal(total, 2 * weights @ np.eye(12)[one])
     assert sum(calls) == THREADS + 1
 
 

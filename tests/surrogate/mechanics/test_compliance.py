@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
+from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.mechanics import compliance, kept_responses
 from surrogate.mechanics.band_matrix import BandCholesky
@@ -105,12 +106,13 @@ def test_single_precision_only_where_it_suffices(
 def test_columns_are_solved_for_once(
     large: Compliance, inverse: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    dofs = np.array([3, 20])
-    np.testing.assert_allclose(large.kept[dofs], inverse[dofs], rtol=1e-4, atol=1e-6)
+    dofs, weights = np.array([3, 20]), np.array([2, -1], np.float32)
+    found = large.kept.sum_of(dofs, weights)
+    np.testing.assert_allclose(found, weights @ inverse[dofs], rtol=1e-4, atol=1e-6)
     monkeypatch.setattr(large.kept, "respond", None)
-    assert large.kept[dofs[::-1]].shape == (2, large.size)
+    np.testing.assert_array_equal(large.kept.sum_of(dofs[::-1], weights[::-1]), found)
     with pytest.raises(TypeError):
-        large.kept[np.array([4])]
+        large.kept.sum_of(np.array([4]), weights[:1])
 
 
 def test_body_forces_cost_no_solve(
@@ -132,6 +134,7 @@ def test_body_forces_cost_no_solve(
 
 
 def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that are to be kept stay; what has no room at all is solved for each time."""
     monkeypatch.setattr(kept_responses, "KEPT", 5 * 4 * 40)
     monkeypatch.setattr(kept_responses, "LOADED", 3)
     matrix, solved = np.random.default_rng(0).normal(size=(40, 40)), []
@@ -142,12 +145,24 @@ def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.Monkey
 
     kept = KeptResponses(respond, 40)
     assert kept.most == 5
-    for numbers, solves in (([0, 1, 2], 3), ([2, 3], 4), ([1, 4, 5], 7), ([5, 1], 7), ([0], 8)):
-        np.testing.assert_allclose(kept[np.array(numbers)], matrix[numbers], rtol=1e-6)
-        assert sum(solved) == solves
+
+    def ask(*numbers: int) -> int:
+        weights = np.arange(1, len(numbers) + 1, dtype=np.float32)
+        found = kept.sum_of(np.array(numbers), weights)
+        np.testing.assert_allclose(found, weights @ matrix[list(numbers)], rtol=1e-5, atol=1e-6)
+        return sum(solved)
+
+    asked = (0, 1, 2), (2, 3), (1, 4, 5), (5, 1), (0,)
+    assert [ask(*numbers) for numbers in asked] == [3, 4, 7, 7, 8]
+    columns = kept.keep(np.array([7, 8, 9]))
+    np.testing.assert_allclose(columns, matrix[7:10], rtol=1e-6)
+    asked = (7, 9), (1, 2), (3, 8), (7, 1), (1, 2, 3, 7)
+    assert [ask(*numbers) for numbers in asked] == [11, 13, 14, 15, 19]
+    with pytest.raises(InputError, match=r"6 columns take 9.6e-07 GB, expected 8e-07 GB at most"):
+        kept.keep(np.arange(6))
     many = np.zeros(40, np.float32)
     many[:4] = 1
-    assert kept.answer(many) is None
+    assert kept.answer(many) is None  # and not solved for
 
 
 def test_derivative_of_the_response_is_the_response_to_gradients(
