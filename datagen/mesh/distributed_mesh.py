@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import dolfinx
@@ -76,5 +76,5 @@ def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes
     domain = create_mesh(comm, raw.cells[here][:, to_dolfinx], cell, raw.coordinates[here])
-    whole = raw.coordinates, raw.cells, raw.cell_type, raw.groups, raw.cell_groups, raw.places
-    return Mesh(*whole, domain=domain)
+    whole = {field.name: getattr(raw, field.name) for field in fields(RawMesh)}
+    return Mesh(**whole, domain=domain)

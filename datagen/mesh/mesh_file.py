@@ -24,6 +24,7 @@ from datagen.mesh.gmsh_model import gmsh_session, mesh_of
 from datagen.mesh.gmsh_script import constants_of, require_harmless
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
+from datagen.mesh.refinement import refined
 from datagen.mesh.surface_file import is_surface, mesh_inside
 from datagen.quantities import Size
 from shared_schema.common.checksum import sha256
@@ -55,6 +56,9 @@ class MeshFile(Frozen):
     scale : float
         Factor on all coordinates of the file, such as 0.001 from mm to m. The lengths of the other
         kinds stand in the case itself.
+    refine : int
+        Number of times that every cell is divided, in four in the plane, in eight in space
+        (`datagen.mesh.refinement`).
     parameters : mapping of str to float
         Values of constants that a gmsh script defines by ``DefineConstant``, of such a script only:
         each set of values is another shape of one family.
@@ -65,6 +69,7 @@ class MeshFile(Frozen):
     size: Size | None = Field(None, exclude_if=absent)
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
+    refine: int = Field(0, ge=0, le=6, exclude_if=lambda refine: refine == 0)
     parameters: dict[str, Parameter] = Field({}, exclude_if=lambda parameters: not parameters)
     _folder: Path = PrivateAttr(default=Path())
 
@@ -146,6 +151,8 @@ class MeshFile(Frozen):
             )
             if done.returncode == 0 and result.is_file():
                 mesh = read_raw_mesh(result)
+                for _ in range(self.refine):
+                    mesh = refined(mesh)
                 return replace(mesh, coordinates=self.scale * mesh.coordinates)
         problem = (done.stdout.strip().splitlines() or [""])[-1]  # libraries print before
         if done.returncode != UNFIT or not problem:

@@ -34,7 +34,11 @@ class RawMesh:
     cell_groups : mapping of str to array of int
         Cell numbers of every named group of cells.
     places : array of int, (n_nodes,), optional
-        Place of every node in the file that the mesh is from, from 0, ascending.
+        Place of every node in the file that the mesh is from, from 0, ascending; of a refined mesh
+        those of the nodes that it had before, which come first.
+    origins : array of int, (n_nodes, n_corners), optional
+        Of a refined mesh: the nodes that it had before of the edge, face or cell that each node
+        lies in; repeated ones fill a row (`datagen.mesh.refinement`).
     """
 
     coordinates: NDArray[np.float64]
@@ -43,6 +47,7 @@ class RawMesh:
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     places: NDArray[np.int64] | None = None
+    origins: NDArray[np.int64] | None = None
 
     @property
     def node_sets(self) -> dict[str, NDArray[np.bool_]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from datagen.mesh.node_list import numbered_nodes, read_node_list, require_different
+from datagen.mesh.refinement import members_of
 from shared_schema.common.configuration import Frozen, absent
 
 AXES = ("x", "y", "z")
@@ -92,6 +93,7 @@ class Region(Frozen):
         groups: Mapping[str, NDArray[np.int64]] = MappingProxyType({}),
         facets: NDArray[np.int64] | None = None,
         places: NDArray[np.int64] | None = None,
+        origins: NDArray[np.int64] | None = None,
     ) -> NDArray[np.bool_]:
         """Select the nodes of the region.
 
@@ -102,9 +104,11 @@ class Region(Frozen):
         groups : mapping of str to array of int
             Node numbers of every named group of the mesh.
         facets : array of int, (n_facets, n_corners), optional
-            Node numbers of every facet of the surface; `boundary` needs them.
+            Node numbers of every facet of the surface; `boundary` and `origins` need them.
         places : array of int, (n_nodes,), optional
             Place of every node in the file of the mesh, from 0; all nodes in turn by default.
+        origins : array of int, (n_nodes, n_corners), optional
+            Nodes of the file that each node of a refined mesh comes from.
 
         Returns
         -------
@@ -127,15 +131,13 @@ class Region(Frozen):
         if self.nodes is not None:
             assert self.nodes_from is not None
             places = np.arange(len(coordinates)) if places is None else places
-            listed = np.zeros(len(coordinates), dtype=bool)
+            listed = np.zeros(len(places), dtype=bool)
             listed[numbered_nodes(self.nodes, self.nodes_from, places)] = True
+            if origins is not None:
+                listed = members_of(listed, origins, _on_surface(facets, len(coordinates)))
             inside &= listed
         if self.boundary:
-            if facets is None:
-                raise ValueError("boundary: the facets of the surface are not known")
-            on_surface = np.zeros(len(coordinates), dtype=bool)
-            on_surface[facets] = True
-            inside &= on_surface
+            inside &= _on_surface(facets, len(coordinates))
         for axis, name in enumerate(AXES[: coordinates.shape[1]]):
             condition = getattr(self, name)
             if condition is None:
@@ -148,6 +150,14 @@ class Region(Frozen):
             else:
                 inside &= np.abs(values - condition) <= tolerance
         return inside
+
+
+def _on_surface(facets: NDArray[np.int64] | None, nodes: int) -> NDArray[np.bool_]:
+    if facets is None:
+        raise ValueError("boundary: the facets of the surface are not known")
+    found = np.zeros(nodes, dtype=bool)
+    found[facets] = True
+    return found
 
 
 def parse_condition(text: str) -> tuple[str, float]:

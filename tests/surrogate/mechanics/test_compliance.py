@@ -156,8 +156,8 @@ def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.Monkey
     assert [ask(*numbers) for numbers in asked] == [3, 4, 7, 7, 8]
     columns = kept.keep(np.array([7, 8, 9]))
     np.testing.assert_allclose(columns, matrix[7:10], rtol=1e-6)
-    asked = (7, 9), (1, 2), (3, 8), (7, 1), (1, 2, 3, 7)
-    assert [ask(*numbers) for numbers in asked] == [11, 13, 14, 15, 19]
+    then = (7, 9), (1, 2), (3, 8), (7, 1), (1, 2, 3, 7)
+    assert [ask(*numbers) for numbers in then] == [11, 13, 14, 15, 19]
     with pytest.raises(InputError, match=r"6 columns take 9.6e-07 GB, expected 8e-07 GB at most"):
         kept.keep(np.arange(6))
     many = np.zeros(40, np.float32)
