@@ -8,11 +8,11 @@ there:
     K(u) ≈ \mathcal R K_0 \mathcal R^T, \qquad \mathcal R = \operatorname{diag}(R_b), \qquad
     P = \mathcal R \, M_0 \, \mathcal R^T ≈ K(u)^{-1}.
 
-:math:`M_0 ≈ K_0^{-1}` is a multigrid cycle, or the factors of :math:`K_0` where multigrid converges
-badly (nearly incompressible bodies) or not at all (elements with pressures, which do not turn).
-Either is built once. :math:`R_b` is the rotation in the polar decomposition of the mean of the
-deformation gradients :math:`F` at the centres of the cells around the point, by Newton's iteration
-:math:`R ← (R + R^{-T}) / 2` (Higham 1986).
+:math:`M_0 ≈ K_0^{-1}` is the cheapest that converges: a multigrid cycle from coarse to fine, one
+that goes down and up, or the factors of :math:`K_0` (nearly incompressible bodies, and elements
+with pressures, which do not turn). It is built once. :math:`R_b` is the rotation in the polar
+decomposition of the mean of the deformation gradients :math:`F` at the centres of the cells around
+the point, by Newton's iteration :math:`R ← (R + R^{-T}) / 2` (Higham 1986).
 """
 
 from __future__ import annotations
@@ -29,10 +29,16 @@ from scipy.sparse import coo_array, csr_array
 from datagen.discretisation.element import ElementKind
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import geometry_nodes
-from datagen.solver.linear_solver import factors, multigrid, set_up_gmres
+from datagen.solver.linear_solver import (
+    CASCADE_OPTIONS,
+    GAMG_OPTIONS,
+    factors,
+    multigrid,
+    set_up_gmres,
+)
 from shared_schema.common.bodies import polar_decomposition
 
-MOST_ITERATIONS = 100  # of Krylov's method at rest
+CYCLES = ((CASCADE_OPTIONS, 100), (GAMG_OPTIONS, 80))  # and Krylov iterations of a trial at rest
 CONVERGED = 1e-6  # relative residual of a trial at rest
 AT_REST = 1e-2  # of the terms of a load series
 SMALLEST = 1e-3  # determinant of a mean F, below which a point is not turned
@@ -73,12 +79,15 @@ class Corotation:
         coordinates: Array,
     ) -> None:
         self.undeformed = undeformed
-        self.uses_multigrid = False
-        if not kind.has_pressure:
-            self.at_rest = multigrid(undeformed, unknowns.owned_points(coordinates))
-            self.uses_multigrid = _converges(undeformed, self.at_rest)
-            if not self.uses_multigrid:
-                self.at_rest.destroy()
+        self.uses_multigrid = self._is_cascade = False
+        points = unknowns.owned_points(coordinates)
+        for options, most in () if kind.has_pressure else CYCLES:
+            self.at_rest = multigrid(undeformed, points, options)
+            self.uses_multigrid = _converges(undeformed, self.at_rest, most)
+            if self.uses_multigrid:
+                self._is_cascade = options is CASCADE_OPTIONS
+                break
+            self.at_rest.destroy()
         if not self.uses_multigrid:
             self.at_rest = factors(undeformed, symmetric and not kind.has_pressure)
         self._turned = undeformed.createVecRight()
@@ -93,7 +102,7 @@ class Corotation:
 
     def solver_at_rest(self) -> PETSc.KSP:
         """Make a solver of K₀ x = b, to `AT_REST` of b."""
-        return _krylov(self.undeformed, self.at_rest, AT_REST)
+        return _krylov(self.undeformed, self.at_rest, AT_REST, CYCLES[0][1])
 
     def turn(self) -> None:
         """Follow the body to its present state."""
@@ -115,12 +124,12 @@ class Corotation:
     def symmetric(self) -> Iterator[Callable[[PETSc.Vec, PETSc.Vec], None]]:
         """Make P symmetric for a while, by cycles of multigrid that go down and up; yield it."""
         kind = PETSc.PC.MGType
-        if self.uses_multigrid:
+        if self._is_cascade:
             self.at_rest.setMGType(kind.MULTIPLICATIVE)
         try:
             yield lambda x, y: self.apply(None, x, y)
         finally:
-            if self.uses_multigrid:
+            if self._is_cascade:
                 self.at_rest.setMGType(kind.KASKADE)
 
     def destroy(self, pc: PETSc.PC) -> None:
@@ -139,21 +148,21 @@ def rotations(f: Array) -> Array:
     return np.asarray(turned.transpose(2, 0, 1), np.float64)
 
 
-def _krylov(matrix: PETSc.Mat, inner: PETSc.PC, tolerance: float) -> PETSc.KSP:
+def _krylov(matrix: PETSc.Mat, inner: PETSc.PC, tolerance: float, most: int) -> PETSc.KSP:
     ksp = PETSc.KSP().create(matrix.comm)
     set_up_gmres(ksp)
-    ksp.setTolerances(rtol=tolerance, max_it=MOST_ITERATIONS)
+    ksp.setTolerances(rtol=tolerance, max_it=most)
     ksp.setOperators(matrix)
     ksp.setPC(inner)
     return ksp
 
 
-def _converges(matrix: PETSc.Mat, inner: PETSc.PC) -> bool:
-    """True if a hundred Krylov iterations take 6 digits off a residual (collective).
+def _converges(matrix: PETSc.Mat, inner: PETSc.PC, most: int) -> bool:
+    """True if so many Krylov iterations take 6 digits off a residual (collective).
 
     The right-hand side is the same in every entry.
     """
-    ksp = _krylov(matrix, inner, CONVERGED)
+    ksp = _krylov(matrix, inner, CONVERGED, most)
     x, b = matrix.createVecs()
     b.set(1.0)
     ksp.solve(b, x)

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 
 from datagen.discretisation.element import ElementKind
 from datagen.solver.settings import LinearSolver
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, WorkError
 
 Solver = Literal["lu", "multigrid", "corotated"]
 CROSSOVER = {2: 8_000, 3: 2_000}  # unknowns from which on multigrid is faster than LU, by d
@@ -43,6 +43,8 @@ INEXACT_NEWTON = {  # the relative tolerance η_k of the Krylov iteration in ste
 # Inexact steps iterate until ‖R‖ is 1e-2 of the tolerance: solutions then agree to about 1e-10 of
 # their size, whatever the rounding and the last iteration of the Krylov solves.
 INEXACT_TOLERANCE = 1e-2
+
+WORKSPACE = (20, 100, 500)  # per cent that MUMPS gets beyond its estimate, ICNTL(14)
 
 FULL_STEPS = {"snes_linesearch_type": "basic"}
 BUILT_ONCE = {"snes_lag_preconditioner": -2}  # PETSc: build at the first tangent, never again
@@ -138,20 +140,23 @@ def set_up_preconditioned(snes: PETSc.SNES, preconditioner: Any) -> None:
     ksp.getPC().setPythonContext(preconditioner)
 
 
-def multigrid(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.PC:
-    """Build the hierarchy of a positive definite matrix, whose cycle goes from coarse to fine.
+def multigrid(matrix: PETSc.Mat, points: NDArray[np.float64], options: dict[str, Any]) -> PETSc.PC:
+    """Build the hierarchy of a positive definite matrix.
 
     Parameters
     ----------
     matrix : PETSc.Mat
     points : array, (n_owned_points, d)
         Positions in m of the points that this rank owns, in the order of their degrees of freedom.
+    options : dict
+        `CASCADE_OPTIONS` for a cycle from coarse to fine, `GAMG_OPTIONS` for one that goes down and
+        up, which takes three times as long and converges on more bodies.
     """
     matrix.setNearNullSpace(rigid_body_modes(matrix, points))
     pc = PETSc.PC().create(matrix.comm)
     pc.setOperators(matrix)
     pc.setType("gamg")
-    _from_options(pc, CASCADE_OPTIONS, pc.setUp)
+    _from_options(pc, options, pc.setUp)
     return pc
 
 
@@ -163,15 +168,29 @@ def factors(matrix: PETSc.Mat, definite: bool) -> PETSc.PC:
     matrix : PETSc.Mat
     definite : bool
         It is symmetric and positive definite: Cholesky's factor is applied twice as fast as LU.
+
+    Raises
+    ------
+    WorkError
+        If MUMPS fails. What memory it needs depends on how the ranks share the work, which differs
+        from time to time; where its estimate is too small, it gets more.
     """
-    pc = PETSc.PC().create(matrix.comm)
-    pc.setOperators(matrix)
     if definite:
         matrix.setOption(PETSc.Mat.Option.SPD, True)
-    pc.setType("cholesky" if definite else "lu")
-    pc.setFactorSolverType("mumps")
-    pc.setUp()
-    return pc
+    for percent in WORKSPACE:
+        pc = PETSc.PC().create(matrix.comm)
+        pc.setOperators(matrix)
+        pc.setType("cholesky" if definite else "lu")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(14, percent)
+        pc.setUp()
+        ending = factor.getMumpsInfog(1)
+        if ending >= 0:
+            return pc
+        pc.destroy()
+    raise WorkError(f"MUMPS cannot factorise the undeformed body's tangent (INFOG(1) = {ending})")
 
 
 def set_up_gmres(ksp: PETSc.KSP) -> None:

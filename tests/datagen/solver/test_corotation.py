@@ -100,6 +100,25 @@ def test_inner_solver_fits_the_element(
     assert problem.corotation.uses_multigrid == by_multigrid
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "by_multigrid"), [("liver3d", True), ("finger3d", False)], ids=str
+)
+def test_inner_solver_fits_the_body(case: str, by_multigrid: bool) -> None:
+    """On a compact body of ν = 0.45 a whole cycle converges; at 0.49 there are factors."""
+    body = make_body(read_case(case), MPI.COMM_SELF)
+    corotation = body.problem.corotation
+    assert corotation is not None
+    assert corotation.uses_multigrid == by_multigrid
+    kind = corotation.at_rest.getType()
+    assert kind == ("gamg" if by_multigrid else "cholesky")
+    before = corotation.at_rest.getMGType() if by_multigrid else None
+    with corotation.symmetric():
+        pass
+    assert before == (corotation.at_rest.getMGType() if by_multigrid else None)
+    body.problem.close()
+
+
 def test_auto_depends_on_size_and_dimension() -> None:
     """LU below the measured crossovers, the corotated solver above; what is asked for is used."""
     quad = element_kind("linear", "quad")

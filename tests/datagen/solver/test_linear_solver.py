@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import diags, kronsum
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
 from datagen.mesh.box import Box
-from datagen.solver.linear_solver import rigid_body_modes
+from datagen.solver import linear_solver
+from datagen.solver.linear_solver import factors, rigid_body_modes
 from datagen.solver.load_stepping import solve_load_case
+from shared_schema.common.errors import WorkError
 
 
 def body(linear_solver: str) -> tuple[Case, Body]:
@@ -90,3 +93,27 @@ def test_rigid_body_modes(dimension: int, count: int) -> None:
         gradient = fitted[1:]
         assert affine @ fitted == pytest.approx(mode, abs=1e-12)
         assert gradient + gradient.T == pytest.approx(np.zeros((dimension, dimension)), abs=1e-12)
+
+
+def laplacian(n: int) -> PETSc.Mat:
+    """Seven-point stencil on n³ points."""
+    line = diags([-1.0, 2.0, -1.0], [-1, 0, 1], (n, n))
+    matrix = kronsum(kronsum(line, line), line).tocsr()
+    found = PETSc.Mat().createAIJ(matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data))
+    found.assemble()
+    return found
+
+
+def test_mumps_gets_more_memory_where_its_estimate_is_too_small(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A fifth of the estimate fails (INFOG(1) = -9), and PETSc would go on with infinities."""
+    matrix = laplacian(20)
+    x, b = matrix.createVecs()
+    b.set(1.0)
+    monkeypatch.setattr(linear_solver, "WORKSPACE", (-80, 20))
+    factors(matrix, definite=True).apply(b, x)
+    assert (matrix * x - b).norm() < 1e-9 * b.norm()
+    monkeypatch.setattr(linear_solver, "WORKSPACE", (-80, -90))
+    with pytest.raises(WorkError, match=r"MUMPS cannot factorise .* \(INFOG\(1\) = -9\)"):
+        factors(matrix, definite=True)
