@@ -68,8 +68,9 @@ def _on_every_rank(command: Callable[[], None]) -> int:
 
     comm = MPI.COMM_WORLD
     first = FirstOfNode(comm)
-    if comm.rank > 0:  # every rank reads the case, one says what is unusual about its file
-        logging.getLogger("shared_schema.common.configuration").setLevel(logging.ERROR)
+    if comm.rank > 0:  # every rank reads the case, one says what is unusual about it
+        for name in ("shared_schema.common.configuration", "datagen.solution"):
+            logging.getLogger(name).setLevel(logging.ERROR)
     alone = False
 
     def watched() -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
@@ -153,8 +153,9 @@ def solve(
     volumetric: Volumetric | None = None,
     changes: Sequence[str] = (),
     trust: bool = False,
+    comm: Any = None,
 ) -> Solution:
-    """Solve one load case; every rank that calls it solves for itself.
+    """Solve one load case; every rank that calls it solves for itself, unless they share it.
 
     Parameters
     ----------
@@ -176,6 +177,8 @@ def solve(
         from rest.
     stresses : bool
         Compute stresses as well.
+    comm : mpi4py communicator, optional
+        Its ranks share the body, and all return the same solution (collective).
 
     Raises
     ------
@@ -194,7 +197,7 @@ def solve(
         given = command_loads(body, load, files, move, nearest, body_force)
         return given
 
-    body = make_body(found, MPI.COMM_SELF, driven)
+    body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven)
     assert given is not None
     try:
         return _solved(body, given, start, stresses)

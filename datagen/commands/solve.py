@@ -48,18 +48,24 @@ def add_to(commands: Commands) -> None:
         metavar="FILE.(npz|vtu|xdmf)",
         help="fields at the nodes: force, displacement; with --stresses also of the cells",
     )
-    parser.set_defaults(command=run)
+    parser.set_defaults(command=run, collective=True)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Solve, and say how."""
+    """Solve, on all ranks together, and say how."""
+    from mpi4py import MPI
+
     from datagen import solve
 
+    comm = MPI.COMM_WORLD
     require_suffix(options.out)
-    require_writable(options.out)
+    if comm.rank == 0:
+        require_writable(options.out)
     names = ("load", "forces", "move", "body_force", "nearest", "start", "stresses")
     given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
-    solution = solve(options.case, **given)
+    solution = solve(options.case, **given, comm=comm)
+    if comm.rank > 0:
+        return
     solution.save(options.out)
     report, units, stress = solution.report, solution.units, ""
     if solution.stresses:

@@ -96,14 +96,22 @@ class CellStresses:
         return (dilation / ufl.det(f)) ** (1 / problem.dimension) * f
 
     def fields(self) -> dict[str, Array]:
-        """Fields of stress of the current state, (n_cells, …), in the order of the mesh's cells."""
+        """Fields of stress of the current state, (n_cells, …), in the order of the mesh's cells.
+
+        They are gathered from the ranks that own the cells (collective).
+        """
         self._update_dilation()
-        found = np.empty((len(self._mesh.cells), 19))
+        topology = self._mesh.domain.topology
+        numbers = np.asarray(topology.original_cell_index)  # of this rank's cells, owned ones first
+        owned = topology.index_map(topology.dim).size_local
+        found = np.zeros((len(numbers), 19))
         for expression, cells in self._pieces:
             if cells.size:
                 found[cells] = evaluate(expression, self._mesh.domain, cells).reshape(-1, 19)
-        values = np.empty_like(found)
-        values[np.asarray(self._mesh.domain.topology.original_cell_index)] = found
+        here = np.zeros((len(self._mesh.cells), 19))
+        here[numbers[:owned]] = found[:owned]
+        values = np.empty_like(here)
+        self._mesh.domain.comm.Allreduce(here, values)
         f, p = values[:, :9].reshape(-1, 3, 3), values[:, 9:18].reshape(-1, 3, 3)
         return stress_fields(f, p, values[:, 18])
 

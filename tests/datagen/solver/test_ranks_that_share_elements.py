@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from shared_schema.shard import read_shard
-from tests.datagen.farm_runs import execute
+from tests.datagen.farm_runs import datagen, execute, finish
 from tests.datagen.solver.cantilever import box
 
 
@@ -55,3 +55,29 @@ def test_same_displacements(
         found.append(read_shard(out / "shard-00000.h5", "nodal")["samples/displacement"])
     assert np.abs(found[0] - found[1]).max() < 1e-9
     assert np.abs(found[0]).max() > 0.05
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["plate2d", "--load", "4,0.8:0,-2", "--nearest"],
+        ["finger3d", "--load", "notches:900", "--load", "0.088,0.01,0.008:0.1,0,0.1", "--nearest"],
+    ],
+    ids=["plate2d", "finger3d"],
+)
+def test_one_load_case(tmp_path: Path, words: list[str]) -> None:
+    """Every field of `datagen solve`; one rank writes it, and says so once."""
+    fields = []
+    for ranks in (0, 2):
+        out = tmp_path / f"{ranks}.npz"
+        result = finish(datagen("solve", *words, "--stresses", "--out", out, ranks=ranks))
+        assert result.returncode == 0, result.stderr
+        assert result.stdout.count("largest displacement") == 1
+        with np.load(out) as arrays:
+            fields.append(dict(arrays))
+    for name, expected in fields[0].items():
+        if expected.dtype.kind == "f":
+            difference = np.abs(fields[1][name] - expected).max()
+            assert difference <= 1e-9 * np.abs(expected).max(), name
