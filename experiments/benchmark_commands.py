@@ -33,6 +33,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",
+    "refined-liver": "surrogate",
     "scaling": "datagen",
     "trained": "surrogate",
     "training": "surrogate",

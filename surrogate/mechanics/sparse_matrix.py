@@ -162,6 +162,11 @@ class SparseFactor:
         self._refined = refined
 
     @property
+    def title(self) -> str:
+        """Name of the program that made the factors."""
+        return "PARDISO" if isinstance(self._solver, Pardiso) else "SuperLU"
+
+    @property
     def single(self) -> SparseFactor:
         """The same factors for forces in single precision, whose solutions are not refined."""
         return SparseFactor(self._solver, self._matrix, self._places, refined=False)
