@@ -9,6 +9,7 @@ body is so slender that this has an effect.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -57,19 +58,12 @@ class Compliance(nn.Module):
         Nodes that can move.
     matrix : Tensor, (d · n_free, d · n_free)
         K⁻¹ in m/N; empty for a large body.
-    factor : BandCholesky, SparseFactor or None
-        Factor of K, of a large body.
-    quick : BandCholesky, SparseFactor or None
-        The same for forces in single precision.
     size : int
         d · n_free.
     order : array of int, (n_dofs,)
         Degrees of freedom that are not held, in the order of the factor.
-    stiffness : csr_array, (n_dofs, n_dofs)
-        K in N/m of a large body, in the order of the factor.
+    kept : KeptResponses
     """
-
-    stiffness: csr_array
 
     free_nodes: Tensor
     matrix: Tensor
@@ -79,9 +73,6 @@ class Compliance(nn.Module):
     ) -> None:
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
-        factor = self.equilibrium.undeformed
-        self.factor: StoredFactor | None = factor
-        self.quick: StoredFactor | None = None
         dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
         nodes, components = np.divmod(dofs, geometry.dimension)
@@ -95,12 +86,6 @@ class Compliance(nn.Module):
         matrix = torch.empty(0)
         if self.size <= DENSE:
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
-            self.factor = None
-        else:
-            self.quick = in_single_precision(factor, len(dofs))
-            nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
-            tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
-            self.stiffness = assembled(tangents, geometry, dofs)
         self.register_buffer("matrix", matrix, persistent=False)
         volumes = nodal_volumes(geometry.coordinates, geometry.cells)[free]
         by_axis = np.arange(self.size).reshape(geometry.dimension, -1)
@@ -113,9 +98,28 @@ class Compliance(nn.Module):
             return functional.linear(force.to(self.matrix.dtype), self.matrix).to(force.dtype)
         return _Response.apply(force, self)  # type: ignore[no-untyped-call]
 
+    @cached_property
+    def factor(self) -> StoredFactor | None:
+        """Factor of K, made at its first use; None of a small body."""
+        return None if len(self.matrix) else self.equilibrium.undeformed
+
+    @cached_property
+    def quick(self) -> StoredFactor | None:
+        """The same for forces in single precision."""
+        return None if self.factor is None else in_single_precision(self.factor, len(self.order))
+
+    @cached_property
+    def stiffness(self) -> csr_array:
+        """K in N/m, (n_dofs, n_dofs), in the order of the factor."""
+        geometry = self.equilibrium.geometry
+        nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
+        tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
+        return assembled(tangents, geometry, self.equilibrium.layout.dofs)
+
     def solve(self, force: NDArray[Any]) -> NDArray[Any]:
         """Solve with the factor, in the precision of the forces: (N, d · n_free) → same."""
-        factor = self.factor if force.dtype == np.float64 else self.quick
+        is_double = force.dtype == np.float64
+        factor = self.equilibrium.undeformed if is_double else self.quick
         assert factor is not None
         found = np.zeros_like(force)
         found[:, self.order] = factor.solve(force[:, self.order].T).T
