@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+COMPILED = 2**15  # such values of one load, from which on compiled code takes less time
 NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 
@@ -157,7 +158,7 @@ class SeriesResponse(LinearResponse):
         self.order, self.compiled = order, COMPILES
         self._by_cells: CompiledResponse | None = None
         values = order * geometry.dimension**2 * len(self.higher.volumes)
-        self._at_once = max(1, AT_ONCE // values)
+        self._at_once, self._is_small = max(1, AT_ONCE // values), values < COMPILED
 
     def at_nodes(self, force: Tensor) -> Tensor:
         """Respond at the nodes, in m, in the series' precision: (N, d, nx, ny[, nz]) → …."""
@@ -183,7 +184,7 @@ class SeriesResponse(LinearResponse):
         """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
         if torch.compiler.is_compiling():  # of an exported file
             return self._beyond(nodal)
-        alone = self.compiled and self._at_once == 1 and nodal.device.type == "cpu"
+        alone = self.compiled and not self._is_small and nodal.device.type == "cpu"
         alone = alone and not nodal.requires_grad  # compiled code has no gradients
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
         if alone:
@@ -212,7 +213,7 @@ class SeriesResponse(LinearResponse):
         return beyond.reshape(shape), last.reshape(shape)
 
     def _beyond_compiled(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """The same on a large body, compiled."""
+        """The same, compiled."""
         beyond, last = self.by_cells(nodal.transpose(1, 2).contiguous().numpy())
         return torch.from_numpy(beyond).transpose(1, 2), torch.from_numpy(last).transpose(1, 2)
 

@@ -204,7 +204,7 @@ def test_large_bodies_and_their_exported_files(
 ) -> None:
     """Without K⁻¹: the body solves with its factor, the file by block elimination."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr("surrogate.series.series_response.AT_ONCE", 1)
+    monkeypatch.setattr("surrogate.series.series_response.COMPILED", 1)
     config = config_of(dataset_3d)
     network = config.network.model_copy(update={"series_order": 2})
     config = config.model_copy(update={"network": network})
