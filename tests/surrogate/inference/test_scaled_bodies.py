@@ -19,7 +19,7 @@ NAMES = [
     pytest.param("beam3d_any_reduced", marks=LARGE),
 ]
 FACTORS = [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e-6), (1e6, 1e6)]
-SINGLE = 1e-5  # relative to the largest displacement: networks are in single precision
+SINGLE = 3e-5  # of the largest displacement: single precision, which a series amplifies
 
 
 @pytest.fixture(scope="module", params=NAMES)
