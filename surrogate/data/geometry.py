@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -154,6 +155,11 @@ class Geometry:
         of = self.pressed_surface
         return tuple(self.pressed[of == number] for number in range(int(of.max()) + 1))
 
+    @cached_property
+    def surface_nodes(self) -> NDArray[np.int64]:
+        """Numbers of the nodes of facets that belong to one cell."""
+        return np.unique(boundary_facets(self.cells, self.cell_type))
+
     def nodes_of(self, nodes: str | ArrayLike) -> NDArray[np.int64]:
         """Numbers of the nodes of the surface ("surface"), of a named group, or those given.
 
@@ -165,7 +171,7 @@ class Geometry:
         count = len(self.coordinates)
         if isinstance(nodes, str):
             if nodes == SURFACE:
-                return np.unique(boundary_facets(self.cells, self.cell_type))
+                return self.surface_nodes
             if nodes not in self.groups:
                 known = ", ".join([SURFACE, *sorted(self.groups)])
                 raise InputError(f"nodes '{nodes}': no such group, expected one of {known}")
