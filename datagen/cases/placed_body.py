@@ -187,7 +187,7 @@ def _require_supported(case: Case, mesh: RawMesh, held: NDArray[np.bool_]) -> No
 def _select(case: Case, key: str, region: Region, mesh: RawMesh) -> NDArray[np.bool_]:
     """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none."""
     try:
-        needed = region.boundary or mesh.origins is not None
+        needed = region.boundary or (region.nodes is not None and mesh.origins is not None)
         facets = boundary_facets(mesh.cells, mesh.cell_type) if needed else None
         nodes = region.select(mesh.coordinates, mesh.groups, facets, mesh.places, mesh.origins)
     except ValueError as error:

@@ -119,8 +119,7 @@ def _pattern(cell_type: str) -> tuple[Corners, Corners]:
 
 def _all_tetrahedra(points: NDArray[np.float64]) -> Numbers:
     """Parts of tetrahedra, (n_cells, 8, 4): their octahedra are cut along the shortest diagonal."""
-    ends = list(DIAGONALS)
-    lengths = [np.linalg.norm(points[:, a] - points[:, b], axis=1) for a, b in ends]
+    lengths = [np.linalg.norm(points[:, a] - points[:, b], axis=1) for a, b in DIAGONALS]
     shortest = np.argmin(lengths, axis=0)
     kinds = []
     for (a, b), ring in DIAGONALS.items():

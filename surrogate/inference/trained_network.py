@@ -217,16 +217,13 @@ class TrainedNetwork(TrainedBody):
 
     def _mean_at(self, nodal: Array, nodes: NDArray[np.int64]) -> Array:
         """Predict at some nodes alone: (n_nodes, d) or (N, n_nodes, d) → (n, d) or (N, n, d)."""
-        if self._one_load is None:
-            return self._mean(nodal)[..., nodes, :]
         from surrogate.one_load.some_nodes import SomeNodes
 
-        if not SomeNodes.fits(self._one_load):
+        one_load, some = self._one_load, self._some_nodes
+        if one_load is None or not SomeNodes.fits(one_load):
             return self._mean(nodal)[..., nodes, :]
-        some = self._some_nodes
-        is_for = some is not None and some.one_load is self._one_load
-        if some is None or not (is_for and np.array_equal(some.nodes, nodes)):
-            some = self._some_nodes = SomeNodes(self._one_load, nodes)
+        if some is None or some.one_load is not one_load or not np.array_equal(some.nodes, nodes):
+            some = self._some_nodes = SomeNodes(one_load, nodes)
         found = some(nodal.reshape(-1, *nodal.shape[-2:]))
         return found.reshape(*nodal.shape[:-2], *found.shape[1:])
 
