@@ -4,12 +4,10 @@ r"""Smooth patches of traction at random places of the boundary, as consistent n
    \text{ else } 0, \qquad f_a = \int_{Γ} N_a \, t \, dS
 
 with the centre c at a random node of the region and Γ the boundary facets whose nodes all lie in
-the region. The integral is by Gauss quadrature. In two dimensions the body is 1 m thick.
+the region (`shared_schema.common.bodies.surface_patches`). In two dimensions the body is 1 m thick.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,48 +25,9 @@ from datagen.loads.family import (
 from datagen.mesh.regions import Region
 from datagen.quantities import Size
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.facet_quadrature import facet_points
+from shared_schema.common.bodies.surface_patches import SurfacePatches
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Facets of a region with their quadrature (`facet_points`).
-
-    Attributes
-    ----------
-    nodes : int
-        Number of nodes of the mesh.
-    facets : array of int, (n_facets, n_corners)
-    positions : array, (n_facets, n_points, d)
-        In m.
-    areas : array, (n_facets, n_points)
-        In m².
-    values : array, (n_points, n_corners)
-    """
-
-    nodes: int
-    facets: NDArray[np.int64]
-    positions: Array
-    areas: Array
-    values: Array
-
-    @classmethod
-    def of(cls, loadable: LoadableNodes) -> Surface:
-        """Find the boundary facets whose nodes are all loadable."""
-        facets = boundary_facets(loadable.cells, loadable.cell_type)
-        facets = facets[np.isin(facets, loadable.nodes).all(axis=1)]
-        quadrature = facet_points(loadable.coordinates[facets])
-        return cls(len(loadable.coordinates), facets, *quadrature)
-
-    def weights(self, centre: Array, radius: float) -> Array:
-        """Integrate N_a (1 − r²/R²)² for every node: (n_nodes,) in m²."""
-        squares = ((self.positions - centre) ** 2).sum(axis=-1) / radius**2
-        profile = np.clip(1 - squares, 0, None) ** 2
-        weights = np.zeros(self.nodes)
-        np.add.at(weights, self.facets, (profile * self.areas) @ self.values)
-        return weights
 
 
 class TractionPatch(LoadFamily):
@@ -103,7 +62,7 @@ class TractionPatch(LoadFamily):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless a patch about any node of the region bears a force."""
-        surface = Surface.of(loadable)
+        surface = surface_of(loadable)
         for centre in loadable.coordinates[loadable.nodes]:
             if not surface.weights(centre, self.radii[0]).any():
                 at = ",".join(f"{x:g}" for x in centre)
@@ -114,7 +73,7 @@ class TractionPatch(LoadFamily):
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Draw the number of patches; of each its centre, traction and radius; and add them."""
-        random, surface = generator(seed, number), Surface.of(loadable)
+        random, surface = generator(seed, number), surface_of(loadable)
         (fewest, most), (smallest, largest) = self.count, self.radii
         patches = fewest if fewest == most else int(random.integers(fewest, most + 1))
         forces = np.zeros(loadable.coordinates.shape)
@@ -131,6 +90,13 @@ class TractionPatch(LoadFamily):
 
         They are no more than the nodes of the region.
         """
-        surface, centres = Surface.of(loadable), loadable.coordinates[loadable.nodes]
+        surface, centres = surface_of(loadable), loadable.coordinates[loadable.nodes]
         under = max(int(np.count_nonzero(surface.weights(c, self.radii[1]))) for c in centres)
         return min(self.count[1] * under, len(np.unique(surface.facets)))
+
+
+def surface_of(loadable: LoadableNodes) -> SurfacePatches:
+    """Find the boundary facets whose nodes are all loadable."""
+    facets = boundary_facets(loadable.cells, loadable.cell_type)
+    facets = facets[np.isin(facets, loadable.nodes).all(axis=1)]
+    return SurfacePatches.of(loadable.coordinates, facets)

@@ -21,6 +21,13 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="FILE.html", help="(default: the name of RUN, in this folder)"
     )
+    parser.add_argument(
+        "--patch",
+        type=float,
+        metavar="R",
+        help="radius in m of the part of the surface that a dragged force is spread over, 0 for a "
+        "single node (default: as the loads of the case)",
+    )
     parser.set_defaults(command=run)
 
 
@@ -29,4 +36,4 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     out = options.out or Path(f"{options.run.resolve().name}.html")
-    print(f"{out}: {surrogate.write_page(options.run, out).summary()}")
+    print(f"{out}: {surrogate.write_page(options.run, out, patch=options.patch).summary()}")

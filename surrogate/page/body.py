@@ -48,7 +48,7 @@ def drawn(geometry: Geometry) -> Arrays:
     return {
         "coordinates": geometry.coordinates.astype(np.float64),
         "cells": geometry.cells.astype(np.int32),
-        "clamped": geometry.clamped.astype(np.uint8),
+        "held": geometry.held.astype(np.uint8),
         "loadable": geometry.loadable.astype(np.uint8),
         "vertices": surface.vertices,
         "triangles": surface.triangles,

@@ -27,6 +27,7 @@ from surrogate.networks.no_network import NoNetwork
 from surrogate.page.body import drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
+from surrogate.page.page_loads import page_loads
 from surrogate.page.page_network import NO_NETWORK, page_network
 from surrogate.probabilistic.moments import Moments
 from surrogate.series import SeriesResponse
@@ -65,7 +66,9 @@ class Written:
 
 
 @checked_arguments
-def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> Written:
+def write_page(
+    run: str | Path, out: str | Path, *, patch: float | None = None, largest: int = LARGEST
+) -> Written:
     """Write the page of a run: one HTML file, on which the body follows a dragged load.
 
     Parameters
@@ -74,14 +77,17 @@ def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> W
         Run folder, or the name of a network that comes with the package.
     out : str or Path
         File to write; it ends in .html.
+    patch : float, optional
+        Radius in m of the part of the surface that a dragged force is spread over; 0 for a force on
+        a node. By default it is that of the case's loads (`surrogate.page.page_loads`).
     largest : int
         Bytes that the page may have.
 
     Raises
     ------
     InputError
-        If there is no finished run, the file's name is wrong, the page's script is not built, the
-        mesh has no surface, or body or network are too large for a page.
+        If there is no finished run, the file's name or the radius is wrong, the page's script is
+        not built, the mesh has no surface, or body or network are too large for a page.
     """
     path = Path(out)
     require_suffix(path, (".html",))
@@ -90,8 +96,10 @@ def write_page(run: str | Path, out: str | Path, *, largest: int = LARGEST) -> W
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
     if order == 0:
         require_packages("onnx")
-    table, block = packed(drawn(surrogate.geometry) | mechanics.arrays)
+    loads = page_loads(surrogate, patch)
+    table, block = packed(drawn(surrogate.geometry) | mechanics.arrays | loads.arrays)
     content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
+    content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
     content |= {"certified": mechanics.certified, "series": order}
     parts = {
         "style": bundle.style,

@@ -43,6 +43,15 @@ def test_force_on_a_group_without_facets_is_shared_equally(body: LoadedBody) -> 
     assert forces[[0, 2, 4]] == pytest.approx(np.array([[0, 0], [1, 2], [1, 2]]))
 
 
+def test_force_is_spread_over_a_part_of_the_surface(body: LoadedBody) -> None:
+    """About the middle of an edge in equal parts; what a support bears is no load."""
+    forces = given(body, "3.5,1,1:10,-20").forces
+    assert forces[[4, 5]] == pytest.approx(np.array([[5, -10], [5, -10]]))
+    assert not forces[:4].any()
+    held = given(body, "0,0.5,0.6:1,1").forces
+    assert held[[0, 3]] == pytest.approx(np.array([[0, 0], [0, 0.5]]))
+
+
 def test_loads_add_up(body: LoadedBody) -> None:
     forces = given(body, "end:0,2", "5,1:1,0", "5,1:1,0").forces
     assert forces[[2, 5]] == pytest.approx(np.array([[0, 1], [2, 1]]))
@@ -95,6 +104,10 @@ def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
         ("5,0.5:1,1", "the nearest is at 5,0 (--nearest)"),
         ("5,1:1", "expected X,Y:FX,FY"),
         ("top:1e300,0", "at most 1e+12"),
+        ("5,1,0:1,1", "a radius of 0, expected one above 0 m"),
+        ("5,1,nan:1,1", "expected finite numbers"),
+        ("5,2,0.5:1,1", "no part of the surface lies within 0.5 m of it"),
+        ("5,1,0.5:1", "expected 2 numbers (N)"),
     ],
 )
 def test_wrong_loads(body: LoadedBody, load: str, said: str) -> None:

@@ -4,6 +4,8 @@ r"""The load that a command is given: ``--load``, ``--forces``, ``--body-force``
 text                         meaning
 ===========================  ======================================================================
 ``X,Y[,Z]:FX,FY[,FZ]``       a force in N at the node there, or at the nearest one (``--nearest``)
+``X,Y[,Z],R:FX,FY[,FZ]``     a force in N that is spread smoothly over the surface within R m of the
+                             place (`shared_schema.common.bodies.surface_patches`)
 ``GROUP:FX,FY[,FZ]``         a force in N on a named group of the mesh, distributed as a uniform
                              body force over its cells if it consists of cells, as a uniform
                              traction over its facets if it consists of these, or equally over its
@@ -17,7 +19,7 @@ text                         meaning
 
 A file of forces is a solution (``.npz`` with `coordinates` and `force`), or text (``.csv``) with
 lines X,Y[,Z],FX,FY[,FZ]. All that acts on one node adds up. What would act on a held component of
-a group is borne by the supports.
+a group or a patch is borne by the supports.
 """
 
 from __future__ import annotations
@@ -33,9 +35,10 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
-from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
 from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces
+from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import read_field
 
@@ -137,6 +140,9 @@ class CommandLoads:
         """
         name, _, values = text.rpartition(":")
         d = self.body.coordinates.shape[1]
+        if name not in self.body.groups and _is_position(name, d + 1):
+            self._add_patch(text, name, values)
+            return
         if name not in self.body.groups:
             if self.body.groups and not _is_position(name, d):
                 names = ", ".join(sorted(self.body.groups))
@@ -156,6 +162,21 @@ class CommandLoads:
             return
         total = np.outer(self._shares(name), numbers)
         self.forces += np.where(self.body.held, 0.0, total)
+
+    def _add_patch(self, text: str, place: str, values: str) -> None:
+        """Add a force that is spread over a part of the surface."""
+        body, option = self.body, f"--load '{text}'"
+        d = body.coordinates.shape[1]
+        *centre, radius = _numbers(place, option, "a place and a radius in m", (d + 1,))
+        force = _numbers(values, option, f"{d} numbers (N)", (d,))
+        if not radius > 0:
+            raise InputError(f"{option}: a radius of {radius:g}, expected one above 0 m")
+        surface = SurfacePatches.of(body.coordinates, boundary_facets(body.cells, body.cell_type))
+        weights = surface.weights(np.array(centre), radius)
+        if not weights.any():
+            raise InputError(f"{option}: no part of the surface lies within {radius:g} m of it")
+        total = np.outer(weights / weights.sum(), force)
+        self.forces += np.where(body.held, 0.0, total)
 
     def add_body_force(self, density: str | Sequence[float]) -> None:
         """Add a force in N per m³ everywhere; what acts on held components the supports bear.

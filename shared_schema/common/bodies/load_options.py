@@ -14,9 +14,10 @@ def add_loads(parser: argparse.ArgumentParser) -> None:
         "--load",
         action="append",
         default=[],
-        metavar="X,Y[,Z]|GROUP:FX,FY[,FZ]",
-        help="force in N at the node at X,Y[,Z] in m, or on a group of the mesh, uniform over its "
-        "cells or facets; GROUP:P is a pressure in Pa; repeatable",
+        metavar="X,Y[,Z][,R]|GROUP:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m, or spread smoothly over the surface within R "
+        "m of this place, or on a group of the mesh, uniform over its cells or facets; GROUP:P is "
+        "a pressure in Pa; repeatable",
     )
     parser.add_argument(
         "--forces",

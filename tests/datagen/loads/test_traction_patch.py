@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from datagen.loads.traction_patch import Surface
+from datagen.loads.traction_patch import surface_of
 from shared_schema.common.bodies.facet_quadrature import facet_points
 from tests.datagen.loads.places import family, place
 
@@ -105,7 +105,7 @@ def test_several_patches_of_random_radius() -> None:
         for _ in range(patches):
             centre = loadable.coordinates[loadable.nodes[random.integers(len(loadable))]]
             traction, radius = random.uniform(-2, 2, size=2), random.uniform(0.3, 0.7)
-            expected += np.outer(Surface.of(loadable).weights(centre, radius), traction)
+            expected += np.outer(surface_of(loadable).weights(centre, radius), traction)
         load = several.draw(number, 7, loadable)
         assert len(load.nodes) <= several.loads_per_sample(loadable)
         np.testing.assert_allclose(load.forces, expected[load.nodes], rtol=1e-13)

@@ -115,7 +115,7 @@ class OpenPage:
     @property
     def forces(self) -> Array:
         """Nodal forces in N, (n_nodes, d)."""
-        code = "Array.from(surrogatePage.state.loads.nodal(surrogatePage.state.content.nodes))"
+        code = "Array.from(surrogatePage.state.loads.nodal())"
         return self._nodal(self.page.evaluate(code))
 
     def field(self, name: str) -> Array:

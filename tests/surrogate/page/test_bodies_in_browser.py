@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from surrogate.data.dataset import Dataset
+from surrogate.inference.given_load import given_load
 from surrogate.inference.loading import load
 from surrogate.page.page import write_page
 from surrogate.training.loop import train
@@ -59,6 +60,54 @@ def test_page_of_a_series_predicts_what_the_program_does(
         assert np.abs(page.field("displacement") - expected).max() < 1e-6 * size
         assert np.abs(error).max() < 5e-3 * size
     assert "--tolerance 0.005 " in page.text("#panel code")
+
+
+@pytest.mark.parametrize("kind", ["series", "network", "network, embedded grid"])
+def test_patch_and_body_force(
+    kind: str,
+    dataset: Dataset,
+    dataset_3d: Dataset,
+    open_page: Callable[..., OpenPage],
+    tmp_path: Path,
+) -> None:
+    """A dragged force is spread over the surface; the copied command means the same forces."""
+    load_of_case = [
+        {"family": "body_force", "range": [-0.3, 0.2]},
+        {"family": "traction_patch", "range": [-2, 2], "radius": [0.5, 0.7]},
+    ]
+    data, run = dataset if "embedded" in kind else dataset_3d, tmp_path / "run"
+    case, geometry = {**data.manifest.case, "load": load_of_case}, data.geometry
+    data = replace(data, manifest=data.manifest.model_copy(update={"case": case}))
+    if kind == "series":
+        train({"model": "series", "series_order": 3}, data, run)
+    else:
+        geometry = embedded(geometry) if "embedded" in kind else geometry
+        untrained(run, data, geometry, LINEAR)
+    write_page(run, tmp_path / "page.html")
+    model, page = load(run), open_page(tmp_path / "page.html")
+    height, d = geometry.coordinates[:, -1], geometry.dimension
+    top = np.flatnonzero(height == height.max())
+    page.drag(int(top[geometry.coordinates[top, 0].argmax()]), right=25, up=40)
+    page.page.locator("#body-force input[type=number]").nth(d - 1).fill("-0.15")
+    page.settle()
+
+    command = page.text("#panel code")
+    texts = re.findall(r'--load="([^"]*)"', command)
+    density = re.search(r'--body-force="([^"]*)"', command)
+    assert density is not None
+    assert [text.partition(":")[0].count(",") for text in texts] == [d]
+    assert texts[0].split(":")[0].endswith(",0.6")
+    assert density[1] == ",".join(["0"] * (d - 1) + ["-0.15"])
+    forces = given_load(model.geometry, texts, body_force=density[1]).forces
+    assert np.count_nonzero(forces.any(axis=1)) == np.count_nonzero(~geometry.clamped)
+    np.testing.assert_allclose(page.forces, forces, atol=1e-12)
+    if kind == "series":
+        page.certificate()
+        expected = model.solve(forces, tolerance=5e-3).displacement
+    else:
+        expected = model.averaged_passes(forces).mean
+    found = page.field("displacement")
+    assert np.abs(found - expected).max() < RELATIVE * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", NETWORKS)

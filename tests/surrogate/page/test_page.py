@@ -174,6 +174,8 @@ def test_body_too_large_for_the_page(
     ("arguments", "expected"),
     [
         (["beam2d_any", "--out", "page.txt"], "expected a file name ending in .html"),
+        (["beam2d_any", "--patch", "-1", "--out", "page.html"], "expected a finite radius in m"),
+        (["beam2d_any", "--patch", "nan", "--out", "page.html"], "expected a finite radius in m"),
         (["no-such-run", "--out", "page.html"], "no run there"),
         (["beam2d_any", "--out", "nowhere/page.html"], "no such folder"),
     ],

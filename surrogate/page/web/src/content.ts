@@ -1,7 +1,7 @@
 /** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
 
 import type { CellType } from "./mechanics/elements";
-import type { Body } from "./mechanics/messages";
+import type { Rows } from "./mechanics/messages";
 import type { Material } from "./mechanics/solid";
 import type { TrainingRange } from "./training_range";
 
@@ -19,6 +19,12 @@ interface Text {
   deviations: Record<string, "epistemic" | "aleatoric">;
   limit: number[];
   loads: TrainingRange["loads"];
+  /** Largest components of a dragged force in N, which set the length of arrows. */
+  largest: number[];
+  /** Radius in m of the patch that a dragged force is spread over; 0 for a force on a node. */
+  patch: number;
+  /** Largest components of the body force in N/m³; null for a case without one. */
+  density: number[] | null;
   material: Material | null;
   /** Whether the mechanics are those of the body, so that errors are estimated. */
   certified: boolean;
@@ -33,6 +39,9 @@ export interface Content extends Text {
   /** (nodes, d) in m. */
   coordinates: Float64Array;
   cells: Int32Array;
+  /** (nodes, d), components that supports hold. */
+  held: Uint8Array;
+  /** Nodes that do not move at all. */
   clamped: Uint8Array;
   loadable: Uint8Array;
   /** Node of every vertex of the triangles. */
@@ -42,7 +51,12 @@ export interface Content extends Text {
   features: Int32Array;
   supports: Int32Array;
   order: Int32Array | null;
-  spread: Body["spread"];
+  /** Nodes, with weights, that a nodal force reaches by way of an embedded grid. */
+  spread: Rows | null;
+  /** Nodes, with weights, that a force about a node reaches by way of its patch. */
+  patches: Rows | null;
+  /** What of the body belongs to each node, in m³. */
+  volumes: Float64Array | null;
   trained: TrainingRange;
 }
 
@@ -58,31 +72,39 @@ export async function readContent(): Promise<Content> {
     const length = entry.shape.reduce((product, n) => product * n, 1);
     return new VIEWS[entry.type as keyof typeof VIEWS](block, entry.offset, length);
   };
-  const starts = array("spreadStarts") as Int32Array | null;
+  const rows = (name: string): Rows | null => {
+    const starts = array(`${name}Starts`) as Int32Array | null;
+    const nodes = array(`${name}Nodes`) as Int32Array;
+    return starts && { starts, nodes, weights: array(`${name}Weights`) as Float64Array };
+  };
   const [nodes, d] = text.arrays.coordinates!.shape;
   const loadable = array("loadable") as Uint8Array;
+  const held = array("held") as Uint8Array;
+  const clamped = loadable.map((_, node) =>
+    Number(held.subarray(node * d, (node + 1) * d).every((value) => value === 1)),
+  );
+  const none = text.limit.map(() => Infinity);
   return {
     ...text,
     nodes,
     d,
     coordinates: array("coordinates") as Float64Array,
     cells: array("cells") as Int32Array,
-    clamped: array("clamped") as Uint8Array,
+    held,
+    clamped,
     loadable,
     trained: text.series
-      ? { limit: text.limit.map(() => Infinity), loadable: loadable.map(() => 1), loads: null }
-      : { limit: text.limit, loadable, loads: text.loads },
+      ? { limit: none, largest: none, loadable: loadable.map(() => 1), loads: null }
+      : { limit: text.limit, largest: text.largest, loadable, loads: text.loads },
     vertices: array("vertices") as Int32Array,
     triangles: array("triangles") as Int32Array,
     lines: array("lines") as Int32Array,
     features: array("features") as Int32Array,
     supports: array("supports") as Int32Array,
     order: array("order") as Int32Array | null,
-    spread: starts && {
-      starts,
-      nodes: array("spreadNodes") as Int32Array,
-      weights: array("spreadWeights") as Float64Array,
-    },
+    spread: rows("spread"),
+    patches: rows("patch"),
+    volumes: array("volumes") as Float64Array | null,
   };
 }
 

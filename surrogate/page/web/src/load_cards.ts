@@ -3,6 +3,7 @@
 import { make } from "./elements";
 import { size, type Load } from "./loads";
 import type { State } from "./state";
+import { isBeyond } from "./training_range";
 import { forceUnit, place } from "./units";
 import { loadableNodes } from "./view/body_mesh";
 
@@ -44,8 +45,8 @@ export class LoadCards {
       this.cards.delete(load);
     }
     this.none.hidden = all.length > 0;
-    this.clear.disabled = all.length === 0;
-    const { limit, loadable } = this.state.content.trained;
+    this.clear.disabled = !this.state.isLoaded && all.length === 0;
+    const { largest, loadable } = this.state.content.trained;
     all.forEach((load, number) => {
       let card = this.cards.get(load);
       if (!card) {
@@ -55,7 +56,7 @@ export class LoadCards {
       }
       card.name.firstChild!.textContent = `${number + 1}: `;
       card.element.classList.toggle("selected", load === selected);
-      const beyond = load.force.some((value, i) => Math.abs(value) > limit[i] * (1 + 1e-6));
+      const beyond = isBeyond(load.force, largest);
       card.element.classList.toggle("beyond", beyond || !loadable[load.node]);
       for (const { field, read } of card.inputs) {
         if (document.activeElement !== field) field.value = String(Number(read().toPrecision(4)));
@@ -118,7 +119,12 @@ export class LoadCards {
       loads.remove(load);
       this.changed();
     };
-    const name = make("button", { type: "button", class: "name", click }, "", `Node ${at}`);
+    const name = make(
+      "button",
+      { type: "button", class: "name", click },
+      "",
+      `${content.patches ? "Patch about" : "Node"} ${at}`,
+    );
     const cross = make(
       "button",
       { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" },
@@ -145,14 +151,15 @@ export class LoadCards {
       if (list.value === "") return;
       const load = loads.at(Number(list.value));
       if (size(load.force) === 0) {
-        const half = Number((content.limit.at(-1)! / 2).toPrecision(2));
+        const half = Number((content.largest.at(-1)! / 2).toPrecision(2));
         load.force = downwards(d).map((part) => part * half);
       }
       list.value = "";
       this.changed();
     };
     const list = make("select", { change }, make("option", { value: "" }, "choose …"), ...options);
-    return make("label", { class: "number" }, "Load the node at", list);
+    const label = content.patches ? "Touch the body at" : "Load the node at";
+    return make("label", { class: "number" }, label, list);
   }
 }
 

@@ -1,22 +1,48 @@
-/** The loads on the body: forces at nodes, at most one a node. */
+/** The loads on the body: forces at nodes or on patches about them, and a body force. */
+
+import type { Rows } from "./mechanics/messages";
+
+/** In place of a node, for the body force. */
+export const BODY = -1;
 
 export interface Load {
   readonly node: number;
-  /** d components in N. */
+  /** d components: in N, of the body force in N/m³. */
   force: number[];
 }
 
+/** What loads act on. */
+export interface LoadedBody {
+  nodes: number;
+  d: number;
+  /** (nodes, d), components that supports hold; they bear what would act on them. */
+  held: Uint8Array;
+  /** Nodes, with weights, that a force about a node reaches; null for forces on nodes. */
+  patches: Rows | null;
+  /** What of the body belongs to each node, in m³. */
+  volumes: Float64Array | null;
+}
+
 export class Loads {
+  /** Forces at nodes or about them, at most one a node. */
   readonly all: Load[] = [];
+  readonly body: Load;
   selected: Load | null = null;
 
-  constructor(private readonly d: number) {}
+  constructor(private readonly on: LoadedBody) {
+    this.body = { node: BODY, force: new Array<number>(on.d).fill(0) };
+  }
+
+  /** The loads that are not zero, the body force among them. */
+  get acting(): Load[] {
+    return [...this.all, this.body].filter((load) => size(load.force) > 0);
+  }
 
   /** The load at a node, added if there is none; it becomes the selected one. */
   at(node: number): Load {
     let load = this.all.find((other) => other.node === node);
     if (!load) {
-      load = { node, force: new Array<number>(this.d).fill(0) };
+      load = { node, force: new Array<number>(this.on.d).fill(0) };
       this.all.push(load);
     }
     this.selected = load;
@@ -31,14 +57,47 @@ export class Loads {
 
   clear(): void {
     this.all.length = 0;
+    this.body.force.fill(0);
     this.selected = null;
   }
 
   /** Nodal forces in N, (nodes · d). */
-  nodal(nodes: number): Float64Array {
-    const force = new Float64Array(nodes * this.d);
-    for (const load of this.all) force.set(load.force, load.node * this.d);
+  nodal(): Float64Array {
+    const force = new Float64Array(this.on.nodes * this.on.d);
+    for (const load of this.acting) this.add(load, force);
     return force;
+  }
+
+  /** Nodal forces in N of unit components of a load. */
+  units({ node }: Load): Float64Array[] {
+    const { nodes, d } = this.on;
+    return Array.from({ length: d }, (_, component) => {
+      const force = new Float64Array(nodes * d);
+      const unit = Array.from({ length: d }, (_, i) => Number(i === component));
+      this.add({ node, force: unit }, force);
+      return force;
+    });
+  }
+
+  /** Add the nodal forces of a load. */
+  private add({ node, force }: Load, sum: Float64Array): void {
+    const { nodes, patches, volumes } = this.on;
+    if (node === BODY) {
+      for (let other = 0; other < nodes; other++) this.addAt(other, volumes![other], force, sum);
+    } else if (patches) {
+      for (let i = patches.starts[node]; i < patches.starts[node + 1]; i++) {
+        this.addAt(patches.nodes[i], patches.weights[i], force, sum);
+      }
+    } else {
+      this.addAt(node, 1, force, sum);
+    }
+  }
+
+  private addAt(node: number, weight: number, force: readonly number[], sum: Float64Array): void {
+    const { d, held } = this.on;
+    for (let i = 0; i < d; i++) {
+      if (!held[node * d + i]) sum[node * d + i] += weight * force[i];
+    }
   }
 }
 
@@ -49,17 +108,22 @@ export function size(vector: readonly number[]): number {
 /** The command that predicts the same. */
 export function predictCommand(
   run: string,
-  loads: readonly Load[],
-  coordinates: Float64Array,
-  d: number,
-  passes: number | null,
+  loads: Loads,
+  {
+    coordinates,
+    d,
+    patch,
+    passes,
+  }: { coordinates: Float64Array; d: number; patch: number; passes: number | null },
   tolerance: number | null,
 ): string {
   const words = ["surrogate", "predict", quoted(run)];
-  for (const { node, force } of loads) {
+  for (const { node, force } of loads.all) {
     const place = Array.from(coordinates.subarray(node * d, (node + 1) * d));
+    if (patch > 0) place.push(patch);
     words.push(`--load="${place.join(",")}:${force.join(",")}"`);
   }
+  if (size(loads.body.force) > 0) words.push(`--body-force="${loads.body.force.join(",")}"`);
   if (passes !== null) words.push(`--passes ${passes}`);
   if (tolerance !== null) words.push(`--tolerance ${tolerance}`);
   return [...words, "--out prediction.npz"].join(" ");

@@ -119,7 +119,7 @@ async function start(): Promise<void> {
 
   /** Predict the fields of the present loads; false while something is missing. */
   const predictOnce = async (): Promise<boolean> => {
-    const acting = state.loads.all.filter((load) => size(load.force) > 0);
+    const { acting } = state.loads;
     state.certificate = null;
     mechanics?.forget();
     clearTimeout(timer);
@@ -141,16 +141,19 @@ async function start(): Promise<void> {
     const length = content.nodes * content.d;
     const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
     if (network === null || (response === null && content.needsResponse)) {
-      for (const load of acting) mechanics?.request(load.node);
+      for (const load of acting) request(load);
       return null;
     }
-    return network.predict(Float32Array.from(state.loads.nodal(content.nodes)), response);
+    return network.predict(Float32Array.from(state.loads.nodal()), response);
+  };
+
+  const request = (load: Load): void => {
+    mechanics?.request(load.node, () => state.loads.units(load));
   };
 
   const seriesFields = async (): Promise<Fields | null> => {
     if (mechanics === null) return null;
-    const force = Float64Array.from(state.loads.nodal(content.nodes));
-    return { displacement: await mechanics.series(force, content.series) };
+    return { displacement: await mechanics.series(state.loads.nodal(), content.series) };
   };
 
   /** Of a load that rests: a series goes on to the equilibrium; then the error is estimated. */
@@ -160,8 +163,8 @@ async function start(): Promise<void> {
       estimate();
       return;
     }
-    const force = Float64Array.from(state.loads.nodal(content.nodes));
-    mechanics.descent(force, Float64Array.from(state.displacement), (displacement) => {
+    const start = Float64Array.from(state.displacement);
+    mechanics.descent(state.loads.nodal(), start, (displacement) => {
       state.fields = { displacement };
       addToCurve();
       show();
@@ -171,7 +174,7 @@ async function start(): Promise<void> {
 
   const estimate = (): void => {
     if (!mechanics || !state.displacement) return;
-    const force = state.loads.nodal(content.nodes);
+    const force = state.loads.nodal();
     mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
       state.certificate = certificate;
       show();
@@ -200,7 +203,7 @@ async function start(): Promise<void> {
   listen(scene, state, {
     pressed: (load) => {
       panel.curve.clear();
-      if (content.needsResponse) mechanics?.request(load.node);
+      if (content.needsResponse) request(load);
     },
     moved: change,
     pointed: show,
@@ -230,7 +233,7 @@ async function start(): Promise<void> {
     }
     performance.mark("ready");
     panel.tell("Press on the body and drag.");
-    if (state.loads.all.length > 0) change(null);
+    if (state.isLoaded) change(null);
   };
 
   const handle: Handle = {

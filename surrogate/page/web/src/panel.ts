@@ -1,6 +1,7 @@
 /** The panel beside the body: loads, colours, numbers, saving. */
 
 import { COLOUR_FIELDS, type FieldName } from "./colours";
+import { BodyForce } from "./body_force";
 import { Curve } from "./curve";
 import { make } from "./elements";
 import { LoadCards } from "./load_cards";
@@ -35,6 +36,7 @@ export class Panel {
   private readonly hint = make("p", { id: "hint" });
   private readonly bar = make("div", { id: "bar" });
   private readonly cards: LoadCards;
+  private readonly bodyForce: BodyForce | null;
   private readonly readout = make("dl");
   private readonly estimate = make("p", { id: "estimate" });
   private readonly command = make("code", { tabindex: "0", "aria-label": "command" });
@@ -55,6 +57,11 @@ export class Panel {
     this.cards = new LoadCards(state, () => {
       actions.changed("loads");
     });
+    this.bodyForce =
+      content.density &&
+      new BodyForce(state, content.density, () => {
+        actions.changed("loads");
+      });
     const section = (title: string, ...children: HTMLElement[]): HTMLElement =>
       make("section", {}, make("h2", {}, title), ...children);
     const passes = content.passes === null ? "" : `, ${content.passes} passes`;
@@ -71,6 +78,7 @@ export class Panel {
           make("p", {}, `${content.network}${passes}`),
         ),
         section("Loads", this.cards.element),
+        ...(this.bodyForce ? [section("Body force", this.bodyForce.element)] : []),
         section("Colours", this.choices()),
         ...(content.certified ? [section("Estimated error", this.estimate)] : []),
         section("At the node", this.readout),
@@ -97,15 +105,15 @@ export class Panel {
       this.warnings.replaceChildren(...texts.map((text) => make("p", {}, text)));
     }
     this.cards.update();
+    this.bodyForce?.update();
     this.curve.draw();
     this.updateBar(largest);
     this.updateEstimate();
     this.updateReadout();
-    const { run, coordinates, d, passes, series, certified } = state.content;
+    const { run, series, certified } = state.content;
     const tolerance = series > 0 && certified ? TOLERANCE : null;
-    const acting = state.loads.all;
-    this.command.textContent = acting.length
-      ? predictCommand(run, acting, coordinates, d, passes, tolerance)
+    this.command.textContent = state.isLoaded
+      ? predictCommand(run, state.loads, state.content, tolerance)
       : "Set a load first.";
     const node = state.loads.selected?.node;
     const band = state.content.passes !== null || Object.keys(state.content.deviations).length > 0;

@@ -113,7 +113,7 @@ export function listen(scene: Scene, state: State, reactions: Reactions): void {
 
   /** Change a force along an axis of the screen. */
   function push(load: Load, axis: number, steps: number): void {
-    const step = steps * STEP * Math.max(...state.content.limit);
+    const step = steps * STEP * Math.max(...state.content.largest);
     const direction = scene.axis(axis);
     load.force = load.force.map((value, i) => value + step * direction.getComponent(i));
   }

@@ -2,7 +2,7 @@
 
 import { zipSync } from "fflate";
 import { COLOUR_FIELDS } from "./colours";
-import { asForce, digits, lengthUnit, place, unitOf } from "./units";
+import { asForce, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
 import { size } from "./loads";
 import type { State } from "./state";
 
@@ -12,7 +12,7 @@ function solution(state: State): Record<string, Float64Array> {
   const rest = new Float64Array(content.nodes * content.d);
   const found: Record<string, Float64Array> = {
     coordinates: content.coordinates,
-    force: loads.nodal(content.nodes),
+    force: loads.nodal(),
     displacement: rest,
   };
   for (const [name, values] of Object.entries(fields ?? {}))
@@ -79,6 +79,11 @@ export function asPng(state: State, drawn: HTMLCanvasElement, largest: number): 
     const text = `${number + 1}: ${asForce(size(load.force))} at ${at} ${lengthUnit()}`;
     context.fillText(text, 18, 54 + 20 * number);
   });
+  const { all, body } = state.loads;
+  if (size(body.force) > 0) {
+    const text = `Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`;
+    context.fillText(text, 18, 54 + 20 * all.length);
+  }
   const values = state.values();
   if (values) {
     const { label, palette } = COLOUR_FIELDS[state.field];

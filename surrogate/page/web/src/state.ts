@@ -18,7 +18,7 @@ export class State {
   node: number | null = null;
 
   constructor(readonly content: Content) {
-    this.loads = new Loads(content.d);
+    this.loads = new Loads(content);
   }
 
   /** Colour fields that this page can show. */
@@ -28,7 +28,7 @@ export class State {
   }
 
   get isLoaded(): boolean {
-    return this.loads.all.some((load) => size(load.force) > 0);
+    return this.loads.acting.length > 0;
   }
 
   get displacement(): Float32Array | null {
@@ -73,6 +73,6 @@ export class State {
 
   /** How the loads leave the training data. */
   warnings(): Map<Kind, string> {
-    return exceeded(this.loads.all, this.content.trained);
+    return exceeded(this.loads.nodal(), this.content.trained);
   }
 }

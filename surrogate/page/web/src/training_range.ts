@@ -1,6 +1,5 @@
 /** Loads unlike those of the training, as `surrogate/inference/training_range.py` tells them. */
 
-import { size, type Load } from "./loads";
 import { asForce } from "./units";
 
 const MARGIN = 1 + 1e-6; // of rounding
@@ -9,6 +8,8 @@ const MARGIN = 1 + 1e-6; // of rounding
 export interface TrainingRange {
   /** Largest absolute force component at a node, in N. */
   limit: number[];
+  /** Largest components of a load, in N. */
+  largest: number[];
   /** Nodes that were loaded. */
   loadable: Uint8Array;
   loads: { fewest: number; most: number; resultant: number[] } | null;
@@ -16,29 +17,45 @@ export interface TrainingRange {
 
 export type Kind = "range" | "places" | "number" | "resultant";
 
-/** Say how loads leave the training data. */
-export function exceeded(loads: readonly Load[], trained: TrainingRange): Map<Kind, string> {
+/** Say how nodal forces in N, (nodes · d), leave the training data. */
+export function exceeded(forces: Float64Array, trained: TrainingRange): Map<Kind, string> {
   const found = new Map<Kind, string>();
-  const acting = loads.filter((load) => size(load.force) > 0);
-  const beyond = (force: readonly number[], limit: readonly number[]): boolean =>
-    force.some((value, i) => Math.abs(value) > limit[i] * MARGIN);
-  if (acting.some((load) => beyond(load.force, trained.limit))) {
-    found.set("range", `Force beyond the training range, ${plusMinus(trained.limit)} a component`);
+  const { limit, loadable, loads } = trained;
+  const d = limit.length;
+  const sum = new Array<number>(d).fill(0);
+  let count = 0;
+  let isLarge = false;
+  let isElsewhere = false;
+  for (let node = 0; node < loadable.length; node++) {
+    const force = forces.subarray(node * d, (node + 1) * d);
+    if (force.every((value) => value === 0)) continue;
+    count++;
+    isLarge ||= isBeyond(force, limit);
+    isElsewhere ||= !loadable[node];
+    for (let i = 0; i < d; i++) sum[i] += force[i];
   }
-  if (acting.some((load) => !trained.loadable[load.node])) {
-    found.set("places", "Load at a node that was never loaded in training");
+  if (isLarge) {
+    found.set(
+      "range",
+      `Force beyond the training range, ${plusMinus(limit)} a component of a node`,
+    );
   }
-  if (!trained.loads || acting.length === 0) return found;
-  const { fewest, most, resultant } = trained.loads;
-  if (acting.length > most || acting.length < fewest) {
+  if (isElsewhere) found.set("places", "Load at a node that was never loaded in training");
+  if (!loads || count === 0) return found;
+  const { fewest, most, resultant } = loads;
+  if (count > most || count < fewest) {
     const number = fewest === most ? `${fewest}` : `${fewest} to ${most}`;
-    found.set("number", `${acting.length} loads at once; ${number} in training`);
+    found.set("number", `${count} loaded nodes; ${number} in training`);
   }
-  const sum = resultant.map((_, i) => acting.reduce((total, load) => total + load.force[i], 0));
-  if (beyond(sum, resultant)) {
+  if (isBeyond(sum, resultant)) {
     found.set("resultant", `Sum of the loads beyond that of the training, ${plusMinus(resultant)}`);
   }
   return found;
+}
+
+/** Whether a component is larger than allowed. */
+export function isBeyond(force: ArrayLike<number>, limit: readonly number[]): boolean {
+  return limit.some((most, i) => Math.abs(force[i]) > most * MARGIN);
 }
 
 function plusMinus(limit: readonly number[]): string {

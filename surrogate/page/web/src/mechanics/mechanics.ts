@@ -57,11 +57,11 @@ export class Mechanics {
     this.send(this.responding, { kind: "descent", force, displacement, number: this.number });
   }
 
-  /** Ask for the columns of a node, once. */
-  request(node: number): void {
+  /** Ask for the responses to the unit components of a load, once. */
+  request(node: number, forces: () => Float64Array[]): void {
     if (this.requested.has(node)) return;
     this.requested.add(node);
-    this.send(this.responding, { kind: "columns", node });
+    this.send(this.responding, { kind: "columns", node, forces: forces() });
   }
 
   /** The linear response in m to forces at some nodes; null until all of their columns are there. */

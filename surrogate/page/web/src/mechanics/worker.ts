@@ -33,21 +33,24 @@ function pause(): Promise<void> {
   });
 }
 
-/** Linear responses in m/N to unit forces at a node, one for every component. */
-function columns(node: number): Float64Array[] {
+/** Linear responses in m to nodal forces in N, each by way of the grid if there is one. */
+function columns(forces: readonly Float64Array[]): Float64Array[] {
+  return forces.map((force) => equilibrium.linearResponse(body.spread ? spread(force) : force));
+}
+
+/** Forces on the nodes that nodal forces reach by way of the grid. */
+function spread(force: Float64Array): Float64Array {
+  const { starts, nodes, weights } = body.spread!;
   const d = equilibrium.solid.d;
-  const found: Float64Array[] = [];
-  for (let component = 0; component < d; component++) {
-    const force = new Float64Array(body.coordinates.length);
-    if (body.spread) {
-      const { starts, nodes, weights } = body.spread;
+  const found = new Float64Array(force.length);
+  for (let node = 0; node < starts.length - 1; node++) {
+    for (let component = 0; component < d; component++) {
+      const value = force[node * d + component];
+      if (value === 0) continue;
       for (let i = starts[node]; i < starts[node + 1]; i++) {
-        force[nodes[i] * d + component] = weights[i]!;
+        found[nodes[i] * d + component] += value * weights[i];
       }
-    } else {
-      force[node * d + component] = 1;
     }
-    found.push(equilibrium.linearResponse(force));
   }
   return found;
 }
@@ -59,7 +62,7 @@ self.onmessage = async ({ data }: MessageEvent<Request>) => {
     const solid = new Solid(body.coordinates, body.cells, body.cellType, body.material);
     equilibrium = new Equilibrium(solid, body.order, body.coordinates.length);
   } else if (data.kind === "columns") {
-    reply({ kind: "columns", node: data.node, columns: columns(data.node) });
+    reply({ kind: "columns", node: data.node, columns: columns(data.forces) });
   } else if (data.kind === "series") {
     const displacement = loadSeries(equilibrium, data.force, data.order);
     reply({ kind: "series", displacement: Float32Array.from(displacement) });

@@ -53,7 +53,12 @@ export class BodyMesh {
       this.surface,
       this.mesh,
       segments(this.nodes, features, INK, 0.85),
-      this.discs(loadableNodes(content), d === 2 ? 6 : 4, INK, d === 2 ? 0.8 : 0.5),
+      this.discs(
+        content.patches ? [] : loadableNodes(content),
+        d === 2 ? 6 : 4,
+        INK,
+        d === 2 ? 0.8 : 0.5,
+      ),
       this.cursor,
     );
     this.move(null);

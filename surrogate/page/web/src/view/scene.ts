@@ -15,6 +15,7 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { COLOUR_FIELDS } from "../colours";
 import type { State } from "../state";
+import { isBeyond } from "../training_range";
 import { ceiling } from "../units";
 import { Arrows } from "./arrows";
 import { BodyMesh } from "./body_mesh";
@@ -57,7 +58,7 @@ export class Scene {
     this.extent = upper.clone().sub(lower);
     this.centre = lower.clone().add(upper).multiplyScalar(0.5);
     this.diagonal = this.extent.length();
-    this.stiffness = Math.max(...content.limit) / (REACH * this.diagonal);
+    this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
     this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
     this.pickable = [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
     this.three.add(this.body.group, supportMarks(content, this.diagonal), this.arrows.group);
@@ -145,14 +146,13 @@ export class Scene {
 
   draw(): void {
     const { state } = this;
-    const { limit, loadable } = state.content.trained;
+    const { largest, loadable } = state.content.trained;
     this.arrows.draw(
       state.loads.all,
       state.loads.selected,
       (node) => this.body.at(node),
       1 / this.stiffness,
-      (load) =>
-        !loadable[load.node] || load.force.some((f, i) => Math.abs(f) > limit[i] * (1 + 1e-6)),
+      (load) => !loadable[load.node] || isBeyond(load.force, largest),
       (point) => this.project(point),
     );
     this.renderer.render(this.three, this.camera);
