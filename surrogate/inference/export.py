@@ -204,14 +204,9 @@ def export_network(
     if not response_given:
         for module in function.modules():
             _make_exportable(module)
-    with _EXPORTS, torch.no_grad(), _silence(), complete_or_absent(path) as partial:
+    with torch.no_grad(), complete_or_absent(path) as partial:
         try:
-            shapes = tuple({0: Dim("samples")} for _ in inputs)
-            program = torch.export.export(function, inputs, dynamic_shapes=shapes)
-            if kind == "onnx":
-                _save_onnx(program, names, list(function(*inputs)), partial)
-            else:
-                _save_pt2(program, partial)
+            save_function(function, inputs, names, kind, partial)
         except RuntimeError as error:
             reason = first_line(error)
             raise WorkError(f"{path}: {kind} cannot express this network ({reason})") from error
@@ -295,6 +290,25 @@ def largest_difference(found: Fields, expected: Fields) -> float:
         allowed = 0.0 if name == "displacement" else finest
         differences.append((difference - allowed).clamp(min=0) / (largest or 1.0))
     return float(torch.stack(differences).max())
+
+
+def save_function(
+    function: nn.Module, inputs: tuple[Tensor, ...], names: Sequence[str], kind: Format, path: Path
+) -> None:
+    """Write a function of named inputs, (samples, …) each, for any number of samples.
+
+    Raises
+    ------
+    RuntimeError
+        If the format cannot express it.
+    """
+    with _EXPORTS, torch.no_grad(), _silence():
+        shapes = tuple({0: Dim("samples")} for _ in inputs)
+        program = torch.export.export(function, inputs, dynamic_shapes=shapes)
+        if kind == "onnx":
+            _save_onnx(program, names, list(function(*inputs)), path)
+        else:
+            _save_pt2(program, path)
 
 
 def _save_onnx(

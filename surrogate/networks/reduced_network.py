@@ -247,7 +247,7 @@ class ReducedNetwork(nn.Module):
             Their scaled corrections.
         """
         assert self.series is not None
-        a, inverse = self._encoded(force), self.modes.T / self.modes[0].square().sum()
+        a, inverse = self.encoded(force), self.modes.T / self.modes[0].square().sum()
         self.series.fit(a, [at_points(term, self.points) @ inverse for term in terms])
         left = at_points(correction, self.points) @ inverse
         for term in self.series(a):
@@ -275,15 +275,18 @@ class ReducedNetwork(nn.Module):
 
     def coefficients(self, force: Tensor) -> Tensor:
         """Coefficients c by the dense network, then ρ if it has any: (N, d, …) → (K·N, outputs)."""
-        a = self._encoded(force)
+        return self.corrected(self.encoded(force))
+
+    def corrected(self, a: Tensor) -> Tensor:
+        """The same from coefficients a: (N, input_modes) → (K·N, outputs)."""
         terms = [] if self.series is None else self.series(a)
         inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
-        outputs: Tensor = self.dense(torch.cat(inputs, dim=1)).to(force.dtype)
+        outputs: Tensor = self.dense(torch.cat(inputs, dim=1)).to(a.dtype)
         for term in terms:
             of_all = term if self.members == 1 else term.repeat(self.members, 1)
             outputs = outputs + functional.pad(of_all, (0, outputs.shape[1] - len(self.modes)))
         return outputs
 
-    def _encoded(self, force: Tensor) -> Tensor:
-        """Coefficients a of scaled forces."""
+    def encoded(self, force: Tensor) -> Tensor:
+        """Coefficients a of scaled forces, (N, d, nx, ny[, nz]) → (N, input_modes)."""
         return functional.linear(at_points(force, self.points), self.encoder)

@@ -35,11 +35,14 @@ class Mechanics:
         weights, that a nodal force reaches by way of the grid.
     certified : bool
         Whether the page estimates errors: they are those of linear elements under dead loads.
+    band : int
+        Entries of the band of K, if the network needs it and it is too large for a page; else 0.
     """
 
     material: dict[str, Any] | None
     arrays: Arrays
     certified: bool
+    band: int = 0
 
 
 def drawn(geometry: Geometry) -> Arrays:
@@ -64,7 +67,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     Raises
     ------
     InputError
-        If the network contains the linear response of a body whose band is too large.
+        If the network contains the linear response, and the body is none that a page can compute.
     """
     data, series = surrogate.description.data, surrogate.description.run.has_series
     is_needed, certified = surrogate.network.linear is not None, _certified(surrogate)
@@ -78,10 +81,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
         layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
         entries = len(layout.dofs) * (layout.width + 1)
         if entries > BAND:
-            raise InputError(
-                f"page: the body's stiffness takes a band of {entries} entries, expected {BAND} at "
-                "most on a page"
-            )
+            return Mechanics(None, {}, False, entries if is_needed else 0)
     except InputError:
         if is_needed:
             raise

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -24,11 +25,12 @@ from surrogate.inference.export import require_packages
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.no_network import NoNetwork
-from surrogate.page.body import drawn, mechanics_of
+from surrogate.page.body import BAND, drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
 from surrogate.page.page_loads import page_loads
 from surrogate.page.page_network import NO_NETWORK, page_network
+from surrogate.page.surface_network import fits, surface_arrays, surface_network
 from surrogate.probabilistic.moments import Moments
 from surrogate.series import SeriesResponse
 
@@ -94,21 +96,34 @@ def write_page(
     require_writable(path)
     bundle, surrogate = read_bundle(), load(run)
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
+    if mechanics.band and not fits(surrogate):
+        raise InputError(
+            f"page: the body's stiffness takes a band of {mechanics.band} entries, expected {BAND} "
+            "at most, or a deterministic reduced network, for a page"
+        )
     if order == 0:
         require_packages("onnx")
     loads = page_loads(surrogate, patch)
-    table, block = packed(drawn(surrogate.geometry) | mechanics.arrays | loads.arrays)
+    arrays = drawn(surrogate.geometry) | loads.arrays
+    surface = np.unique(arrays["vertices"])
+    arrays = surface_arrays(arrays, surface) if mechanics.band else arrays | mechanics.arrays
+    table, block = packed(arrays)
     content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
-    content |= {"certified": mechanics.certified, "series": order}
+    content |= {"certified": mechanics.certified, "series": order, "places": None}
     parts = {
         "style": bundle.style,
         "script": bundle.script,
         "arrays": inlined(block),
         "runtime": "" if order else in_base64(bundle.runtime),
     }
-    left = largest - sum(len(part.encode()) for part in parts.values())
-    network = NO_NETWORK if order else page_network(surrogate, int(left / BASE64))
+    left = int((largest - sum(len(part.encode()) for part in parts.values())) / BASE64)
+    if mechanics.band:
+        network, places = surface_network(surrogate, loads, surface, left)
+        content |= {"loads": None, "needsResponse": False}
+        content["places"] = np.searchsorted(surface, places).tolist()
+    else:
+        network = NO_NETWORK if order else page_network(surrogate, left)
     content["passes"] = network.passes
     page = PAGES.get_template("page.html.j2").render(
         title=content["case"],

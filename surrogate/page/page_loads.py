@@ -129,6 +129,15 @@ def patches_of(geometry: Geometry, radius: float) -> tuple[csr_array, NDArray[np
     return found, np.array(areas)
 
 
+def rows_of_patches(arrays: Arrays) -> csr_array | None:
+    """The patches in the arrays of a page; None if forces act on nodes."""
+    if "patchStarts" not in arrays:
+        return None
+    count = len(arrays["patchStarts"]) - 1
+    parts = arrays["patchWeights"], arrays["patchNodes"], arrays["patchStarts"]
+    return csr_array(parts, shape=(count, count))
+
+
 def _is_everywhere(family: Mapping[str, Any]) -> bool:
     """True if a family is not restricted to a region."""
     region = family.get("region") or {}

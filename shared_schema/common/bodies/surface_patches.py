@@ -49,7 +49,8 @@ class SurfacePatches:
     def weights(self, centre: Array, radius: float) -> Array:
         """Integrate for every node: (n_nodes,) in m², all zero where no facet is in reach."""
         squares = ((self.positions - centre) ** 2).sum(axis=-1) / radius**2
-        profile = np.clip(1 - squares, 0, None) ** 2
+        reached = (squares < 1).any(axis=1)
+        profile = np.clip(1 - squares[reached], 0, None) ** 2
         weights = np.zeros(self.nodes)
-        np.add.at(weights, self.facets, (profile * self.areas) @ self.values)
+        np.add.at(weights, self.facets[reached], (profile * self.areas[reached]) @ self.values)
         return weights

@@ -25,6 +25,8 @@ interface Text {
   patch: number;
   /** Largest components of the body force in N/m³; null for a case without one. */
   density: number[] | null;
+  /** Nodes of a large body that can be touched, whose unit loads its network knows; null for all. */
+  places: number[] | null;
   material: Material | null;
   /** Whether the mechanics are those of the body, so that errors are estimated. */
   certified: boolean;

@@ -68,6 +68,15 @@ export class Loads {
     return force;
   }
 
+  /** Sizes of unit loads: of the body force, if the body has one, and about some places. */
+  sizes(places: readonly number[]): Float32Array {
+    const { d, volumes } = this.on;
+    const known = volumes ? [BODY, ...places] : places;
+    const found = new Float32Array(known.length * d);
+    for (const { node, force } of this.acting) found.set(force, known.indexOf(node) * d);
+    return found;
+  }
+
   /** Nodal forces in N of unit components of a load. */
   units({ node }: Load): Float64Array[] {
     const { nodes, d } = this.on;

@@ -138,6 +138,9 @@ async function start(): Promise<void> {
 
   /** Fields of the network; null while it or a response is missing. */
   const networkFields = async (acting: readonly Load[]): Promise<Fields | null> => {
+    if (content.places) {
+      return (await network?.predictSizes(state.loads.sizes(content.places))) ?? null;
+    }
     const length = content.nodes * content.d;
     const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
     if (network === null || (response === null && content.needsResponse)) {

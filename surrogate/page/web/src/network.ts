@@ -35,6 +35,15 @@ export class Network {
     const shape = [1, this.nodes, this.d];
     const inputs: Record<string, Tensor> = { force: new Tensor("float32", force, shape) };
     if (response) inputs.response = new Tensor("float64", response, shape);
+    return this.run(inputs);
+  }
+
+  /** Predict fields from the sizes of unit loads, of a network that knows some of them. */
+  predictSizes(load: Float32Array): Promise<Fields> {
+    return this.run({ load: new Tensor("float32", load, [1, load.length]) });
+  }
+
+  private async run(inputs: Record<string, Tensor>): Promise<Fields> {
     const outputs = await this.session.run(inputs);
     return Object.fromEntries(
       Object.entries(outputs).map(([name, tensor]) => [name, tensor.data as Float32Array]),

@@ -54,7 +54,7 @@ export class BodyMesh {
       this.mesh,
       segments(this.nodes, features, INK, 0.85),
       this.discs(
-        content.patches ? [] : loadableNodes(content),
+        content.patches ? (content.places ?? []) : loadableNodes(content),
         d === 2 ? 6 : 4,
         INK,
         d === 2 ? 0.8 : 0.5,
@@ -126,6 +126,7 @@ export class BodyMesh {
 
 /** Nodes of the surface that the training loaded. */
 export function loadableNodes(content: Content): number[] {
+  if (content.places) return content.places;
   const drawn = new Set(content.vertices);
   return [...drawn].filter((node) => content.loadable[node]).sort((a, b) => a - b);
 }

@@ -60,7 +60,8 @@ export class Scene {
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
     this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
-    this.pickable = [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
+    this.pickable =
+      content.places ?? [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
     this.three.add(this.body.group, supportMarks(content, this.diagonal), this.arrows.group);
 
     const far = 50 * this.diagonal;
@@ -177,7 +178,7 @@ export class Scene {
   pick(x: number, y: number): number | null {
     this.aim(x, y);
     const face = this.raycaster.intersectObject(this.body.surface)[0]?.face;
-    const { loadable, clamped, d, vertices } = this.state.content;
+    const { loadable, clamped, d, vertices, places } = this.state.content;
     if (!face || d === 2) {
       const near = this.pickable.filter((node) => this.distance(node, x, y) < NEAR);
       const trained = near.filter((node) => loadable[node]);
@@ -186,12 +187,19 @@ export class Scene {
       }
     }
     if (!face) return null;
+    if (places) return this.closest(places, this.body.at(vertices[face.a]));
     const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]);
     return this.nearest(
       corners.filter((node) => !clamped[node]),
       x,
       y,
     );
+  }
+
+  /** The nearest of some nodes in space. */
+  private closest(nodes: readonly number[], point: Vector3): number {
+    const distance = (node: number): number => this.body.at(node).distanceToSquared(point);
+    return nodes.reduce((best, node) => (distance(node) < distance(best) ? node : best));
   }
 
   /** Where a pointer is in the plane through a point that faces the camera. */
