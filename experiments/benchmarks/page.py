@@ -52,7 +52,7 @@ def quantiles(times: Sequence[float]) -> list[float]:
     return [round(float(q), 2) for q in np.quantile(times, [0.1, 0.5, 0.9])]
 
 
-def drags(page: OpenPage, node: int, moves: int) -> dict[str, float | list[float]]:
+def drags(page: OpenPage, node: int, moves: int) -> Results:
     """Press on a node and drag it around; return times in ms."""
     x, y = page.pixel(node)
     mouse = page.page.mouse
@@ -90,16 +90,7 @@ def measure_run(browser: Browser, run: Path, moves: int, openings: int) -> Resul
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "page.html"
         written = write_page(run, path)
-        marks: dict[str, list[float]] = {}
-        for opening in range(openings):
-            page = OpenPage(browser, path, WIDTH, HEIGHT)
-            for name, begins in page.page.evaluate(
-                "performance.getEntriesByType('mark').map((m) => [m.name, m.startTime])"
-            ):
-                marks.setdefault(name, []).append(begins)
-            if opening == openings - 1:
-                found = drags(page, model.geometry.tip, moves)
-            page.close()
+        found = measure_page(browser, path, model.geometry.tip, moves, openings)
     return {
         "run": run.name,
         "network": model.description.run.architecture,
@@ -107,6 +98,26 @@ def measure_run(browser: Browser, run: Path, moves: int, openings: int) -> Resul
         "dimension": model.geometry.dimension,
         "passes": None if written.passes is None else written.passes * model.network.members,
         "megabytes": round(written.size / 1e6, 1),
+        **found,
+    }
+
+
+def measure_page(browser: Browser, path: Path, node: int, moves: int, openings: int) -> Results:
+    """Open a page several times, and drag a node, or what can be touched of a large body."""
+    marks: dict[str, list[float]] = {}
+    for opening in range(openings):
+        page = OpenPage(browser, path, WIDTH, HEIGHT)
+        for name, begins in page.page.evaluate(
+            "performance.getEntriesByType('mark').map((m) => [m.name, m.startTime])"
+        ):
+            marks.setdefault(name, []).append(begins)
+        if opening == openings - 1:
+            places = page.page.evaluate("surrogatePage.state.content.places")
+            found = drags(page, places[-1] if places else node, moves)
+            if places:
+                found["places"] = len(places)
+        page.close()
+    return {
         "first_frame_ms": round(float(np.median(marks["first frame"])), 0),
         "ready_ms": round(float(np.median(marks["ready"])), 0),
         **found,

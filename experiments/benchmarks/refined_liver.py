@@ -19,14 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.page import measure_page
 from experiments.framework.machine import ROOT
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import Timing, median_seconds
 from shared_schema.common import Parser, WorkError, largest_resident
 from surrogate import Surrogate, load, read_dataset
+from tests.surrogate.page.browser import chromium
 
 CASE, LIMIT, SEED = "liver3d", 500.0, 5  # body forces in N/m³
-TOLERANCE, LOADS = 5e-3, 20
+TOLERANCE, LOADS, MOVES = 5e-3, 20, 240
 Array = NDArray[np.float64]
 DATAGEN = ROOT / ".venv-datagen" / "bin" / "python"
 RANKS = "mpirun", "-n", "2"
@@ -96,6 +98,9 @@ def measure(options: argparse.Namespace) -> Results:
     train = ("train", f"{CASE}-reduced-fast", "--data", "structured", "--out", "reduced")
     steps.take("train", "surrogate", *train, *network, "--set", f"training.epochs={options.epochs}")
     results["reduced"] = predictions(steps.folder / "reduced", surface=True)
+    steps.take("page", "surrogate", "page", "reduced", "--out", "page.html")
+    with chromium() as browser:
+        results["page"] = measure_page(browser, steps.folder / "page.html", 0, MOVES, openings=3)
     dataset = read_dataset(steps.folder / "structured")
     truth = dataset.nodal_test
     results["nodes"] = len(dataset.geometry.coordinates)
@@ -171,6 +176,7 @@ PARTS = {
     "data": "samples, two ranks",
     "structure": "their nodes in a row",
     "train": "training of the reduced network",
+    "page": "its page",
 }
 
 
@@ -207,6 +213,19 @@ def page(results: Results) -> str:
         f"{results['samples']} samples, of which {results['test_samples']} are for the test. Times "
         f"of single predictions are medians\nover {LOADS} loads.\n\n"
         f"{markdown_table(('prediction', 'time', 'error on the test samples'), rows)}"
+        f"{of_page(results['page']) if 'page' in results else ''}"
+    )
+
+
+def of_page(found: Results) -> str:
+    """Describe the page of the reduced network."""
+    ready, places = found["ready_ms"] / 1e3, found["places"]
+    low, middle, high = found["frame_ms"]
+    return (
+        f"\nThe page (`surrogate page`) is ready {ready:.1f} s after it is opened in Chromium "
+        f"without a graphics processor.\nForces on patches of the surface about {places} places "
+        f"follow a drag with {middle:.3g} ms a frame (10 to 90 %:\n{low:.3g} to {high:.3g}), of "
+        "which most is drawing.\n"
     )
 
 

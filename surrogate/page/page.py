@@ -28,7 +28,7 @@ from surrogate.networks.no_network import NoNetwork
 from surrogate.page.body import BAND, drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
-from surrogate.page.page_loads import page_loads
+from surrogate.page.page_loads import Arrays, load_arrays, page_loads
 from surrogate.page.page_network import NO_NETWORK, page_network
 from surrogate.page.surface_network import fits, surface_arrays, surface_network
 from surrogate.probabilistic.moments import Moments
@@ -104,31 +104,36 @@ def write_page(
     if order == 0:
         require_packages("onnx")
     loads = page_loads(surrogate, patch)
-    arrays = drawn(surrogate.geometry) | loads.arrays
-    surface = np.unique(arrays["vertices"])
-    arrays = surface_arrays(arrays, surface) if mechanics.band else arrays | mechanics.arrays
-    table, block = packed(arrays)
-    content = described(surrogate, run) | {"material": mechanics.material, "arrays": table}
+    geometry, arrays = surrogate.geometry, drawn(surrogate.geometry) | mechanics.arrays
+    content = described(surrogate, run) | {"material": mechanics.material}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
     content |= {"certified": mechanics.certified, "series": order, "places": None}
-    parts = {
-        "style": bundle.style,
-        "script": bundle.script,
-        "arrays": inlined(block),
-        "runtime": "" if order else in_base64(bundle.runtime),
-    }
-    left = int((largest - sum(len(part.encode()) for part in parts.values())) / BASE64)
+    parts = {"style": bundle.style, "script": bundle.script}
+    parts["runtime"] = "" if order else in_base64(bundle.runtime)
+
+    def left(arrays: Arrays) -> int:
+        """Bytes that a network may have beside arrays."""
+        taken = len(inlined(packed(arrays)[1])) + sum(len(part.encode()) for part in parts.values())
+        return int((largest - taken) / BASE64)
+
     if mechanics.band:
-        network, places = surface_network(surrogate, loads, surface, left)
+        surface = np.unique(arrays["vertices"])
+        network, places = surface_network(
+            surrogate, loads, surface, left(surface_arrays(arrays, surface))
+        )
+        arrays = surface_arrays(arrays | load_arrays(geometry, loads, places), surface)
         content |= {"loads": None, "needsResponse": False}
         content["places"] = np.searchsorted(surface, places).tolist()
     else:
-        network = NO_NETWORK if order else page_network(surrogate, left)
+        arrays |= load_arrays(geometry, loads, np.arange(len(geometry.coordinates)))
+        network = NO_NETWORK if order else page_network(surrogate, left(arrays))
+    content["arrays"], block = packed(arrays)
     content["passes"] = network.passes
     page = PAGES.get_template("page.html.j2").render(
         title=content["case"],
         content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         network=inlined(network.content) if network.content else "",
+        arrays=inlined(block),
         **parts,
     )
     size = len(page.encode())

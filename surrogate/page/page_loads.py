@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array, vstack
 
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets
@@ -19,6 +19,7 @@ from surrogate.inference.surrogate import Surrogate
 
 FINGER = 0.05  # of the diagonal and of the largest body force: patch where nothing else acts
 Arrays = dict[str, NDArray[Any]]
+Integers = NDArray[np.int64]
 Families = list[Mapping[str, Any]]
 
 
@@ -34,16 +35,11 @@ class PageLoads:
         Largest components of a dragged force in N, which set the length of arrows.
     density : tuple of d floats or None
         Largest components of the body force in N/m³; None if the case has no body force.
-    arrays : dict
-        For patches ``patchStarts``, ``patchNodes`` and ``patchWeights``: nodes, with weights of
-        sum 1, that a force about each node reaches. For a body force ``volumes``: what of the
-        body belongs to each node, in m³.
     """
 
     radius: float
     largest: tuple[float, ...]
     density: tuple[float, ...] | None
-    arrays: Arrays
 
 
 def page_loads(surrogate: Surrogate, radius: float | None = None) -> PageLoads:
@@ -69,22 +65,42 @@ def page_loads(surrogate: Surrogate, radius: float | None = None) -> PageLoads:
     weights = [f for f in families if f["family"] == "body_force" and _is_everywhere(f)]
     if radius is None:
         radius = _radius(geometry, patches, alone=bool(weights) and len(weights) == len(families))
-    arrays, largest = Arrays(), surrogate.description.data.info.force.max_abs
+    largest = surrogate.description.data.info.force.max_abs
     density = _largest(weights) if weights else None
-    if density is not None:
-        arrays["volumes"] = nodal_volumes(geometry.coordinates, geometry.cells)
-    if radius > 0:
-        spread, areas = patches_of(geometry, radius)
-        arrays |= {
-            "patchStarts": spread.indptr.astype(np.int32),
-            "patchNodes": spread.indices.astype(np.int32),
-            "patchWeights": spread.data,
+    if radius > 0 and patches:
+        area = np.pi * radius**2 / 3 if d == 3 else 16 * radius / 15  # ∫ (1 − r²/R²)² dS
+        largest = (_largest(patches) * area,) * d
+    elif radius > 0 and density is not None:
+        largest = (FINGER * density * float(volumes_of(geometry).sum()),) * d
+    return PageLoads(radius, largest, None if density is None else (density,) * d)
+
+
+def load_arrays(geometry: Geometry, loads: PageLoads, nodes: Integers) -> Arrays:
+    """What loads on a page act on, for nodes that can be touched.
+
+    Returns
+    -------
+    dict
+        For patches ``patchStarts``, ``patchNodes`` and ``patchWeights``, rows by node number of the
+        nodes, with weights of sum 1, that a force about each of `nodes` reaches. For a body force
+        ``volumes``, what of the body belongs to each node, in m³.
+    """
+    found = {} if loads.density is None else {"volumes": volumes_of(geometry)}
+    if loads.radius > 0:
+        rows = patches_of(geometry, loads.radius, nodes).tocoo()
+        count = len(geometry.coordinates)
+        placed = csr_array((rows.data, (nodes[rows.row], rows.col)), shape=(count, count))
+        found |= {
+            "patchStarts": placed.indptr.astype(np.int32),
+            "patchNodes": placed.indices.astype(np.int32),
+            "patchWeights": placed.data,
         }
-        if patches:
-            largest = (_largest(patches) * float(areas.mean()),) * d
-        elif density is not None:
-            largest = (FINGER * density * float(arrays["volumes"].sum()),) * d
-    return PageLoads(radius, largest, None if density is None else (density,) * d, arrays)
+    return found
+
+
+def volumes_of(geometry: Geometry) -> NDArray[np.float64]:
+    """What of the body belongs to each node, (n_nodes,) in m³."""
+    return nodal_volumes(geometry.coordinates, geometry.cells)
 
 
 def families_of(case: Mapping[str, Any]) -> Families:
@@ -93,49 +109,29 @@ def families_of(case: Mapping[str, Any]) -> Families:
     return list(families) if isinstance(families, list | tuple) else [families]
 
 
-def patches_of(geometry: Geometry, radius: float) -> tuple[csr_array, NDArray[np.float64]]:
-    """Nodes that a force about each node of the boundary reaches.
+def patches_of(geometry: Geometry, radius: float, nodes: Integers) -> csr_array:
+    """Weights of the nodes that forces about some nodes reach: (n, n_nodes), rows of sum 1.
 
-    Nodes elsewhere, and those about which no part of the boundary is in reach, bear it alone.
+    Nodes inside the body, and those about which no part of the boundary is in reach, bear a force
+    alone. A radius of 0 m is that of a force on the node.
 
     Parameters
     ----------
     geometry : Geometry
     radius : float
         In m.
-
-    Returns
-    -------
-    weights : csr_array, (n_nodes, n_nodes)
-        Rows of sum 1.
-    areas : array
-        Sums of the weights of the patches themselves, in m².
+    nodes : array of int, (n,)
     """
     x, facets = geometry.coordinates, boundary_facets(geometry.cells, geometry.cell_type)
-    surface, on_boundary = SurfacePatches.of(x, facets), set(np.unique(facets))
-    starts, columns, values, areas = [0], [], [], []
-    for node in range(len(x)):
-        weights = surface.weights(x[node], radius) if node in on_boundary else np.zeros(0)
-        reached = np.flatnonzero(weights)
-        if len(reached):
-            areas.append(float(weights.sum()))
-            columns.append(reached)
-            values.append(weights[reached] / areas[-1])
-        else:
-            columns.append(np.array([node]))
-            values.append(np.ones(1))
-        starts.append(starts[-1] + len(columns[-1]))
-    found = csr_array((np.concatenate(values), np.concatenate(columns), starts), (len(x), len(x)))
-    return found, np.array(areas)
-
-
-def rows_of_patches(arrays: Arrays) -> csr_array | None:
-    """The patches in the arrays of a page; None if forces act on nodes."""
-    if "patchStarts" not in arrays:
-        return None
-    count = len(arrays["patchStarts"]) - 1
-    parts = arrays["patchWeights"], arrays["patchNodes"], arrays["patchStarts"]
-    return csr_array(parts, shape=(count, count))
+    surface = SurfacePatches.of(x, facets)
+    spread = np.isin(nodes, facets) & (radius > 0)
+    rows = []
+    for node, is_spread in zip(nodes, spread, strict=True):
+        row = surface.weights(x[node], radius) if is_spread else np.zeros(len(x))
+        if not row.any():
+            row[node] = 1.0
+        rows.append(coo_array(row[None] / row.sum()))
+    return csr_array(vstack(rows))
 
 
 def _is_everywhere(family: Mapping[str, Any]) -> bool:

@@ -26,13 +26,16 @@ from surrogate.inference.export import responses, save_function
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.free_points import on_grid
 from surrogate.networks.reduced_network import ReducedNetwork
-from surrogate.page.page_loads import Arrays, PageLoads, rows_of_patches
+from surrogate.page.page_loads import Arrays, PageLoads, patches_of, volumes_of
 from surrogate.page.page_network import PageNetwork
 
 PLACES = 100  # places that can be touched, at most
 AT_ONCE = 48  # unit loads that are solved for at once
+PATCH = 12_000  # bytes of the weights of a patch, that of a thousand nodes
 SHORT = 2**15 - 1  # largest 16-bit number
-BY_NODE = ("lines", "features", "supports", "vertices")  # arrays of node numbers
+OF_NODES = ("coordinates", "held", "loadable", "volumes")  # arrays by node
+NUMBERS = ("lines", "features", "supports", "vertices", "patchNodes")  # arrays of node numbers
+Integers = NDArray[np.int64]
 
 
 class Rows(nn.Module):
@@ -72,9 +75,7 @@ class SurfaceNetwork(nn.Module):
 
     encoder: Tensor
 
-    def __init__(
-        self, surrogate: Surrogate, units: NDArray[np.float64], nodes: NDArray[np.int64]
-    ) -> None:
+    def __init__(self, surrogate: Surrogate, units: NDArray[np.float64], nodes: Integers) -> None:
         super().__init__()
         network, nodal = surrogate.network, surrogate.nodal_network
         reduced = network.network
@@ -102,44 +103,28 @@ def fits(surrogate: Surrogate) -> bool:
     """Whether `SurfaceNetwork` is for a network."""
     network = surrogate.network
     is_reduced = isinstance(network.network, ReducedNetwork)
-    plain = not surrogate.is_probabilistic and not surrogate.is_stochastic
-    return is_reduced and plain and network.skip and surrogate.geometry.grid.points_are_nodes
+    plain = is_reduced and not surrogate.is_probabilistic
+    return plain and network.skip and surrogate.geometry.grid.points_are_nodes
 
 
-def surface_arrays(arrays: Arrays, nodes: NDArray[np.int64]) -> Arrays:
-    """Arrays of a page (`drawn`, `PageLoads`) of some nodes alone, those of the surface."""
-    patches = rows_of_patches(arrays)
+def surface_arrays(arrays: Arrays, nodes: Integers) -> Arrays:
+    """Arrays of a page (`drawn`, `load_arrays`) of some nodes alone, those of the surface."""
     number = np.full(len(arrays["coordinates"]), -1, dtype=np.int32)
     number[nodes] = np.arange(len(nodes))
-    found = {name: values for name, values in arrays.items() if not name.startswith("patch")}
-    for name in ("coordinates", "held", "loadable", "volumes"):
-        if name in found:
-            found[name] = found[name][nodes]
-    found |= {name: number[found[name]] for name in BY_NODE}
-    if patches is not None:
-        rows = patches[nodes][:, nodes].tocsr()
-        found |= {
-            "patchStarts": rows.indptr.astype(np.int32),
-            "patchNodes": rows.indices.astype(np.int32),
-            "patchWeights": rows.data,
-        }
-    return found | {"cells": found["cells"][:0]}
+    found = dict(arrays) | {"cells": arrays["cells"][:0]}
+    found |= {name: arrays[name][nodes] for name in OF_NODES if name in arrays}
+    found |= {name: number[arrays[name]] for name in NUMBERS if name in arrays}
+    if "patchStarts" in arrays:
+        found["patchStarts"] = np.append(arrays["patchStarts"][nodes], arrays["patchStarts"][-1:])
+    return found
 
 
-def unit_loads(
-    surrogate: Surrogate, loads: PageLoads, places: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def unit_loads(geometry: Geometry, loads: PageLoads, places: Integers) -> NDArray[np.float64]:
     """Nodal forces of the unit loads, (q, n_nodes, d): of body forces, then about the places."""
-    geometry = surrogate.geometry
-    rows = [] if loads.density is None else [loads.arrays["volumes"]]
-    patches = rows_of_patches(loads.arrays)
-    if patches is None:
-        rows += list(np.eye(len(geometry.coordinates))[places])
-    else:
-        rows += list(patches[places].toarray())
-    units = np.einsum("kn,ij->kinj", np.array(rows), np.eye(geometry.dimension))
-    units = units.reshape(-1, *geometry.coordinates.shape)
-    return np.asarray(units * geometry.free)
+    about = patches_of(geometry, loads.radius, places).toarray()
+    rows = about if loads.density is None else np.vstack([volumes_of(geometry), about])
+    units = np.einsum("kn,ij->kinj", rows, np.eye(geometry.dimension))
+    return np.asarray(units.reshape(-1, *geometry.coordinates.shape) * geometry.free)
 
 
 def spread_places(geometry: Geometry, surface: NDArray[np.int64], most: int) -> NDArray[np.int64]:
@@ -156,8 +141,8 @@ def spread_places(geometry: Geometry, surface: NDArray[np.int64], most: int) -> 
 
 
 def surface_network(
-    surrogate: Surrogate, loads: PageLoads, nodes: NDArray[np.int64], largest: int
-) -> tuple[PageNetwork, NDArray[np.int64]]:
+    surrogate: Surrogate, loads: PageLoads, nodes: Integers, largest: int
+) -> tuple[PageNetwork, Integers]:
     """Make the network of a large body's page, and choose the places that can be touched.
 
     Parameters
@@ -181,20 +166,21 @@ def surface_network(
     InputError
         If no place fits.
     """
-    reduced, d = surrogate.network.network, surrogate.geometry.dimension
-    row = 2 * d * len(nodes)  # bytes
+    reduced, geometry = surrogate.network.network, surrogate.geometry
+    d = geometry.dimension
+    row = 2 * d * len(nodes)  # bytes of the displacements of the surface
     weights = sum(p.nbytes for p in reduced.parameters())
     fixed = weights + row * len(reduced.get_buffer("modes"))
     fixed += 0 if loads.density is None else d * row
-    most = min(PLACES, (largest - fixed) // (d * row))
+    most = min(PLACES, (largest - fixed) // (d * row + PATCH))
     if most < 1:
         raise InputError(
             f"page: the network of the surface takes {fixed / 1e6:.1f} MB, expected "
             f"{largest / 1e6:.1f} MB at most on a page"
         )
-    places = spread_places(surrogate.geometry, nodes, most)
+    places = spread_places(geometry, nodes, most)
     with torch.no_grad():
-        function = SurfaceNetwork(surrogate, unit_loads(surrogate, loads, places), nodes).eval()
+        function = SurfaceNetwork(surrogate, unit_loads(geometry, loads, places), nodes).eval()
     for name in ("encoder", "modes", "truncation"):
         setattr(reduced, name, reduced.get_buffer(name)[..., :0])  # the file does not need them
     function.requires_grad_(False)

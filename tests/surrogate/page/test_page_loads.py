@@ -12,7 +12,7 @@ import pytest
 from surrogate.data.dataset import Dataset
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
-from surrogate.page.page_loads import FINGER, page_loads, patches_of
+from surrogate.page.page_loads import FINGER, load_arrays, page_loads, patches_of
 from tests.surrogate.page.runs import untrained
 
 NODE = {"family": "random_node", "range": [-1, 2]}
@@ -52,8 +52,9 @@ def test_loads_are_those_of_the_case(
     found = page_loads(model_of(dataset_3d, tmp_path, families), given)
     assert found.radius == pytest.approx(radius)
     assert found.density == (None if density is None else (density,) * 3)
-    assert ("volumes" in found.arrays) == (density is not None)
-    assert ("patchStarts" in found.arrays) == (radius > 0)
+    arrays = load_arrays(dataset_3d.geometry, found, np.array([5, 8]))
+    assert ("volumes" in arrays) == (density is not None)
+    assert ("patchStarts" in arrays) == (radius > 0)
 
 
 def test_weight_alone_is_touched_by_a_finger(dataset_3d: Dataset, tmp_path: Path) -> None:
@@ -66,11 +67,15 @@ def test_weight_alone_is_touched_by_a_finger(dataset_3d: Dataset, tmp_path: Path
 def test_force_about_a_node_reaches_a_part_of_the_boundary(dataset_3d: Dataset) -> None:
     """Its resultant is the force; inner nodes bear theirs alone."""
     geometry = dataset_3d.geometry
-    weights, areas = patches_of(geometry, 0.6)
-    assert weights.sum(axis=1) == pytest.approx(np.ones(len(geometry.coordinates)))
-    assert len(areas) == len(geometry.surface_nodes)
-    inner = np.setdiff1d(np.arange(len(geometry.coordinates)), geometry.surface_nodes)
-    np.testing.assert_array_equal(weights[inner].toarray(), np.eye(weights.shape[0])[inner])
+    everywhere = np.arange(len(geometry.coordinates))
+    weights = patches_of(geometry, 0.6, everywhere)
+    assert weights.sum(axis=1) == pytest.approx(np.ones(len(everywhere)))
+    inner = np.setdiff1d(everywhere, geometry.surface_nodes)
+    np.testing.assert_array_equal(weights[inner].toarray(), np.eye(len(everywhere))[inner])
+    np.testing.assert_array_equal(
+        weights[[7]].toarray(), patches_of(geometry, 0.6, everywhere[7:8]).toarray()
+    )
+    assert np.count_nonzero(weights[geometry.surface_nodes].toarray()) > 2 * len(everywhere)
     reached = weights.tocoo()
     distance = np.linalg.norm(
         geometry.coordinates[reached.row] - geometry.coordinates[reached.col], axis=1

@@ -19,6 +19,7 @@ from surrogate.page import body
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import page_loads
 from surrogate.page.surface_network import (
+    PATCH,
     Rows,
     SurfaceNetwork,
     spread_places,
@@ -57,7 +58,7 @@ def test_sums_of_unit_loads(run: Path) -> None:
     model = load(run)
     loads, nodes = page_loads(model), model.geometry.surface_nodes
     places = spread_places(model.geometry, nodes, 5)
-    units = unit_loads(model, loads, places)
+    units = unit_loads(model.geometry, loads, places)
     assert len(units) == 3 * (1 + 5)
     sizes = np.random.default_rng(0).normal(size=(2, len(units)))
     expected = model.predict(np.einsum("nq,qai->nai", sizes, units))[:, nodes]
@@ -71,7 +72,7 @@ def test_unit_loads_are_those_of_a_command(run: Path) -> None:
     model = load(run)
     loads = page_loads(model)
     place = int(spread_places(model.geometry, model.geometry.surface_nodes, 1)[0])
-    units = unit_loads(model, loads, np.array([place]))
+    units = unit_loads(model.geometry, loads, np.array([place]))
     at = ",".join(map(str, model.geometry.coordinates[place]))
     given = given_load(model.geometry, f"{at},0.6:0,2,-1", body_force="3,0,0.5")
     sizes = np.array([3, 0, 0.5, 0, 2, -1])
@@ -101,7 +102,7 @@ def test_as_many_places_as_fit(run: Path) -> None:
     row = 2 * 3 * len(nodes)
     weights = sum(p.nbytes for p in model.network.network.parameters())
     fixed = weights + (6 + 3) * row
-    _, places = surface_network(model, loads, nodes, fixed + 3 * 2 * row)
+    _, places = surface_network(model, loads, nodes, fixed + 2 * (3 * row + PATCH))
     assert len(places) == 2
     with pytest.raises(InputError, match="the network of the surface takes"):
         surface_network(load(run), loads, nodes, fixed)
