@@ -56,7 +56,7 @@ class Solution:
     cell_type : str
         meshio's name.
     force : array, (n_nodes, d)
-        Nodal forces in N, with those of pressures on the undeformed body and of moved groups.
+        Nodal forces in N, with those of pressures on the undeformed body and of held nodes.
     displacement : array, (n_nodes, d)
         In m.
     reactions : array, (n_nodes, d)
@@ -145,7 +145,7 @@ def solve(
     load: Loads = (),
     *,
     forces: Sequence[Path | str] = (),
-    move: Sequence[str] = (),
+    held: Sequence[str] = (),
     body_force: str | Sequence[float] | None = None,
     nearest: bool = False,
     start: Path | str | Array | None = None,
@@ -166,8 +166,9 @@ def solve(
         forces in N.
     forces : sequence of paths
         Files of forces, ``.npz`` or ``.csv``, which act as well.
-    move : sequence of str
-        Prescribed displacements of groups, such as ``tip:0,-0.1``; ``-`` is a free component.
+    held : sequence of str
+        Prescribed displacements in m of nodes and groups, as ``--hold`` takes them, such as
+        ``4,1:0,-0.1`` or ``tip:0,-``; ``-`` is a free component.
     body_force : str or sequence of d floats, optional
         A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
     nearest : bool
@@ -190,11 +191,11 @@ def solve(
     found = read_case(case, volumetric=volumetric, trust=trust, changes=changes)
     given: CommandLoads | None = None
 
-    def driven(mesh: Mesh, held: NDArray[np.bool_]) -> CommandLoads:
+    def driven(mesh: Mesh, supported: NDArray[np.bool_]) -> CommandLoads:
         nonlocal given
-        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, held, mesh.node_sets)
+        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, supported, mesh.node_sets)
         files = [Path(path) for path in forces]
-        given = command_loads(body, load, files, move, nearest, body_force)
+        given = command_loads(body, load, files, held, nearest, body_force)
         return given
 
     body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven)
@@ -212,7 +213,7 @@ def _solved(
     problem, case, mesh = body.problem, body.case, body.mesh
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
     if start is not None and (given.surfaces or given.moved.any()):
-        raise InputError(f"--start{said}: expected forces only, no pressure or --move")
+        raise InputError(f"--start{said}: expected forces only, no pressure or --hold")
     if (warning := body.warning()) is not None:
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))

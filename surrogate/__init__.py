@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from surrogate.runs.config_schema import config_keys, config_schema
     from surrogate.runs.shelf import shelve, shelved
     from surrogate.runs.trained_list import trained_list
+    from surrogate.touch.grip import Grip, GripFrame
     from surrogate.training.loop import train
     from surrogate.training.refinement import refine
 
@@ -45,6 +46,8 @@ __all__ = [
     "Comparison",
     "Dataset",
     "Evaluation",
+    "Grip",
+    "GripFrame",
     "LearningCurve",
     "OutsideTrainingWarning",
     "Proposal",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from datagen.commands.options import add_case
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.bodies.load_options import STRESSES, add_loads
+from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
@@ -27,13 +27,7 @@ def add_to(commands: Commands) -> None:
     )
     add_case(parser)
     add_loads(parser)
-    parser.add_argument(
-        "--move",
-        action="append",
-        default=[],
-        metavar="GROUP:UX,UY[,UZ]",
-        help="displacement in m of a group, - for a free component; repeatable",
-    )
+    add_held(parser)
     parser.add_argument(
         "--start",
         type=Path,
@@ -61,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
     require_suffix(options.out)
     if comm.rank == 0:
         require_writable(options.out)
-    names = ("load", "forces", "move", "body_force", "nearest", "start", "stresses")
+    names = ("load", "forces", "held", "body_force", "nearest", "start", "stresses")
     given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:

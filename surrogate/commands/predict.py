@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from shared_schema.common.bodies.load_options import STRESSES, add_loads
+from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads
 from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import add_device, add_out, add_passes, add_run, positive, share
 
@@ -31,6 +31,7 @@ def add_to(commands: Commands) -> None:
     )
     add_run(parser)
     add_loads(parser)
+    add_held(parser)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     fields = "fields at the nodes: force, displacement, standard deviations, half widths"
     add_out(parser, "FILE.(npz|vtu|xdmf)", fields)
@@ -64,6 +65,7 @@ def run(options: argparse.Namespace) -> None:
     require_writable(options.out)
     solution = surrogate.load(options.run, options.device).solve(
         [*options.load, *options.forces],
+        held=options.held or None,
         body_force=options.body_force,
         certify=options.certify,
         correct=options.correct,
@@ -79,6 +81,9 @@ def run(options: argparse.Namespace) -> None:
     for note in solution.notes:
         print(note)
     solution.save(options.out)
+    reactions = () if solution.grips is None else solution.grips
+    for text, reaction in zip(options.held, reactions, strict=True):
+        print(f"{text}: held by {','.join(f'{force:.6g}' for force in reaction)} N")
     print(f"{options.out}: {solution.summary()}")
     if solution.refusal is not None:
         raise NotCertifiedError(solution.refusal)

@@ -182,6 +182,7 @@ def given_load(
     load: Load,
     nearest: bool = False,
     body_force: str | Sequence[float] | None = None,
+    needed: bool = True,
 ) -> CommandLoads:
     """Return a load as forces and pressures on the body.
 
@@ -195,6 +196,8 @@ def given_load(
         Let forces at other places act at the nearest node.
     body_force : str or sequence of d floats, optional
         A force in N per m³ that acts everywhere as well.
+    needed : bool
+        No load at all is an error.
 
     Raises
     ------
@@ -206,6 +209,8 @@ def given_load(
     if isinstance(parts, list | tuple) and all(isinstance(part, str | Path) for part in parts):
         texts = [part for part in parts if isinstance(part, str)]
         files = [part for part in parts if isinstance(part, Path)]
+        if not parts and body_force is None and not needed:
+            return CommandLoads(body)
         given = command_loads(body, texts, files, nearest=nearest, body_force=body_force)
         if given.surfaces and geometry.pressed is None:
             raise InputError(

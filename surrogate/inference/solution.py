@@ -77,6 +77,8 @@ class Solution:
         What is unlike the forces of the training, so that the prediction may be wrong.
     units : Units
         Labels of all numbers, for messages and figures.
+    grips : array, (n_places, d), or None
+        Resultants of the forces at held places in N, which `force` contains; None without any.
     descent : Descent or None
         How directions ended (`surrogate.descent`): their number, the estimated error in m, and
         whether the tolerance was reached; None if they were not asked for.
@@ -99,6 +101,7 @@ class Solution:
     outside_training: tuple[str, ...]
     units: Units = SI
     descent: Descent | None = None
+    grips: Array | None = None
 
     @property
     def std(self) -> Array | None:
@@ -226,5 +229,8 @@ class Solution:
         if self.refusal is not None:
             certified = self.certificate is not None
             lines.append(f"{'not certified' if certified else 'not reached'}: {self.refusal}")
+        for reaction in () if self.grips is None else self.grips:
+            parts = ", ".join(f"{component:.4g}" for component in reaction)
+            lines.append(f"held by ({parts}) {units.force}")
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
         return "\n  ".join(lines)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
         Intervals,
     )
     from surrogate.inference.solution import Solution
+    from surrogate.touch.grip import GripFrame, Held
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -58,6 +60,7 @@ class Surrogate(TrainedNetwork):
         self,
         load: Load = (),
         *,
+        held: Held | None = None,
         body_force: str | Sequence[float] | None = None,
         certify: Literal["fast", "full"] | None = None,
         correct: bool = False,
@@ -78,6 +81,10 @@ class Surrogate(TrainedNetwork):
             Nodal forces in N; or texts as ``--load`` takes them, such as "4,1:0,-1.5" (a force in N
             at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a pressure in Pa),
             and files as ``--forces`` takes them. All act together.
+        held : mapping of str to displacements, or sequence of str, optional
+            Places and groups that are held at displacements in m, such as {"4,1": (0.02, None)},
+            or texts as ``--hold`` takes them, such as "4,1:0.02,-"; the solution's `force` holds
+            the forces that do it (`surrogate.Grip`).
         body_force : str or sequence of d floats, optional
             A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
         certify : {"full", "fast"}, optional
@@ -120,7 +127,11 @@ class Surrogate(TrainedNetwork):
         intervals = self.intervals if conformal else None
         fast = self._fast_of_level(level) if certify == "fast" else None
         self.require_stochastic(passes=passes, seed=seed)
-        given = given_load(self.geometry, load, nearest, body_force)
+        given = given_load(self.geometry, load, nearest, body_force, needed=held is None)
+        frame = None
+        if held is not None:
+            frame = self._held(held, given, nearest, correct, tolerance)
+            given.forces += frame.force
         force = given.at_rest
         passes = PASSES if passes is None else passes
         network = self.averaged_passes(force, passes, seed or 0)
@@ -172,9 +183,38 @@ class Surrogate(TrainedNetwork):
             stresses=self.stresses(displacement) if stresses else {},
             reaction=self.reactions(displacement, given.pushed(displacement)) if stresses else None,
             notes=tuple(given.notes),
+            grips=None if frame is None else frame.reactions,
             outside_training=tuple(self.training_range.exceeded(force).values()),
             units=self.description.data.units,
         )
+
+    def _held(
+        self,
+        held: Held,
+        given: CommandLoads,
+        nearest: bool,
+        correct: bool,
+        tolerance: float | None,
+    ) -> GripFrame:
+        """Find the forces of grips, by predictions; then for what the solution shows, if more."""
+        from surrogate.touch.grip import Grip
+
+        if given.surfaces:
+            raise InputError("held: expected forces beside it, no pressure")
+        grip = Grip(self, held, nearest)
+        given.notes += grip.notes
+        frame = grip.move(grip.displacements, given.forces)
+        if correct:
+
+            def shown(force: Array) -> Array:
+                return self.correct(force).displacement
+        elif tolerance is not None:
+
+            def shown(force: Array) -> Array:
+                return self.predict(force, tolerance=tolerance)
+        else:
+            return frame
+        return grip.move(grip.displacements, given.forces, predict=shown)
 
     # --- certificates and corrections -------------------------------------------------------------
 

@@ -57,7 +57,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ],
         ["models", "runs"],
         ["descent"],
-        ["inference", "certify"],
+        ["inference", "certify", "touch"],
         ["training", "planning", "measures", "figures", "evaluation", "page"],
         ["commands", "command_line"],
     ],

@@ -79,6 +79,9 @@ def test_move(body: LoadedBody) -> None:
     loads = command_loads(body, [], moves=["end:-,0.5"])
     assert loads.moved.tolist() == [[False, bool(node in (2, 5))] for node in range(6)]
     assert loads.displacement[[2, 5]].tolist() == [[0, 0.5], [0, 0.5]]
+    at_place = command_loads(body, [], moves=["4.9,1.1:0.2,-"], nearest=True)
+    assert np.argwhere(at_place.moved).tolist() == [[5, 0]]
+    assert at_place.notes == ["--hold '4.9,1.1:0.2,-': acts at the nearest node, 5,1"]
 
 
 def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
@@ -123,6 +126,10 @@ def test_wrong_loads(body: LoadedBody, load: str, said: str) -> None:
         ("hole:1,2", "the groups of the mesh are corners, end, top"),
         ("end:1", "expected 2 numbers (m), or - for a free component"),
         ("top:1,0", "held or moved already"),
+        ("end:-,-", "a displacement of one component at least"),
+        ("0,0:1,0", "the node is clamped"),
+        ("5,0.5:1,0", "the nearest is at 5,0 (--nearest)"),
+        ("5,nan:1,0", "expected finite numbers"),
     ],
 )
 def test_wrong_moves(body: LoadedBody, move: str, said: str) -> None:
@@ -132,9 +139,10 @@ def test_wrong_moves(body: LoadedBody, move: str, said: str) -> None:
 
 
 def test_force_and_displacement_of_one_component(body: LoadedBody) -> None:
-    with pytest.raises(InputError, match="a force acts on a moved component"):
-        command_loads(body, ["5,1:0,1"], moves=["end:-,0.5"])
-    assert command_loads(body, ["5,1:1,0"], moves=["end:-,0.5"]).forces[5, 0] == 1
+    """What acts on a held component, a part of the weight at least, the grip bears."""
+    loads = command_loads(body, ["5,1:1,1"], moves=["end:-,0.5"], body_force=(0, -1))
+    assert loads.forces[5, 0] == 1
+    assert loads.moved[5].tolist() == [False, True]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-r"""The load that a command is given: ``--load``, ``--forces``, ``--body-force``, and ``--move``.
+r"""The load that a command is given: ``--load``, ``--forces``, ``--body-force``, and ``--hold``.
 
 ===========================  ======================================================================
 text                         meaning
@@ -13,13 +13,14 @@ text                         meaning
 ``GROUP:P``                  a pressure in Pa on the facets of the group, which follows the surface
 ``BX,BY[,BZ]``               with ``--body-force``: a force in N per m³ of the undeformed body,
                              everywhere
-``GROUP:UX,UY[,UZ]``         with ``--move``: a displacement in m of the group; ``-`` leaves a
-                             component free
+``X,Y[,Z]:UX,UY[,UZ]``       with ``--hold``: a displacement in m of the node there, or at the
+``GROUP:UX,UY[,UZ]``         nearest one, or of all nodes of a group; ``-`` leaves a component free
 ===========================  ======================================================================
 
 A file of forces is a solution (``.npz`` with `coordinates` and `force`), or text (``.csv``) with
 lines X,Y[,Z],FX,FY[,FZ]. All that acts on one node adds up. What would act on a held component of
-a group or a patch is borne by the supports.
+a group or a patch is borne by the supports; what acts on a component with a given displacement, by
+what holds it.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
-from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces
+from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces, node_at
 from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import read_field
@@ -211,22 +212,37 @@ class CommandLoads:
         self._require_free(forces, f"--forces '{path}'")
         self.forces += forces
 
-    def move(self, text: str) -> None:
-        """Add what ``--move`` says; InputError if it is wrong, or the group is held or moved."""
+    def move(self, text: str, nearest: bool = False) -> None:
+        """Add what ``--hold`` says; InputError if it is wrong, or a component is held or moved."""
         name, _, values = text.rpartition(":")
-        d, option = self.body.coordinates.shape[1], f"--move '{text}'"
-        if name not in self.body.groups:
-            names = ", ".join(sorted(self.body.groups)) or "none"
-            raise InputError(f"{option}: expected GROUP:UX,UY, the groups of the mesh are {names}")
+        d, option = self.body.coordinates.shape[1], f"--hold '{text}'"
+        members = self._members(name, option, nearest)
         parts = [part.strip() for part in values.split(",")]
         components = np.array([part != "-" for part in parts])
         numbers = ",".join("0" if part == "-" else part for part in parts)
         wanted = _numbers(numbers, option, f"{d} numbers (m), or - for a free component", (d,))
-        moved = self.body.groups[name][:, None] & components
+        moved = members[:, None] & components
+        if not moved.any():
+            raise InputError(f"{option}: expected a displacement of one component at least")
         if (moved & (self.body.held | self.moved)).any():
-            raise InputError(f"{option}: a node of the group is held or moved already")
+            raise InputError(f"{option}: a node is held or moved already")
         self.moved |= moved
         self.displacement += moved * np.array(wanted)
+
+    def _members(self, name: str, option: str, nearest: bool) -> NDArray[np.bool_]:
+        """Nodes of a group, or the one at a place, (n_nodes,)."""
+        x, d = self.body.coordinates, self.body.coordinates.shape[1]
+        if name in self.body.groups:
+            return self.body.groups[name]
+        if not _is_position(name, d):
+            names = ", ".join(sorted(self.body.groups)) or "none"
+            raise InputError(
+                f"{option}: expected X,Y:UX,UY or GROUP:UX,UY, the groups of the mesh are {names}"
+            )
+        place = np.array(_numbers(name, option, f"{d} numbers (m)", (d,)))
+        members = np.zeros(len(x), dtype=bool)
+        members[node_at(place, option, x, self.body.clamped, nearest, self.notes)] = True
+        return members
 
     def _shares(self, name: str) -> Array:
         """Part of the force on a group that each node takes, (n_nodes,), of sum 1."""
@@ -293,7 +309,7 @@ def command_loads(
     loads : str, sequence of str, or array (n_nodes, d)
         Texts of ``--load``, or nodal forces in N.
     files, moves
-        Files of ``--forces``, texts of ``--move``.
+        Files of ``--forces``, texts of ``--hold``.
     nearest : bool
         Let a force beside a node act at the nearest one.
     body_force : str or sequence of d floats, optional
@@ -318,9 +334,7 @@ def command_loads(
     if body_force is not None:
         given.add_body_force(body_force)
     for text in moves:
-        given.move(text)
-    if (given.forces[given.moved] != 0).any():
-        raise InputError("--move: a force acts on a moved component, expected one of the two")
+        given.move(text, nearest)
     if not np.abs(given.forces).max() <= MOST:
         raise InputError(f"a force component is beyond {MOST:g} N")
     return given

@@ -8,6 +8,19 @@ from pathlib import Path
 STRESSES = "add stresses, strain energy and reactions"
 
 
+def add_held(parser: argparse.ArgumentParser) -> None:
+    """Add ``--hold``."""
+    parser.add_argument(
+        "--hold",
+        dest="held",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z]|GROUP:UX,UY[,UZ]",
+        help="displacement in m of the node at X,Y[,Z] or of a group, - for a free component; "
+        "repeatable",
+    )
+
+
 def add_loads(parser: argparse.ArgumentParser) -> None:
     """Add ``--load``, ``--forces``, ``--body-force`` and ``--nearest``."""
     parser.add_argument(

@@ -83,24 +83,41 @@ def nodal_forces(
     """
     nodes: list[int] = []
     vectors: list[tuple[float, ...]] = []
-    tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
     for text in loads:
         load = PointLoad.parse(text, coordinates.shape[1])
-        distance = np.linalg.norm(coordinates - load.position, axis=1)
-        if nearest:
-            distance[clamped] = np.inf
-        node = int(distance.argmin())
-        if distance[node] > tolerance:
-            at = ",".join(f"{value:g}" for value in coordinates[node])
-            if not nearest:
-                raise InputError(
-                    f"--load '{text}': no node stands there, the nearest is at {at} (--nearest)"
-                )
-            if notes is not None:
-                notes.append(f"--load '{text}': acts at the nearest node, {at}")
-        if clamped[node]:
-            raise InputError(f"--load '{text}': the node is clamped, expected a free one")
-        nodes.append(node)
+        position = np.array(load.position)
+        nodes.append(node_at(position, f"--load '{text}'", coordinates, clamped, nearest, notes))
         vectors.append(load.force)
     forces = np.array(vectors).reshape(-1, coordinates.shape[1])
     return scatter_forces(np.array(nodes, dtype=np.int64), forces, len(coordinates))
+
+
+def node_at(
+    position: NDArray[np.float64],
+    option: str,
+    coordinates: NDArray[np.float64],
+    clamped: NDArray[np.bool_],
+    nearest: bool = False,
+    notes: list[str] | None = None,
+) -> int:
+    """Find the node at a position, (d,) in m; the other parameters are those of `nodal_forces`.
+
+    Raises
+    ------
+    InputError
+        If none stands there, or it is clamped; the message begins with `option`.
+    """
+    tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
+    distance = np.linalg.norm(coordinates - position, axis=1)
+    if nearest:
+        distance[clamped] = np.inf
+    node = int(distance.argmin())
+    if distance[node] > tolerance:
+        at = ",".join(f"{value:g}" for value in coordinates[node])
+        if not nearest:
+            raise InputError(f"{option}: no node stands there, the nearest is at {at} (--nearest)")
+        if notes is not None:
+            notes.append(f"{option}: acts at the nearest node, {at}")
+    if clamped[node]:
+        raise InputError(f"{option}: the node is clamped, expected a free one")
+    return node
