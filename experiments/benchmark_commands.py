@@ -27,6 +27,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "equilibrium": "datagen",
     "error-over-time": "surrogate",
     "further-training": "surrogate",
+    "grips": "surrogate",
     "hdf5": "datagen",
     "large-bodies": "datagen",
     "load-series": "surrogate",

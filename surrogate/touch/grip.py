@@ -248,7 +248,7 @@ class ForceSearch:
         slopes = np.array(moved).T / small
         if not np.isfinite(slopes).all() or np.linalg.cond(slopes) > 1 / SMALL**2:
             return False
-        self._stiffness, self._is_measured = np.linalg.inv(slopes), True
+        self._stiffness, self._is_measured = inverse(slopes), True
         return True
 
     def _converges(self, displaced: Predict, target: Array) -> bool:
@@ -291,6 +291,11 @@ def updated(stiffness: Array, change: Array, effect: Array) -> Array:
     return stiffness + np.outer(change - response, change @ stiffness) / slope
 
 
+def inverse(matrix: Array) -> Array:
+    """Inverse of a matrix."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
 def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:
     """Inverse of the block of K⁻¹ of held components, (m, m) in N/m."""
     dofs = np.flatnonzero(held)
@@ -301,7 +306,7 @@ def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:
         unit[np.arange(len(some)), some] = 1.0
         response = model.equilibrium.linear_response(unit.reshape(-1, *held.shape))
         block[start : start + len(some)] = response.reshape(len(some), -1)[:, dofs]
-    return np.linalg.inv(block)
+    return inverse(block)
 
 
 def _texts(held: Held, dimension: int) -> list[str]:

@@ -1,0 +1,168 @@
+"""Places that are held: forces found, errors beside the finite elements, times of frames.
+
+Random forces act on one or two nodes that the training loads; the displacement of these nodes in
+the finite elements' equilibrium is then held. The forces found and the field are compared with
+those of this equilibrium, which a correction reaches. In frames, the places move from rest to
+this displacement in a number of equal steps.
+
+    python -m experiments benchmark grips beam2d_any:200 beam3d_any_reduced:100
+
+writes its record and its page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import time
+import warnings
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+import surrogate
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.quiet import quiet
+from experiments.framework.report import markdown_table
+from shared_schema.common import Parser, WorkError
+
+Array = NDArray[np.float64]
+NETWORKS = ["beam2d_any:200", "lshape2d_any:200", "beam3d_any_reduced:100"]
+FRAMES = 30
+
+
+def compare(name: str, count: int, seed: int) -> Results:
+    """Hold the places of random loads on one body."""
+    model = surrogate.load(name)
+    x = model.geometry.coordinates
+    loadable = np.flatnonzero(model.geometry.loadable & ~model.geometry.clamped)
+    limit = np.array(model.description.data.info.force.max_abs)
+    off, reactions, fields, predictions = [], [], [], []
+    first, warm = [], []
+    failed = without = 0
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        nodes = rng.choice(loadable, 1 + number % 2, replace=False)
+        force = np.zeros(x.shape)
+        force[nodes] = rng.uniform(-limit, limit, (len(nodes), len(limit)))
+        try:
+            truth = model.correct(force).displacement
+        except WorkError:
+            without += 1
+            continue
+        places = [",".join(map(repr, map(float, x[node]))) for node in nodes]
+        try:
+            grip = surrogate.Grip(model, places)
+            grip.move(1e-3 * truth[nodes])  # solves for columns that are kept, and compiles
+            grip = surrogate.Grip(model, places)
+            began = time.perf_counter()
+            frame = grip.move(truth[nodes])
+            first.append(time.perf_counter() - began)
+            grip = surrogate.Grip(model, places)
+            for share in np.linspace(0, 1, FRAMES + 1)[1:]:
+                began = time.perf_counter()
+                grip.move(share * truth[nodes])
+                warm.append(time.perf_counter() - began)
+        except WorkError:
+            failed += 1
+            continue
+        predictions.append(frame.predictions)
+        held = truth[nodes]
+        off.append(np.abs(frame.displacement[nodes] - held).max() / np.abs(held).max())
+        difference = np.linalg.norm(frame.reactions - force[nodes])
+        reactions.append(difference / np.linalg.norm(force[nodes]))
+        error = np.linalg.norm(frame.displacement - truth, axis=1).max()
+        fields.append(error / np.linalg.norm(truth, axis=1).max())
+        print(name, number, f"{reactions[-1]:.1e} {fields[-1]:.1e}", file=sys.stderr)
+    return {
+        "name": name,
+        "grips": len(off),
+        "failed": failed,
+        "without_equilibrium": without,
+        "held_off": three(np.max(off)),
+        "reaction_median": three(np.median(reactions)),
+        "reaction_95": three(np.quantile(reactions, 0.95)),
+        "reaction_within_1_percent": three(
+            np.sum(np.array(reactions) <= 0.01) / (len(off) + failed)
+        ),
+        "field_median": three(np.median(fields)),
+        "predictions": three(np.median(predictions)),
+        "first_ms": three(1e3 * np.median(first)),
+        "frame_ms": three(1e3 * np.median(warm)),
+        "frame_90_ms": three(1e3 * np.quantile(warm, 0.9)),
+    }
+
+
+def three(value: float) -> float:
+    """Three digits."""
+    return float(f"{float(value):.3g}")
+
+
+@quiet(logging.WARNING)
+def measure(options: argparse.Namespace) -> Results:
+    """Results for some networks."""
+    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+    pairs = [text.split(":") for text in options.networks]
+    found = [compare(name, int(count), options.seed) for name, count in pairs]
+    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+
+
+def page(results: Results) -> str:
+    """Make the page."""
+    rows = markdown_table(
+        (
+            "network",
+            "grips",
+            "no forces found",
+            "held within",
+            "reaction, median",
+            "95 %",
+            "within 1 %",
+            "field, median",
+            "predictions",
+            "from rest [ms]",
+            "frame [ms] (90 %)",
+        ),
+        (
+            (
+                f"`{of['name']}`",
+                str(of["grips"]),
+                str(of["failed"]),
+                f"{of['held_off']:.1e}",
+                f"{of['reaction_median']:.2g}",
+                f"{of['reaction_95']:.2g}",
+                f"{of['reaction_within_1_percent']:.1%}",
+                f"{of['field_median']:.2g}",
+                f"{of['predictions']:g}",
+                f"{of['first_ms']:.3g}",
+                f"{of['frame_ms']:.3g} ({of['frame_90_ms']:.3g})",
+            )
+            for of in results["networks"]
+        ),
+    )
+    return (
+        "Random forces act on one or two nodes; the displacements of these nodes in the finite "
+        f"elements' equilibrium are then held (seed\n{results['seed']}, {results['threads']} "
+        "thread). Errors are relative: of the held displacement to the largest of its components, "
+        "the largest of all grips; of the forces\nfound to the forces of the equilibrium; of the "
+        "worst node to the largest displacement. Times are those of `Grip.move`: from rest to the "
+        f"whole displacement,\nand of frames, {FRAMES} from rest to there.\n\n{rows}"
+    )
+
+
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    what = f"network and number of grips (default {' '.join(NETWORKS)})"
+    parser.add_argument("networks", nargs="*", default=NETWORKS, metavar="NAME:N", help=what)
+    parser.add_argument("--seed", type=int, default=307)
+
+
+BENCHMARK = Benchmark(
+    name="grips",
+    title="Places that are held",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)
