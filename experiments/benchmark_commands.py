@@ -39,6 +39,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "trained": "surrogate",
     "training": "surrogate",
     "two-nodes": "datagen",
+    "whole-dataset": "surrogate",
 }
 
 
