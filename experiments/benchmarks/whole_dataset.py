@@ -119,14 +119,14 @@ def page(results: Results) -> str:
         for way, found in results["ways"].items()
     ]
     head = ("prediction", "ē (standard deviation), mm", "median, mm", "within 0.5 %, %", "worst, %")
-    size = results["gigabytes"]
+    size, single = results["gigabytes"], min(TIMED, results["test_samples"])
     return (
         f"The case `{results['case']}`, {results['nodes']} nodes: {results['samples']} samples, "
         f"{size['nodal']:g} GB of nodal fields and {size['structured']:g} GB on the grid.\n"
         f"The {results['test_samples']} test samples move by {results['mean_largest_m']:.2g} m in "
         f"the mean, {results['largest_m']:.2g} m at most. Errors are mean absolute ones of all "
         "components, those of a node relative to the\nlargest displacement of the sample. Times "
-        f"are processor times of one thread, medians over {min(TIMED, results['test_samples'])} single predictions.\n\n"
+        f"are processor times of one thread, medians over {single} single predictions.\n\n"
         f"{markdown_table((*head, 'time, ms'), lines)}"
     )
 
