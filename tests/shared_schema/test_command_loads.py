@@ -110,7 +110,7 @@ def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
         ("5,1,0:1,1", "a radius of 0, expected one above 0 m"),
         ("5,1,nan:1,1", "expected finite numbers"),
         ("5,2,0.5:1,1", "no part of the surface lies within 0.5 m of it"),
-        ("5,1,0.5:1", "expected 2 numbers (N)"),
+        ("5,1,0.5:1", "expected X,Y:FX,FY, or X,Y,R:FX,FY"),
     ],
 )
 def test_wrong_loads(body: LoadedBody, load: str, said: str) -> None:

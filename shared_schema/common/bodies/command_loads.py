@@ -169,14 +169,15 @@ class CommandLoads:
         body, option = self.body, f"--load '{text}'"
         d = body.coordinates.shape[1]
         *centre, radius = _numbers(place, option, "a place and a radius in m", (d + 1,))
-        force = _numbers(values, option, f"{d} numbers (N)", (d,))
+        place, force = "X,Y,Z"[: 2 * d - 1], "FX,FY,FZ"[: 3 * d - 1]
+        numbers = _numbers(values, option, f"{place}:{force}, or {place},R:{force}", (d,))
         if not radius > 0:
             raise InputError(f"{option}: a radius of {radius:g}, expected one above 0 m")
         surface = SurfacePatches.of(body.coordinates, boundary_facets(body.cells, body.cell_type))
         weights = surface.weights(np.array(centre), radius)
         if not weights.any():
             raise InputError(f"{option}: no part of the surface lies within {radius:g} m of it")
-        total = np.outer(weights / weights.sum(), force)
+        total = np.outer(weights / weights.sum(), numbers)
         self.forces += np.where(body.held, 0.0, total)
 
     def add_body_force(self, density: str | Sequence[float]) -> None:
