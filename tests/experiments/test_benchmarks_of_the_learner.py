@@ -77,12 +77,14 @@ def test_directions_are_compared() -> None:
         "further-training-beam3d_coarse-reduced",
         "further-training-lshape2d_any-modal-gp",
         "further-training-lshape2d_any-reduced",
+        "grips",
         "load-series",
         "one-load",
         "page",
         "prediction",
         "trained",
         "training",
+        "whole-dataset-beam3d",
     ],
 )
 def test_pages_are_made_from_the_records(name: str) -> None:
