@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.directions import rounded
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser, WorkError
@@ -81,23 +82,18 @@ def compare(name: str, count: int, seed: int) -> Results:
         "grips": len(off),
         "failed": failed,
         "without_equilibrium": without,
-        "held_off": three(np.max(off)),
-        "reaction_median": three(np.median(reactions)),
-        "reaction_95": three(np.quantile(reactions, 0.95)),
-        "reaction_within_1_percent": three(
+        "held_off": rounded(np.max(off)),
+        "reaction_median": rounded(np.median(reactions)),
+        "reaction_95": rounded(np.quantile(reactions, 0.95)),
+        "reaction_within_1_percent": rounded(
             np.sum(np.array(reactions) <= 0.01) / (len(off) + failed)
         ),
-        "field_median": three(np.median(fields)),
-        "predictions": three(np.median(predictions)),
-        "first_ms": three(1e3 * np.median(first)),
-        "frame_ms": three(1e3 * np.median(warm)),
-        "frame_90_ms": three(1e3 * np.quantile(warm, 0.9)),
+        "field_median": rounded(np.median(fields)),
+        "predictions": rounded(np.median(predictions)),
+        "first_ms": rounded(1e3 * np.median(first)),
+        "frame_ms": rounded(1e3 * np.median(warm)),
+        "frame_90_ms": rounded(1e3 * np.quantile(warm, 0.9)),
     }
-
-
-def three(value: float) -> float:
-    """Three digits."""
-    return float(f"{float(value):.3g}")
 
 
 @quiet(logging.WARNING)

@@ -111,29 +111,28 @@ def write_page(
     parts = {"style": bundle.style, "script": bundle.script}
     parts["runtime"] = "" if order else in_base64(bundle.runtime)
 
-    def left(arrays: Arrays) -> int:
-        """Bytes that a network may have beside arrays."""
-        taken = len(inlined(packed(arrays)[1])) + sum(len(part.encode()) for part in parts.values())
-        return int((largest - taken) / BASE64)
+    def put(arrays: Arrays) -> int:
+        """Put arrays on the page; return the bytes that a network may have beside them."""
+        content["arrays"], block = packed(arrays)
+        parts["arrays"] = inlined(block)
+        return int((largest - sum(len(part.encode()) for part in parts.values())) / BASE64)
 
     if mechanics.band:
         surface = np.unique(arrays["vertices"])
-        network, places = surface_network(
-            surrogate, loads, surface, left(surface_arrays(arrays, surface))
-        )
-        arrays = surface_arrays(arrays | load_arrays(geometry, loads, places), surface)
+        left = put(surface_arrays(arrays, surface))
+        network, places = surface_network(surrogate, loads, surface, left)
+        put(surface_arrays(arrays | load_arrays(geometry, loads, places), surface))
         content |= {"loads": None, "needsResponse": False}
         content["places"] = np.searchsorted(surface, places).tolist()
     else:
-        arrays |= load_arrays(geometry, loads, np.arange(len(geometry.coordinates)))
-        network = NO_NETWORK if order else page_network(surrogate, left(arrays))
-    content["arrays"], block = packed(arrays)
+        everywhere = np.arange(len(geometry.coordinates))
+        left = put(arrays | load_arrays(geometry, loads, everywhere))
+        network = NO_NETWORK if order else page_network(surrogate, left)
     content["passes"] = network.passes
     page = PAGES.get_template("page.html.j2").render(
         title=content["case"],
         content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         network=inlined(network.content) if network.content else "",
-        arrays=inlined(block),
         **parts,
     )
     size = len(page.encode())

@@ -163,10 +163,11 @@ class Grip:
                 f"displacements have shape {moved.shape}, expected {places} of {d} finite numbers "
                 "in m, one of each place"
             )
-        geometry, predict = self._model.geometry, predict or self._model.predict
-        acting = CommandLoads(geometry.loaded_body)
+        predict, acting = predict or self._model.predict, np.zeros((nodes, d))
         if load is not None:
-            acting.add_forces(load)
+            given = CommandLoads(self._model.geometry.loaded_body)
+            given.add_forces(load)
+            acting = given.forces
         target = np.einsum("pd,pnd->nd", moved, self.components).ravel()[self._dofs]
         held = np.zeros(nodes * d)
         last: Array = np.zeros((nodes, d))
@@ -174,12 +175,11 @@ class Grip:
         def displaced(forces: Array) -> Array:
             nonlocal last
             held[self._dofs] = forces
-            last = np.asarray(predict(acting.forces + held.reshape(nodes, d)))
+            last = np.asarray(predict(acting + held.reshape(nodes, d)))
             return last.ravel()[self._dofs]
 
-        forces = self._search.find(displaced, target)
-        held[self._dofs] = forces
-        force = held.reshape(nodes, d).copy()
+        self._search.find(displaced, target)  # asks for the forces that it finds last
+        force = held.reshape(nodes, d)
         reactions = np.einsum("nd,pnd->pd", force, self.components)
         return GripFrame(last, force, reactions, self._search.predictions)
 
