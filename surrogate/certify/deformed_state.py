@@ -1,13 +1,12 @@
 r"""Stresses at one deformation, and their changes, at all quadrature points of N states at once.
 
 Components come first: F is (d, d, n_points, N), with the points of a cell one after the other.
+Arrays are NumPy's, or tensors on a GPU.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shared_schema.common.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, cofactors
 from shared_schema.material import NeoHookean
 
@@ -65,8 +64,8 @@ class MeanDilationState:
     f : array, (d, d, n_points, N)
         Deformation gradients.
     material : NeoHookean
-    volumes : array, (n_cells, n_points of a cell)
-        Volumes of the points in m³.
+    shares : array, (n_cells, n_points of a cell, 1)
+        Volumes of the points over those of their cells.
 
     Attributes
     ----------
@@ -74,9 +73,8 @@ class MeanDilationState:
         True where no point is inverted.
     """
 
-    def __init__(self, f: Values, material: NeoHookean, volumes: NDArray[np.float64]) -> None:
-        shares = volumes / volumes.sum(axis=1, keepdims=True)
-        self._shares: Values = shares[:, :, None].astype(f.dtype)
+    def __init__(self, f: Values, material: NeoHookean, shares: Values) -> None:
+        self._shares = shares
         cofactor, d = cofactors(f), len(f)
         self._j = (f[0] * cofactor[0]).sum(0)
         self.sound = (self._j > 0).all(axis=0)
@@ -114,9 +112,10 @@ class MeanDilationState:
 
     def _mean(self, values: Values) -> Values:
         """Mean over the points of every cell, at each of them: (n_points, N) → same."""
-        cells, points, _ = self._shares.shape
-        of_cells = (values.reshape(cells, points, -1) * self._shares).sum(1)
-        return np.repeat(of_cells, points, axis=0)
+        at_points = values.reshape(*self._shares.shape[:2], -1)
+        of_cells = (at_points * self._shares).sum(1)[:, None]
+        means: Values = library_of(values).broadcast_to(of_cells, at_points.shape)
+        return means.reshape(values.shape)
 
 
 def product(a: Values, b: Values) -> Values:

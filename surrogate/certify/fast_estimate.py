@@ -24,8 +24,8 @@ miss an instability, as that of a straight beam under an axial load, whose r has
 buckling mode. So θ is also that of steps from a fixed load of random numbers, which has a part
 along every mode. The compliance P makes the soft ones, in which bodies buckle, large.
 
-All is written in NumPy, since a small body takes a few microseconds an operation. Components
-come first: F is (d, d, n_points, N).
+All is written in NumPy, since a small body takes a few microseconds an operation; on a GPU the same
+code takes tensors. Components come first: F is (d, d, n_points, N).
 """
 
 from __future__ import annotations
@@ -36,20 +36,24 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
+from shared_schema.common.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.block_solve import BlockSolve, SparseProduct
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
 AT_ONCE = 2**20  # values of a field at the points that are held at once
+AT_ONCE_ON_GPU = 2**26
 STEPS = 2  # of conjugate gradients from r
 GENERIC_STEPS = 6  # from the load of random numbers
 CONVERGED = 1e-10  # of the first work r · P r: smaller ones are rounding errors
@@ -64,6 +68,8 @@ class FastEstimate:
     material : NeoHookean
     equilibrium : Equilibrium
         Its layout and undeformed factor are used.
+    blocks : BlockSolve, optional
+        On a GPU, where the estimates are then computed; no factor is needed. It has no pressures.
 
     Raises
     ------
@@ -71,7 +77,13 @@ class FastEstimate:
         If the material is another one, or there are several.
     """
 
-    def __init__(self, geometry: Geometry, material: Materials, equilibrium: Equilibrium) -> None:
+    def __init__(
+        self,
+        geometry: Geometry,
+        material: Materials,
+        equilibrium: Equilibrium,
+        blocks: BlockSolve | None = None,
+    ) -> None:
         if not isinstance(material, NeoHookean):
             raise InputError("--certify fast: expected one Neo-Hookean material, or 'full'")
         solid, layout = equilibrium.solid, equilibrium.layout
@@ -80,32 +92,51 @@ class FastEstimate:
         self.material, self.free = material, equilibrium.free
         self.dimension, self.loadable = geometry.dimension, geometry.loadable
         self.units = equilibrium.units
-        self._dofs = layout.dofs
-        factor = equilibrium.undeformed
-        self._factor = factor.single if large else factor
+        self._device = None if blocks is None else blocks.order.device
+        self._factor: Any = blocks
+        self._dofs: Any = layout.dofs if blocks is None else self._placed(blocks.dofs)
+        if blocks is None:
+            factor = equilibrium.undeformed
+            self._factor = factor.single if large else factor
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
         count, points, corners, d = gradients.shape
         self._shape = count, points
-        self._cells = geometry.cells
+        self._cells: Any = self._placed(geometry.cells)
         size = float(np.ptp(geometry.coordinates, axis=0).max())
         exponent = math.log2(material.lame_mu) + (d - 1) * math.log2(size)
-        self._unit = self.dtype(2.0 ** round(exponent))  # of forces in N, without rounding
+        self._unit = float(2.0 ** round(exponent))  # of forces in N, without rounding
         self._state_at: Callable[[Values], State | MeanDilationState]
         self._state_at = partial(State, material=material)
         if equilibrium.mean_dilation:
-            self._state_at = partial(MeanDilationState, material=material, volumes=volumes)
-        self._weights: Values = volumes.reshape(-1, 1).astype(self.dtype)
+            shares = self._placed((volumes / volumes.sum(axis=1, keepdims=True))[..., None])
+            self._state_at = partial(MeanDilationState, material=material, shares=shares)
+        self._weights: Values = self._placed(volumes.reshape(-1, 1))
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
-        self._slopes_of: NDArray[Any] = np.ascontiguousarray(slopes.astype(self.dtype))
-        self._summed: Any
-        self._averaged: Any
+        self._slopes_of: Any = self._placed(slopes)
+        self._to_corners: Any = self._slopes_of.swapaxes(1, 2)
+        self._held: Values = self._placed(self.free.T[:, :, None] / self._unit)
         self._summed, self._averaged = (
-            operator.astype(self.dtype) if large else operator.toarray()
+            self._operator(operator, large)
             for operator in sums_at_nodes(geometry.cells, len(self.free))
         )
-        self._at_once = max(1, AT_ONCE // (count * points * d**2))
+        at_once = AT_ONCE if blocks is None else AT_ONCE_ON_GPU
+        self._at_once = max(1, at_once // (count * points * d**2))
         generic = np.random.default_rng(0).standard_normal((d, len(self.free), 1))
-        self._generic: Values = self._balanced(generic).astype(self.dtype)
+        self._generic: Values = self._balanced(self._placed(generic))
+
+    def _placed(self, values: NDArray[Any]) -> Any:
+        """Values where the estimates are computed, and in their precision if they are no counts."""
+        precision = self.dtype if values.dtype.kind == "f" else values.dtype
+        found = np.ascontiguousarray(values.astype(precision))
+        return found if self._device is None else torch.from_numpy(found).to(self._device)
+
+    def _operator(self, matrix: csr_array, large: bool) -> Callable[[Values], Values]:
+        """Product with a matrix: (columns, N) → (rows, N)."""
+        if self._device is not None:
+            product = SparseProduct(matrix, torch.float32 if large else torch.float64)
+            return product.to(self._device)
+        operator = matrix.astype(self.dtype) if large else matrix.toarray()
+        return operator.dot
 
     def __call__(
         self, forces: Array, predicted: Array, pressure: FollowerPressure | None = None
@@ -159,26 +190,42 @@ class FastEstimate:
         pressed: list[csr_array] = []
         if pressure is not None:
             forces, pressed = forces + pressure.forces(held), pressure.symmetric_tangents(held)
-        u = held.transpose(2, 1, 0).astype(self.dtype)  # (d, n_nodes, N)
-        f = forces.transpose(2, 1, 0).astype(self.dtype)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            f_points = self._gradient(u)
-            for i in range(self.dimension):
-                f_points[i, i] += 1
-            state, rotation = self._state_at(f_points), rotations(self._at_nodes(f_points))
-            force = self._balanced(f - self._divergence(state.stress()))
-            tangent = partial(self._tangent, state, pressed)
-            x, left, softest = self._conjugate_gradients(tangent, rotation, force, STEPS)
-            rest = np.zeros_like(x)
-            if judged:
-                rest = self._response(left, rotation)
-                load = np.broadcast_to(self._generic, u.shape)
-                _, _, found = self._conjugate_gradients(tangent, rotation, load, GENERIC_STEPS)
-                softest = np.minimum(softest, found)
-        x[..., ~state.sound] = np.inf
+        u, f = (self._placed(field.transpose(2, 1, 0)) for field in (held, forces))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"), torch.inference_mode():
+            found = self._steps(u, f, pressed, judged)
+        x, rest, sound, *coefficients = map(on_cpu, found)
+        softest = smallest_ritz_value(*coefficients[:3])
+        if judged:
+            softest = np.minimum(softest, smallest_ritz_value(*coefficients[3:]))
+        x[..., ~sound] = np.inf
         kept: Array = np.where(np.isfinite(x), rest, 0).astype(np.float64).transpose(2, 1, 0)
-        softest = np.where(state.sound, softest, -np.inf)
-        return predicted - held - x.transpose(2, 1, 0), kept, softest
+        return predicted - held - x.transpose(2, 1, 0), kept, np.where(sound, softest, -np.inf)
+
+    def _steps(
+        self, u: Values, f: Values, pressed: list[csr_array], judged: bool
+    ) -> tuple[Any, ...]:
+        """Do the steps of displacements in m and forces in N: (d, n_nodes, N) each.
+
+        Returns
+        -------
+        x, rest : array, (d, n_nodes, N)
+            In m; the rest is 0 unless the state is judged.
+        sound : array of bool, (N,)
+        works, curvatures, growths : array, (n_steps, N)
+            Of the steps, and then of those from the load of random numbers.
+        """
+        f_points = self._gradient(u)
+        for i in range(self.dimension):
+            f_points[i, i] += 1
+        state, rotation = self._state_at(f_points), rotations(self._at_nodes(f_points))
+        force = self._balanced(f) - self._balanced(self._divergence(state.stress()))
+        tangent = partial(self._tangent, state, pressed)
+        x, left, *coefficients = self._conjugate_gradients(tangent, rotation, force, STEPS)
+        if not judged:
+            return x, 0 * x, state.sound, *coefficients
+        load = library_of(u).broadcast_to(self._generic, u.shape)
+        _, _, *others = self._conjugate_gradients(tangent, rotation, load, GENERIC_STEPS)
+        return x, self._response(left, rotation), state.sound, *coefficients, *others
 
     def _tangent(
         self, state: State | MeanDilationState, pressed: list[csr_array], change: Values
@@ -192,73 +239,91 @@ class FastEstimate:
 
     def _conjugate_gradients(
         self, tangent_of: Callable[[Values], Values], rotation: Values, force: Values, steps: int
-    ) -> tuple[Values, Values, Array]:
+    ) -> tuple[Values, ...]:
         """Do some steps towards K(u) x = force.
 
         Returns
         -------
         x, left : array, (d, n_nodes, N)
             The solution, and the force that it leaves out of balance.
-        softest : array, (N,)
-            Smallest Ritz value of P K(u) of these steps; +∞ if there is no force.
+        works, curvatures, growths : array, (n_steps, N)
+            Coefficients of the steps, for `smallest_ritz_value`.
         """
-        x, direction, before = np.zeros_like(force), np.zeros_like(force), np.inf
-        works, curvatures, growths = [], [], []
+        library = library_of(force)
+        x, direction = library.zeros_like(force), library.zeros_like(force)
+        works: list[Values] = []
+        curvatures, growths = list[Values](), list[Values]()
         for step in range(steps):
             z = self._response(force, rotation)
             work = (force * z).sum((0, 1))
-            growth = np.where(before > 0, work / before, 0)
+            growth = 0 * work
+            if step:
+                growth = library.where(works[-1] > 0, work / works[-1], 0)
             direction = z + growth * direction
             tangent = tangent_of(direction)
             curvature = (direction * tangent).sum((0, 1))
             length = work / curvature
-            length = np.where((length > 0) & (length < np.inf), length, step == 0)
-            x += length * direction
+            known = (length > 0) & (length < np.inf)
+            length = library.where(known, length, float(step == 0))
+            x = x + length * direction
             force = force - length * tangent
-            before = work
             works.append(work)
             curvatures.append(curvature)
             growths.append(growth)
-        x[..., ~np.isfinite(work)] = np.inf
-        return x, force, smallest_ritz_value(*map(np.array, (works, curvatures, growths)))
+        x = library.where(library.isfinite(work), x, np.inf)
+        return x, force, *map(library.stack, (works, curvatures, growths))
 
     def _gradient(self, u: Values) -> Values:
         """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""
         d, _, n = u.shape
         count, points = self._shape
-        nodal = np.ascontiguousarray(u.transpose(1, 0, 2)).reshape(-1, d * n)
+        nodal = u.swapaxes(0, 1).reshape(-1, d * n)
         slopes = (self._slopes_of @ nodal[self._cells]).reshape(count * points, d, d, n)
-        return np.ascontiguousarray(slopes.transpose(2, 1, 0, 3))
+        return contiguous(slopes.swapaxes(0, 2))
 
     def _divergence(self, stress: Values) -> Values:
         """Nodal forces of stresses, Σ_q w_q P_q ∇N_a: (d, d, n_points, N) → (d, n_nodes, N)."""
         d, _, _, n = stress.shape
         count, points = self._shape
-        weighted = np.ascontiguousarray((self._weights * stress).transpose(2, 1, 0, 3))
-        forces = self._slopes_of.transpose(0, 2, 1) @ weighted.reshape(count, points * d, d * n)
-        nodal: Values = self._summed @ forces.reshape(-1, d * n)
-        return nodal.reshape(-1, d, n).transpose(1, 0, 2)
+        weighted = (self._weights * stress).swapaxes(0, 2)
+        forces = self._to_corners @ weighted.reshape(count, points * d, d * n)
+        nodal = self._summed(forces.reshape(-1, d * n))
+        return nodal.reshape(-1, d, n).swapaxes(0, 1)
 
     def _at_nodes(self, f: Values) -> Values:
         """Mean over the points of the cells at a node: (d, d, n_points, N) → (d, d, n_nodes, N)."""
         d, _, _, n = f.shape
         means = f.reshape(d * d, *self._shape, n).mean(axis=2)
-        columns = np.ascontiguousarray(means.transpose(1, 0, 2)).reshape(-1, d * d * n)
-        nodal = (self._averaged @ columns).reshape(-1, d, d, n)
-        return np.ascontiguousarray(nodal.transpose(1, 2, 0, 3))
+        columns = means.swapaxes(0, 1).reshape(-1, d * d * n)
+        nodal = self._averaged(columns).reshape(-1, d * d, n).swapaxes(0, 1)
+        return contiguous(nodal).reshape(d, d, -1, n)
 
     def _balanced(self, forces: Values) -> Values:
         """Forces at free nodes in their unit, from N; zero at clamped ones."""
-        return forces * (self.free.T[:, :, None] / self._unit)
+        balanced: Values = forces * self._held
+        return balanced
 
     def _response(self, force: Values, rotation: Values) -> Values:
         """P f = R K(0)⁻¹ Rᵀ f, of forces in their unit to m: (d, n_nodes, N) → same."""
         d, nodes, n = force.shape
-        turned = (rotation * force[:, None]).sum(0).transpose(1, 0, 2).reshape(nodes * d, n)
-        response = np.zeros_like(turned)
-        response[self._dofs] = self._factor.solve(turned[self._dofs]) * self._unit
-        back = response.reshape(nodes, d, n).transpose(1, 0, 2)
+        turned = (rotation * force[:, None]).sum(0).swapaxes(0, 1).reshape(nodes * d, n)
+        response = library_of(turned).zeros_like(turned)
+        solved = self._factor.solve(turned[self._dofs]) * self._unit
+        response[self._dofs] = solved if self._device is None else solved.to(response.dtype)
+        back = response.reshape(nodes, d, n).swapaxes(0, 1)
         return (rotation * back[None]).sum(1)
+
+
+def contiguous(values: Any) -> Values:
+    """The same values in the order of their axes."""
+    found = np.ascontiguousarray(values) if library_of(values) is np else values.contiguous()
+    result: Values = found
+    return result
+
+
+def on_cpu(values: Any) -> NDArray[Any]:
+    """The values as an array."""
+    return np.asarray(values if library_of(values) is np else values.cpu().numpy())
 
 
 def smallest_ritz_value(works: Array, curvatures: Array, growths: Array) -> Array:

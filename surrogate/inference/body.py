@@ -20,6 +20,7 @@ from surrogate.data.elements_of_case import (
 )
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import fields_at_nodes
+from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
@@ -82,6 +83,17 @@ class TrainedBody:
         found = found or Equilibrium(self.geometry, data.material)
         found.units = data.units
         return found
+
+    @cached_property
+    def blocks(self) -> BlockSolve | None:
+        """What solves with the stiffness of the body at rest on a GPU; None if that does not."""
+        device = self.network.free.device
+        if device.type == "cpu":
+            return None
+        for module in self.network.modules():
+            if isinstance(module, Compliance) and module.equilibrium is self.equilibrium:
+                return module.blocks_on(device)
+        return Compliance(self.geometry, self.description.data.material).blocks_on(device)
 
     def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads, which has no points between the nodes.

@@ -33,6 +33,7 @@ from surrogate.data.load_families import random_loads
 from surrogate.descent.fixed_directions import FixedDirections, require_exportable
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
+from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
@@ -236,8 +237,14 @@ def _make_exportable(module: nn.Module) -> None:
     """Replace the solver of a large body, which a file cannot hold, by an equal one that it can."""
     if not isinstance(module, LinearResponse):
         return
-    if isinstance(module.compliance, Compliance) and module.compliance.factor is not None:
-        module.compliance = BlockSolve(module.compliance)
+    compliance = module.compliance
+    if isinstance(compliance, Compliance) and compliance.factor is not None:
+        if not isinstance(compliance.factor, BandCholesky):
+            raise InputError(
+                f"the stiffness of {len(compliance.order)} degrees of freedom is too large for an "
+                "exported file, expected a smaller body"
+            )
+        module.compliance = BlockSolve(compliance)
 
 
 def fixed_directions(surrogate: Surrogate, count: int) -> FixedDirections:

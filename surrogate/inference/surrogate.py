@@ -393,7 +393,8 @@ class Surrogate(TrainedNetwork):
 
         case, material = self.description.data.case, self.description.data.material
         require_nodes_alone(case, self.geometry.cell_type, "fast bounds and proposed loads")
-        return FastEstimate(self.geometry, material, self.equilibrium)
+        blocks = self.blocks if self.geometry.pressed is None else None
+        return FastEstimate(self.geometry, material, self.equilibrium, blocks)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:

@@ -54,11 +54,7 @@ class BandLayout:
         self, coordinates: Array, cells: NDArray[np.int64], held: NDArray[np.bool_]
     ) -> None:
         d = held.shape[1]
-        free = np.flatnonzero(~held.all(axis=1))
-        order, distance = _narrow_order(coordinates, cells, free)
-        dofs = (order[:, None] * d + np.arange(d)).ravel()
-        self.dofs = dofs[~held.ravel()[dofs]]
-        self.width = distance * d + d - 1
+        self.dofs, self.width = band_order(coordinates, cells, held)
         self._dimension, self._place = d, np.full(held.size, -1)
         self._place[self.dofs] = np.arange(len(self.dofs))
         row, column = self._rows_and_columns(cells)
@@ -135,6 +131,17 @@ class BandLayout:
             self._place[dofs][:, :, None], self._place[dofs][:, None, :]
         )
         return row, column
+
+
+def band_order(
+    coordinates: Array, cells: NDArray[np.int64], held: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], int]:
+    """`dofs` and `width` of the `BandLayout` of these arguments."""
+    d = held.shape[1]
+    free = np.flatnonzero(~held.all(axis=1))
+    order, distance = _narrow_order(coordinates, cells, free)
+    dofs = (order[:, None] * d + np.arange(d)).ravel()
+    return dofs[~held.ravel()[dofs]], distance * d + d - 1
 
 
 def _narrow_order(

@@ -1,8 +1,8 @@
-r"""The response of a large body in an exported file: block elimination, refined.
+r"""The response of a large body on a GPU and in an exported file: block elimination, refined.
 
-Neither K⁻¹ nor a factor in double precision of a large body fits into a file of some ten megabytes.
-In the order of its band, K is block tridiagonal; its elimination needs only the inverses of the
-Schur complements, which are held in single precision:
+Factors of sparse matrices are solved with entry by entry, which neither a GPU nor a file of tensor
+operations does well. In the order of its band, K is block tridiagonal; its elimination needs only
+the inverses of the Schur complements, which are held in single precision:
 
 .. math::
     S_1 = K_{11}, \quad S_i = K_{ii} - K_{i,i-1} S_{i-1}^{-1} K_{i-1,i}, \qquad
@@ -10,24 +10,30 @@ Schur complements, which are held in single precision:
 
 The result has a relative error e of about ε κ(K), too large for slender bodies. Each refinement by
 the residual f − K x, computed in double precision, multiplies it by e once more; as many are done
-as bring it below ε.
+as bring it below what is wanted.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
-from shared_schema.common.errors import InputError
-from surrogate.mechanics.band_matrix import BandCholesky
-from surrogate.mechanics.compliance import Compliance
+from surrogate.cuda_graphs import Replayed
+from surrogate.mechanics.band_matrix import band_order
 from surrogate.mechanics.weighted_sums import padded_rows
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.compliance import Compliance
 
 MOST_REFINEMENTS = 5
 EPSILON = 2.0**-23
 PROBES = 4  # random forces, by which errors are measured
+FEW = 4  # right-hand sides up to which launching the kernels one by one takes longest
+CPU = torch.device("cpu")
 
 
 class SparseProduct(nn.Module):
@@ -60,15 +66,17 @@ class BlockSolve(nn.Module):
     Parameters
     ----------
     compliance : Compliance
-        Compliance of a large body.
-
-    Raises
-    ------
-    InputError
-        If the stiffness of the body is not stored as a band.
+        Its body. A factor of K is not needed.
+    device : torch.device
+    accuracy : float
+        Relative error of a response.
+    least : int
+        Smallest number of rows of a block.
 
     Attributes
     ----------
+    dofs : array of int, (n,)
+        Degrees of freedom, node · d + component, in the order of the blocks.
     refinements : int
     """
 
@@ -76,58 +84,72 @@ class BlockSolve(nn.Module):
     order: Tensor
     place: Tensor
 
-    def __init__(self, compliance: Compliance) -> None:
+    def __init__(
+        self,
+        compliance: Compliance,
+        device: torch.device = CPU,
+        accuracy: float = EPSILON,
+        least: int = 1,
+    ) -> None:
         super().__init__()
-        if not isinstance(compliance.factor, BandCholesky):
-            raise InputError(
-                f"the stiffness of {len(compliance.order)} degrees of freedom is too large for an "
-                "exported file, expected a smaller body"
-            )
-        k, size = compliance.stiffness, compliance.factor.width
-        places = np.full(compliance.size, len(compliance.order))  # that of a zero, if held
-        places[compliance.order] = np.arange(len(compliance.order))
-        self.starts = list(range(0, k.shape[0], size))
-        self.register_buffer("free_nodes", compliance.free_nodes, persistent=False)
-        self.register_buffer("order", torch.from_numpy(compliance.order), persistent=False)
-        place = torch.from_numpy(places)
-        self.register_buffer("place", place, persistent=False)
-        self.stiffness = SparseProduct(k, torch.float64)
+        geometry = compliance.equilibrium.geometry
+        self.dofs, size = band_order(geometry.coordinates, geometry.cells, geometry.held)
+        k, size = compliance.stiffness(self.dofs), max(size, least)
+        order = compliance.by_component(self.dofs)
+        places = np.full(compliance.size, len(order))  # that of a zero, if held
+        places[order] = np.arange(len(order))
+        self.starts = list(range(0, len(order), size))
+        free_nodes = compliance.free_nodes.to(device)
+        self.register_buffer("free_nodes", free_nodes, persistent=False)
+        self.register_buffer("order", torch.from_numpy(order).to(device), persistent=False)
+        self.register_buffer("place", torch.from_numpy(places).to(device), persistent=False)
+        self.stiffness = SparseProduct(k, torch.float64).to(device)
         self.before, self.after = nn.ModuleList(), nn.ModuleList()
-        schur = np.zeros((0, 0))
+        schur = torch.zeros(0, 0)
         for number, start in enumerate(self.starts):
             rows = slice(start, start + size)
-            block = k[rows, rows].toarray()
+            block = torch.from_numpy(k[rows, rows].toarray()).to(device)
             if number:
                 to_last = k[rows, start - size : start]
-                block -= to_last @ schur @ to_last.T
-                self.before.append(SparseProduct(to_last, torch.float32))
-                self.after.append(SparseProduct(to_last.T.tocsr(), torch.float32))
-            schur = np.linalg.inv(block)
-            inverse = torch.from_numpy(schur).float()
-            self.register_buffer(f"inverse_{number}", inverse, persistent=False)
-        self.refinements = self._needed(compliance)
+                block -= _congruent(sparse_tensor(to_last).to(device), schur)
+                self.before.append(SparseProduct(to_last, torch.float32).to(device))
+                self.after.append(SparseProduct(to_last.T.tocsr(), torch.float32).to(device))
+            schur = torch.linalg.inv(block)
+            self.register_buffer(f"inverse_{number}", schur.float(), persistent=False)
+        self._graph = Replayed(self._refined)
+        self.refinements = 0
+        self.refinements = self._needed(accuracy)
 
-    def _needed(self, compliance: Compliance) -> int:
-        """Number of refinements after which the error is below the rounding of a number."""
-        force = np.random.default_rng(0).normal(size=(PROBES, compliance.size))
-        expected = torch.from_numpy(compliance.solve(force)[:, compliance.order].T)
-        f = torch.from_numpy(force[:, compliance.order].T)
+    def _needed(self, accuracy: float) -> int:
+        """Number of refinements after which the next one changes a response too little."""
+        probes = np.random.default_rng(0).normal(size=(len(self.order), PROBES))
+        f = torch.from_numpy(probes).to(self.order.device)
         x = self._eliminated(f)
         for count in range(MOST_REFINEMENTS):
-            if (x - expected).norm() <= EPSILON * expected.norm():
+            change = self._eliminated(f - self.stiffness(x))
+            if change.norm() <= accuracy * x.norm():
                 return count
-            x = x + self._eliminated(f - self.stiffness(x))
+            x = x + change
         return MOST_REFINEMENTS
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond."""
-        f = force.double().T.index_select(0, self.order)
-        x = self._eliminated(f)
-        for _ in range(self.refinements):
-            x = x + self._eliminated(f - self.stiffness(x))
+        x = self.solve(force.double().T.index_select(0, self.order))
         if len(self.place) > len(x):
             x = torch.cat([x, x.new_zeros(1, x.shape[1])])
         return x.index_select(0, self.place).T.to(force.dtype)
+
+    def solve(self, right: Tensor) -> Tensor:
+        """K⁻¹ of columns at `dofs`, in double precision: (n, N) → same."""
+        if right.device.type == "cuda" and right.shape[1] <= FEW:
+            return self._graph(right.double())
+        return self._refined(right.double())
+
+    def _refined(self, right: Tensor) -> Tensor:
+        x = self._eliminated(right)
+        for _ in range(self.refinements):
+            x = x + self._eliminated(right - self.stiffness(x))
+        return x
 
     def _eliminated(self, f: Tensor) -> Tensor:
         """Solve by elimination in single precision: (n, N) → same, in double precision."""
@@ -146,3 +168,19 @@ class BlockSolve(nn.Module):
 
     def _inverse(self, number: int) -> Tensor:
         return self.get_buffer(f"inverse_{number}")
+
+    def __deepcopy__(self, _: object) -> BlockSolve:
+        return self  # nothing in it changes
+
+
+def _congruent(matrix: Tensor, symmetric: Tensor) -> Tensor:
+    """A S Aᵀ of a sparse A."""
+    return torch.sparse.mm(matrix, torch.sparse.mm(matrix, symmetric).T)
+
+
+def sparse_tensor(matrix: csr_array) -> Tensor:
+    """The matrix as a sparse tensor in double precision."""
+    entries = matrix.tocoo()
+    places = torch.from_numpy(np.stack(entries.coords).astype(np.int64))
+    values = torch.from_numpy(entries.data)
+    return torch.sparse_coo_tensor(places, values, matrix.shape, check_invariants=True)

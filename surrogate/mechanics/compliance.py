@@ -22,14 +22,18 @@ from torch.nn import functional
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky
+from surrogate.mechanics.band_matrix import BandCholesky, band_order
+from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.cell_matrices import sum_of_cells
 from surrogate.mechanics.kept_responses import KeptResponses
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.saddle_point import SaddlePointLayout
 from surrogate.mechanics.sparse_matrix import SparseFactor
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 CLOSE = 1e-5  # relative error that a factor in single precision may have
+LEAST_BLOCK = 1024  # rows of a block on a GPU: products of smaller ones are launches
+ROOM = 0.7  # of the memory of a GPU that is free: most that the blocks may take
 FEW = 16  # samples whose loads are answered by columns that are not there yet
 
 
@@ -73,20 +77,19 @@ class Compliance(nn.Module):
     ) -> None:
         super().__init__()
         self.equilibrium = Equilibrium(geometry, material)
-        dofs = self.equilibrium.layout.dofs
         free = np.flatnonzero(~geometry.clamped)
-        nodes, components = np.divmod(dofs, geometry.dimension)
-        self.order = components * len(free) + np.searchsorted(free, nodes)
         self.size = len(free) * geometry.dimension
         axes = np.arange(geometry.dimension)[:, None]
         self._at_nodes = (free * geometry.dimension + axes).ravel()  # places in nodal fields
         self._of_nodes = np.full(geometry.coordinates.shape, self.size)
         self._of_nodes.ravel()[self._at_nodes] = np.arange(self.size)
+        self.order = self.by_component(self.equilibrium.layout.dofs)
         self.register_buffer("free_nodes", torch.from_numpy(free), persistent=False)
         matrix = torch.empty(0)
         if self.size <= DENSE:
             matrix = torch.from_numpy(self.solve(np.eye(self.size))).to(precision)
         self.register_buffer("matrix", matrix, persistent=False)
+        self._blocks: dict[torch.device, BlockSolve | None] = {}
         volumes = nodal_volumes(geometry.coordinates, geometry.cells)[free]
         by_axis = np.arange(self.size).reshape(geometry.dimension, -1)
         units = [(inputs, volumes) for inputs in by_axis]
@@ -103,18 +106,29 @@ class Compliance(nn.Module):
         """Factor of K, made at its first use; None of a small body."""
         return None if len(self.matrix) else self.equilibrium.undeformed
 
+    def blocks_on(self, device: torch.device) -> BlockSolve | None:
+        """What solves on a GPU, made at its first use; None on a CPU, and where it has no room."""
+        if device.type != "cuda":
+            return None
+        if device not in self._blocks:
+            self._blocks[device] = block_solve(self, device)
+        return self._blocks[device]
+
     @cached_property
     def quick(self) -> StoredFactor | None:
         """The same for forces in single precision."""
         return None if self.factor is None else in_single_precision(self.factor, len(self.order))
 
-    @cached_property
-    def stiffness(self) -> csr_array:
-        """K in N/m, (n_dofs, n_dofs), in the order of the factor."""
+    def stiffness(self, dofs: NDArray[np.int64]) -> csr_array:
+        """K in N/m, (n_dofs, n_dofs), in some order of its degrees of freedom."""
         geometry = self.equilibrium.geometry
         nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
         tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
-        return assembled(tangents, geometry, self.equilibrium.layout.dofs)
+        return assembled(tangents, geometry, dofs)
+
+    def by_component(self, dofs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers here of degrees of freedom that are not held, node · d + component."""
+        return np.asarray(self._of_nodes.ravel()[dofs])
 
     def solve(self, force: NDArray[Any]) -> NDArray[Any]:
         """Solve with the factor, in the precision of the forces: (N, d · n_free) → same."""
@@ -168,6 +182,20 @@ class Compliance(nn.Module):
         return force @ self.matrix.numpy() if len(self.matrix) else self.solve(force)
 
 
+def block_solve(compliance: Compliance, device: torch.device) -> BlockSolve | None:
+    """What solves with K(0) on a device; None if it has no room, or K is not formed."""
+    equilibrium = compliance.equilibrium
+    if isinstance(equilibrium.layout, SaddlePointLayout):
+        return None
+    geometry = equilibrium.geometry
+    dofs, width = band_order(geometry.coordinates, geometry.cells, geometry.held)
+    if device.type == "cuda":
+        room = ROOM * torch.cuda.mem_get_info(device)[0]  # bytes
+        if 4 * len(dofs) * width + 6 * 8 * width**2 > room:
+            return None
+    return BlockSolve(compliance, device, CLOSE, LEAST_BLOCK)
+
+
 def in_single_precision(factor: StoredFactor, size: int) -> StoredFactor:
     """The factor in single precision, or itself if a random load tells the difference."""
     force = np.random.default_rng(0).normal(size=size)
@@ -195,7 +223,7 @@ def assembled(
 
 
 class _Response(torch.autograd.Function):
-    """The response of a large body, on the CPU; its derivative is the response to gradients.
+    """The response of a large body; its derivative is the response to gradients.
 
     That is a solve, since gradients act on all nodes, and can be differentiated again.
     """
@@ -203,6 +231,9 @@ class _Response(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, force: Tensor, compliance: Compliance, by_columns: bool = True) -> Tensor:
         ctx.compliance = compliance
+        blocks = compliance.blocks_on(force.device)
+        if blocks is not None:
+            return blocks(force)
         respond = compliance.respond if by_columns else compliance.solve
         return torch.from_numpy(respond(force.cpu().numpy())).to(force)
 

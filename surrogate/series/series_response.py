@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
 AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+AT_ONCE_ON_GPU = 2**26
 COMPILED = 2**15  # such values of one load, from which on compiled code takes less time
 NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
@@ -158,7 +159,7 @@ class SeriesResponse(LinearResponse):
         self.order, self.compiled = order, COMPILES
         self._by_cells: CompiledResponse | None = None
         values = order * geometry.dimension**2 * len(self.higher.volumes)
-        self._at_once, self._is_small = max(1, AT_ONCE // values), values < COMPILED
+        self._values, self._is_small = values, values < COMPILED
 
     def at_nodes(self, force: Tensor) -> Tensor:
         """Respond at the nodes, in m, in the series' precision: (N, d, nx, ny[, nz]) → …."""
@@ -189,7 +190,8 @@ class SeriesResponse(LinearResponse):
         alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
         if alone:
             return self._beyond_compiled(nodal)
-        parts = [self._beyond(part) for part in torch.split(nodal, self._at_once)]
+        held = AT_ONCE if nodal.device.type == "cpu" else AT_ONCE_ON_GPU
+        parts = [self._beyond(part) for part in torch.split(nodal, max(1, held // self._values))]
         totals, last = zip(*parts, strict=True)
         return torch.cat(totals), torch.cat(last)
 

@@ -1,6 +1,7 @@
 r"""Cofactors of deformation gradients, and the rotations of their polar decompositions F = R U.
 
-Arrays have the two axes of a tensor first, (d, d, …), so that every operation runs over all points.
+Arrays, of NumPy or PyTorch, have the two axes of a tensor first, (d, d, …), so that every operation
+runs over all points.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.array_library import library_of
+
 STEPS = {2: 1, 3: 3}  # of Newton's method; in the plane one step is exact
 
 Values = NDArray[np.floating[Any]]
@@ -17,9 +20,11 @@ Values = NDArray[np.floating[Any]]
 
 def cofactors(f: Values) -> Values:
     """Cofactors ∂J/∂F: (d, d, …) → same."""
+    library = library_of(f)
     if len(f) == 2:
-        return np.stack([np.stack([f[1, 1], -f[1, 0]]), np.stack([-f[0, 1], f[0, 0]])])
-    result, following = np.empty_like(f), (1, 2, 0, 1)
+        rows = [f[1, 1], -f[1, 0]], [-f[0, 1], f[0, 0]]
+        return library.stack([library.stack(row) for row in rows])
+    result, following = library.empty_like(f), (1, 2, 0, 1)
     for a in range(3):
         b, c = f[following[a]], f[following[a + 1]]
         for i in range(3):
@@ -35,17 +40,23 @@ def rotations(f: Values) -> Values:
     to 1 before each step, and after the last one; three steps in space. Where det F is not positive
     the rotation is none.
     """
-    d, r = len(f), f
+    d, r, library = len(f), f, library_of(f)
     for _ in range(STEPS[d]):
         r = unimodular(r)
         r = (r + cofactors(r)) / 2
     r = unimodular(r)
-    identity = np.eye(d, dtype=f.dtype).reshape(d, d, *[1] * (f.ndim - 2))
-    return np.where(np.isfinite(r).all((0, 1)), r, identity)
+    known = library.isfinite(r).all((0, 1))
+    r = library.where(known, r, 0)
+    for i in range(d):
+        r[i, i] = library.where(known, r[i, i], 1)
+    return r
 
 
 def unimodular(f: Values) -> Values:
     """F / (det F)^(1/d): (d, d, …) → same, NaN where det F is not positive."""
     j = (f[0] * cofactors(f)[0]).sum(0)
-    j = np.where(j > 0, j, np.nan)
-    return f / (np.sqrt(j) if len(f) == 2 else np.cbrt(j))
+    library = library_of(j)
+    j = library.where(j > 0, j, np.nan)
+    if len(f) == 2:
+        return f / library.sqrt(j)
+    return f / (np.cbrt(j) if library is np else j ** (1 / 3))

@@ -16,6 +16,8 @@ from surrogate.certify.deformed_state import State
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.certify.full_certificate import certify
 from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.block_solve import BlockSolve
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -174,3 +176,28 @@ def test_batches_and_moved_supports() -> None:
     fast._at_once = 2
     np.testing.assert_allclose(fast(force, u), together, rtol=1e-10)
     np.testing.assert_array_equal(together[:, body.clamped], u[:, body.clamped])
+
+
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("large", [False, True])
+def test_blocks_of_a_gpu(large: bool, whole: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With tensors, and without a factor: the same estimates as with arrays."""
+    monkeypatch.setattr(fast_estimate, "LARGE", 0 if large else 4000)
+    body = replace(box("hexahedron"), mean_dilation=whole)
+    equilibrium, rng = Equilibrium(body, MATERIAL), np.random.default_rng(2)
+    force = end_load(body, 1.0, -2.0, 0.5)[None] * rng.uniform(0.5, 2, (3, 1, 1))
+    predicted = equilibrium.linear_response(force) * (1 + 1e-3 * rng.normal(size=force.shape))
+    predicted[2] *= -40  # inverted cells
+    blocks = BlockSolve(Compliance(body, MATERIAL))
+    by_arrays = FastEstimate(body, MATERIAL, equilibrium)
+    monkeypatch.setattr(Equilibrium, "undeformed", None)
+    by_tensors = FastEstimate(body, MATERIAL, equilibrium, blocks)
+    one = by_arrays.with_stability(force, predicted)
+    other = by_tensors.with_stability(force, predicted)
+    assert np.isinf(one[0][2]).any()
+    for expected, found in zip(one, other, strict=True):
+        known = np.isfinite(expected)
+        np.testing.assert_array_equal(np.isfinite(found), known)
+        size = np.abs(expected[known]).max()
+        np.testing.assert_allclose(found[known], expected[known], atol=1e-4 * size)
+    np.testing.assert_allclose(by_tensors(force, predicted), other[0])
