@@ -49,7 +49,9 @@ def add_to(commands: Commands) -> None:
     )
     pack.add_argument("folder", type=Path, metavar="FOLDER")
     pack.add_argument("--data", type=Path, default=Path("data"), help="datasets of make data")
-    pack.add_argument("--samples", type=int, help="number of samples of the 3D beam")
+    pack.add_argument("--samples", type=int, help="number of samples of each body in space")
+    runs = "runs whose frames a second are measured"
+    pack.add_argument("--runs", type=Path, nargs="+", default=[], metavar="RUN", help=runs)
     pack.add_argument("--no-wheels", action="store_true", help="pack the datasets only")
     pack.set_defaults(command=run_pack)
     archive = add_command(
@@ -68,7 +70,7 @@ def run_steps(options: argparse.Namespace) -> None:
     """Measure the chosen steps."""
     from experiments.framework.runner import find, run
     from experiments.gpu.catalogue import STEPS
-    from experiments.gpu.setting import CASES, GpuSetting
+    from experiments.gpu.setting import CARRIED, GpuSetting
     from surrogate.device import choose_device
 
     if options.list:
@@ -84,7 +86,7 @@ def run_steps(options: argparse.Namespace) -> None:
     deadline = time.monotonic() + options.total
     device = choose_device(options.device)
     setting = GpuSetting(options.out, options.data, device, options.small, deadline)
-    for case in CASES:
+    for case in CARRIED:
         if not any(options.data.glob(f"{case}*")):
             raise InputError(f"--data '{options.data}': no dataset of '{case}' in it")
     with only_errors("surrogate"):
@@ -124,7 +126,7 @@ def run_pack(options: argparse.Namespace) -> None:
     """Fill the folder."""
     from experiments.gpu.pack import make
 
-    make(options.folder, options.data, options.samples, not options.no_wheels)
+    make(options.folder, options.data, options.samples, options.runs, not options.no_wheels)
 
 
 def run_archive(options: argparse.Namespace) -> None:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from experiments.framework.experiment import Findings
 from experiments.framework.timing import Timing, median_seconds
-from experiments.gpu.cuda_graphs import captured
 from experiments.gpu.setting import CASES, GpuSetting, Results
 from experiments.measures.latency import Work, by_compiling
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
 from surrogate import Dataset, Surrogate, load
+from surrogate.cuda_graphs import captured
 from surrogate.device import Precision, convolutions
 from surrogate.inference import NodalFunction
 from surrogate.networks import parameter_count

@@ -2,8 +2,9 @@
 
     python -m experiments gpu pack build/gpu --data data
 
-The 2D datasets are copied whole; that of the 3D beam is rounded and packed
+The 2D datasets are copied whole; those in space are rounded and packed
 (`experiments.gpu.carried_dataset`), with as many samples as there are, or as ``--samples`` says.
+Given runs are packed, with the prediction of one load by the CPU (`experiments.gpu.frames`).
 """
 
 from __future__ import annotations
@@ -11,12 +12,17 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import tarfile
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.framework.machine import ROOT
 from experiments.gpu.carried_dataset import SUFFIX, pack
-from experiments.gpu.setting import CASES
+from experiments.gpu.frames import PACKED, write_reference
+from experiments.gpu.setting import CARRIED
 from shared_schema.common import InputError, WorkError
+from surrogate.runs import RunFolder, find_run
 
 LIMIT = 64 * 2**20  # bytes of the carried folder and the repository
 WITH_NEEDS = ("pydantic",)  # its core has to be of one exact version
@@ -48,7 +54,7 @@ def pack_datasets(data: Path, folder: Path, samples: int | None) -> list[str]:
     """Copy the datasets in the plane, pack those in space; return a line about each."""
     lines = []
     folder.mkdir(parents=True, exist_ok=True)
-    for case in CASES:
+    for case in CARRIED:
         source, packed = data / case / "structured", folder / f"{case}{SUFFIX}"
         if not (source / "manifest.json").is_file():
             raise InputError(f"--data '{data}': no complete dataset '{case}/structured' in it")
@@ -59,6 +65,20 @@ def pack_datasets(data: Path, folder: Path, samples: int | None) -> list[str]:
             shutil.copytree(source, folder / case / "structured")
             lines.append(f"{case}: all samples")
     return lines
+
+
+def pack_run(run: Path, folder: Path) -> str:
+    """Pack what predictions need of a run, or of one that comes with the package."""
+    source = RunFolder(find_run(run))
+    name = "-".join(run.parts[-2:])
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as aside:
+        write_reference(source.folder, Path(aside))
+        with tarfile.open(folder / f"{name}{PACKED}", "w:xz") as tar:
+            for path in (*source.folder.iterdir(), *Path(aside).iterdir()):
+                if path.is_file():
+                    tar.add(path, path.name)
+    return f"{name}: run"
 
 
 def bytes_of(folder: Path) -> int:
@@ -73,9 +93,10 @@ def bytes_of_repository() -> int:
     return sum(path.stat().st_size for path in paths if path.is_file())
 
 
-def make(folder: Path, data: Path, samples: int | None, wheels: bool) -> None:
+def make(folder: Path, data: Path, samples: int | None, runs: Sequence[Path], wheels: bool) -> None:
     """Fill the folder, and say what is in it and how large it is."""
     lines = pack_datasets(data, folder / "data", samples)
+    lines += [pack_run(run, folder / "runs") for run in runs]
     if wheels:
         download_wheels(folder / "wheels")
     carried, repository = bytes_of(folder), bytes_of_repository()

@@ -13,7 +13,8 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.gpu.trainings import adapted, train_within
 from experiments.measures.untrained import changed, shipped_unet
-from surrogate.models import UNetModel
+from surrogate import read_config
+from surrogate.models import ReducedModel, UNetModel
 
 EPOCHS = 600
 
@@ -26,6 +27,18 @@ def fast_recipe(name: str) -> Callable[[GpuSetting], Findings]:
 def paper_recipe(name: str) -> Callable[[GpuSetting], Findings]:
     """Make the measurement of one of the paper's configurations."""
     return lambda setting: _train(setting, name, shipped_unet(name))
+
+
+def reduced_recipe(name: str, input_modes: int) -> Callable[[GpuSetting], Findings]:
+    """Make the measurement of one of our reduced networks, of a body of any mesh."""
+
+    def work(setting: GpuSetting) -> Findings:
+        config = read_config(name)
+        assert isinstance(config, ReducedModel)
+        config = changed(config, {"input_modes": input_modes}, {})
+        return train_within(setting, name, adapted(config, setting))
+
+    return work
 
 
 def constant_channels(channels: int) -> Callable[[GpuSetting], Findings]:

@@ -27,10 +27,10 @@ from torch.utils.flop_counter import FlopCounterMode
 from experiments.benchmarks.training import configuration
 from experiments.framework.experiment import Findings
 from experiments.framework.timing import Timing, median_seconds
-from experiments.gpu.cuda_graphs import captured
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.gpu.throughput import NETWORKS, small_or_whole
 from surrogate import Dataset
+from surrogate.cuda_graphs import captured
 from surrogate.data import Samples
 from surrogate.device import Precision, convolutions, lay_out
 from surrogate.models import UNetModel

@@ -25,7 +25,7 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.inference.calibrated_bounds import HeldOut, fit_fast_certificate, fit_on_samples
-    from surrogate.inference.export import NodalFunction
+    from surrogate.inference.export import NodalFunction, fixed_directions
     from surrogate.inference.fresh_loads import drawn_loads
     from surrogate.inference.given_load import separated
     from surrogate.inference.loading import load
@@ -42,6 +42,7 @@ __all__ = [
     "farthest",
     "fit_fast_certificate",
     "fit_on_samples",
+    "fixed_directions",
     "load",
     "separated",
 ]

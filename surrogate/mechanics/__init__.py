@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from surrogate.mechanics.block_solve import BlockSolve
     from surrogate.mechanics.compliance import Compliance
     from surrogate.mechanics.follower_pressure import FollowerPressure
     from surrogate.mechanics.linear_response import LinearResponse
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.stresses import cell_stresses, reactions
 
 __all__ = [
+    "BlockSolve",
     "Compliance",
     "Equilibrium",
     "FollowerPressure",

@@ -34,11 +34,12 @@ CPU = torch.device("cpu")
 
 @pytest.fixture(scope="module")
 def datasets(make_dataset: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Datasets of all three cases, packed."""
+    """Datasets of all cases and two runs, packed."""
     folder = tmp_path_factory.mktemp("gpu")
-    for case, dimension in {"beam2d": 2, "lshape2d": 2, "beam3d": 3}.items():
+    for case, dimension in {"beam2d": 2, "lshape2d": 2, "beam3d": 3, "liver3d": 3}.items():
         make_dataset(folder / "data" / case, dimension, name=case)
     packing = [str(folder / "packed"), "--data", str(folder / "data"), "--no-wheels"]
+    packing += ["--runs", "beam2d_any", "beam3d_any_reduced"]
     assert main(["gpu", "pack", *packing]) == 0
     return folder / "packed" / "data"
 
@@ -270,7 +271,11 @@ def test_rehearsal_on_the_cpu(
     records = {step.name: record_of(tmp_path, step.name) for step in STEPS}
     assert all(record.finished and not record.error for record in records.values())
     results = {name: record.findings.numbers for name, record in records.items()}
-    assert all(results[name]["complete"] for name in ("latency", "throughput", "profile"))
+    timed = ("latency", "throughput", "profile", "responses", "frames")
+    assert all(results[name]["complete"] for name in timed)
+    assert [run["nodes"] for run in results["frames"]["frames"]] == [64, 4032]
+    for found in [*results["responses"]["responses"], *results["frames"]["frames"]]:
+        assert found["relative_difference"] < 1e-5
     assert results["gpu-tests"]["failed"] == []
     cases = [found["case"] for found in results["latency"]["latencies"]]
     assert set(cases) == {"beam2d", "lshape2d", "beam3d"}
@@ -292,4 +297,4 @@ def test_rehearsal_on_the_cpu(
             assert math.isfinite(result["test"]["mean_error"])
             assert result["epochs"] == 2
     assert main(call) == 0
-    assert "latency (2 of 15): up to date" in capsys.readouterr().err
+    assert "latency (2 of 18): up to date" in capsys.readouterr().err
