@@ -59,13 +59,13 @@ def _solver() -> dict[str, str]:
 
 
 def commit() -> str:
-    """Commit of the working tree; "unknown" where there is no history."""
-    command = ["git", "describe", "--always", "--dirty"]
+    """Commit of the working tree; that of the environment variable COMMIT where no history is."""
+    command, elsewhere = ["git", "describe", "--always", "--dirty"], os.environ.get("COMMIT")
     try:
         asked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     except FileNotFoundError:
-        return "unknown"
-    return asked.stdout.strip() or "unknown"
+        return elsewhere or "unknown"
+    return asked.stdout.strip() or elsewhere or "unknown"
 
 
 def _load_average() -> float:
