@@ -6,6 +6,7 @@ Hundreds of kernels that run for microseconds each take longer to launch than to
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 
 import torch
 from torch import Tensor
@@ -34,29 +35,56 @@ def captured(work: Callable[[], object], device: torch.device) -> Callable[[], o
 
 
 class Replayed:
-    """A function of one tensor, as one graph for every shape that it is given.
+    """A function of tensors on a GPU, as one graph for every shape of theirs.
+
+    On a CPU, and inside of another capture, it is the function itself.
 
     Parameters
     ----------
     function : callable
-        Its other inputs do not change.
+        Tensors to a tuple of tensors; all else that it reads stays at its place. It does not wait
+        for the device, and needs no gradients.
+    most : int
+        Number of graphs that are kept.
     """
 
-    def __init__(self, function: Callable[[Tensor], Tensor]) -> None:
-        self._function = function
-        self._graphs: dict[torch.Size, tuple[Tensor, list[Tensor], Callable[[], object]]] = {}
+    def __init__(self, function: Callable[..., tuple[Tensor, ...]], most: int = 4) -> None:
+        self._function, self._most = function, most
+        self._graphs: dict[tuple[torch.Size, ...], _Graph] = {}
+        self._lock = Lock()
 
-    @torch.no_grad()
-    def __call__(self, given: Tensor) -> Tensor:
+    def __call__(self, *given: Tensor) -> tuple[Tensor, ...]:
         """Evaluate."""
-        if given.shape not in self._graphs:
-            held, result = given.clone(), list[Tensor]()
+        if given[0].device.type != "cuda" or torch.cuda.is_current_stream_capturing():
+            return self._function(*given)
+        shapes = tuple(each.shape for each in given)
+        with self._lock, torch.inference_mode(False), torch.no_grad():
+            if shapes not in self._graphs:
+                if len(self._graphs) == self._most:
+                    del self._graphs[next(iter(self._graphs))]
+                self._graphs[shapes] = _Graph(self._function, given)
+            return self._graphs[shapes](given)
 
-            def work() -> None:
-                result[:] = [self._function(held)]
+    def __reduce__(self) -> tuple[type[Replayed], tuple[object, ...]]:
+        return Replayed, (self._function, self._most)  # without graphs
 
-            self._graphs[given.shape] = held, result, captured(work, given.device)
-        held, result, replay = self._graphs[given.shape]
-        held.copy_(given)
-        replay()
-        return result[0].clone()
+
+class _Graph:
+    """The function at fixed addresses."""
+
+    def __init__(
+        self, function: Callable[..., tuple[Tensor, ...]], given: tuple[Tensor, ...]
+    ) -> None:
+        self._held = [torch.empty_like(each).copy_(each) for each in given]
+        self._found: tuple[Tensor, ...] = ()
+
+        def work() -> None:
+            self._found = function(*self._held)
+
+        self._replay = captured(work, given[0].device)
+
+    def __call__(self, given: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+        for held, each in zip(self._held, given, strict=True):
+            held.copy_(each)
+        self._replay()
+        return tuple(found.clone() for found in self._found)

@@ -31,7 +31,7 @@ code takes tensors. Components come first: F is (d, d, n_points, N).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -45,6 +45,7 @@ from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
 from surrogate.certify.deformed_state import MeanDilationState, State
+from surrogate.cuda_graphs import Replayed
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve, SparseProduct
 from surrogate.mechanics.follower_pressure import FollowerPressure
@@ -54,6 +55,7 @@ Array = NDArray[np.float64]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
 AT_ONCE = 2**20  # values of a field at the points that are held at once
 AT_ONCE_ON_GPU = 2**26
+FEW = 4  # load cases up to which launching the kernels one by one takes longest
 STEPS = 2  # of conjugate gradients from r
 GENERIC_STEPS = 6  # from the load of random numbers
 CONVERGED = 1e-10  # of the first work r · P r: smaller ones are rounding errors
@@ -121,6 +123,9 @@ class FastEstimate:
         )
         at_once = AT_ONCE if blocks is None else AT_ONCE_ON_GPU
         self._at_once = max(1, at_once // (count * points * d**2))
+        self._graphs = {
+            judged: Replayed(partial(self._steps, judged=judged)) for judged in (False, True)
+        }
         generic = np.random.default_rng(0).standard_normal((d, len(self.free), 1))
         self._generic: Values = self._balanced(self._placed(generic))
 
@@ -192,7 +197,10 @@ class FastEstimate:
             forces, pressed = forces + pressure.forces(held), pressure.symmetric_tangents(held)
         u, f = (self._placed(field.transpose(2, 1, 0)) for field in (held, forces))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"), torch.inference_mode():
-            found = self._steps(u, f, pressed, judged)
+            if self._device is not None and u.shape[-1] <= FEW:
+                found = self._graphs[judged](u, f)
+            else:
+                found = self._steps(u, f, pressed, judged=judged)
         x, rest, sound, *coefficients = map(on_cpu, found)
         softest = smallest_ritz_value(*coefficients[:3])
         if judged:
@@ -202,7 +210,7 @@ class FastEstimate:
         return predicted - held - x.transpose(2, 1, 0), kept, np.where(sound, softest, -np.inf)
 
     def _steps(
-        self, u: Values, f: Values, pressed: list[csr_array], judged: bool
+        self, u: Values, f: Values, pressed: Sequence[csr_array] = (), *, judged: bool
     ) -> tuple[Any, ...]:
         """Do the steps of displacements in m and forces in N: (d, n_nodes, N) each.
 
@@ -228,7 +236,7 @@ class FastEstimate:
         return x, self._response(left, rotation), state.sound, *coefficients, *others
 
     def _tangent(
-        self, state: State | MeanDilationState, pressed: list[csr_array], change: Values
+        self, state: State | MeanDilationState, pressed: Sequence[csr_array], change: Values
     ) -> Values:
         """K(u) x in the unit of forces, of changes x in m: (d, n_nodes, N) → same."""
         forces = self._divergence(state.stress_change(self._gradient(change)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,17 +11,23 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from surrogate.cuda_graphs import Replayed
 from surrogate.device import convolutions
+from surrogate.mechanics.compliance import Compliance
 from surrogate.models.model import Model
+from surrogate.models.network_model import NetworkModel
 from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.probabilistic.distribution import Distribution
-from surrogate.probabilistic.drawn import drawables, using
+from surrogate.probabilistic.drawn import Drawn, drawables, using
 from surrogate.probabilistic.likelihoods import Prediction
 from surrogate.probabilistic.moments import Moments
 from surrogate.probabilistic.stochastic_passes import Passes
+from surrogate.series.series_response import SeriesResponse
 
 BATCH = 4096  # largest product of samples and passes that are computed at once
 VALUES = 2**25  # largest number of values in a layer
+FEW = 16  # samples up to which launching the kernels of a GPU one by one takes longest
 Array = NDArray[np.float64]
 Module = TypeVar("Module", bound=nn.Module)
 
@@ -43,6 +49,7 @@ class BatchedPrediction:
     def __init__(self, network: NodalNetwork, passes: Passes, config: Model, points: int) -> None:
         self.network, self.passes, self.config = network, passes, config
         self._values = config.values_per_point * points
+        self._replayed: tuple[tuple[int, int], Replayed] | None = None
 
     def distribution(self, forces: Array, passes: int, seed: int) -> Distribution:
         """Predict means and standard deviations in m from forces in N, (N, n_nodes, d) each."""
@@ -84,18 +91,51 @@ class BatchedPrediction:
         """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
         force = torch.from_numpy(forces.astype(np.float32)).to(self.network.network.free.device)
         chunks = self._chunks(passes, len(forces))
-        moments = reduce(Moments.joined, (self._moments(force, seed, chunk) for chunk in chunks))
-        moments = moments.scaled(self.network.factors(force)[1].double())
-        found = self.config.distribution(moments)
-        return (
-            found.mean.cpu().numpy(),
-            found.std_epistemic.cpu().numpy(),
-            found.std_aleatoric.cpu().numpy(),
-        )
+        if len(chunks) == 1 and len(forces) <= FEW and self._is_replayable:
+            found = self._replay(passes, seed)(force)
+        else:
+            drawn = (self.passes.draw(seed, chunk) for chunk in chunks)
+            moments = (self._moments(force, *each) for each in zip(drawn, chunks, strict=True))
+            found = self._fields(force, reduce(Moments.joined, moments))
+        mean, epistemic, aleatoric = (field.cpu().numpy() for field in found)
+        return mean, epistemic, aleatoric
 
-    def _moments(self, force: Tensor, seed: int, passes: range) -> Moments:
+    def _replay(self, passes: int, seed: int) -> Replayed:
+        """All passes of a seed as one CUDA graph."""
+        last = self._replayed
+        if last is None or last[0] != (passes, seed):
+            every = range(passes)
+            drawn = self.passes.draw(seed, every)  # stays, at its place, as long as the graph
+
+            def work(force: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+                return self._fields(force, self._moments(force, drawn, every))
+
+            self._replayed = last = (passes, seed), Replayed(work)
+        return last[1]
+
+    @cached_property
+    def _is_replayable(self) -> bool:
+        """Whether the network is on a GPU, and nothing in it waits for that."""
+        device = self.network.network.free.device
+        if device.type != "cuda" or not isinstance(self.config, NetworkModel):
+            return False
+        for module in self.network.modules():
+            waits = isinstance(module, SeriesResponse)
+            waits |= isinstance(module, ReducedNetwork) and module.equilibrium is not None
+            waits |= isinstance(module, Compliance) and not module.is_on(device)
+            if waits:
+                return False
+        return True
+
+    def _fields(self, force: Tensor, moments: Moments) -> tuple[Tensor, Tensor, Tensor]:
+        """Mean, epistemic and aleatoric standard deviation in m."""
+        scaled = moments.scaled(self.network.factors(force)[1].double())
+        found = self.config.distribution(scaled)
+        return found.mean, found.std_epistemic, found.std_aleatoric
+
+    def _moments(self, force: Tensor, drawn: Drawn, passes: range) -> Moments:
         """Return the moments of some passes in double precision."""
-        with self.passes.drawn(seed, passes):
+        with using(drawn):
             mean, std = self.network(force, len(passes))
         return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
 

@@ -141,15 +141,14 @@ class BlockSolve(nn.Module):
 
     def solve(self, right: Tensor) -> Tensor:
         """K⁻¹ of columns at `dofs`, in double precision: (n, N) → same."""
-        if right.device.type == "cuda" and right.shape[1] <= FEW:
-            return self._graph(right.double())
-        return self._refined(right.double())
+        solve = self._graph if right.shape[1] <= FEW else self._refined
+        return solve(right.double())[0]
 
-    def _refined(self, right: Tensor) -> Tensor:
+    def _refined(self, right: Tensor) -> tuple[Tensor]:
         x = self._eliminated(right)
         for _ in range(self.refinements):
             x = x + self._eliminated(right - self.stiffness(x))
-        return x
+        return (x,)
 
     def _eliminated(self, f: Tensor) -> Tensor:
         """Solve by elimination in single precision: (n, N) → same, in double precision."""
@@ -182,5 +181,6 @@ def sparse_tensor(matrix: csr_array) -> Tensor:
     """The matrix as a sparse tensor in double precision."""
     entries = matrix.tocoo()
     places = torch.from_numpy(np.stack(entries.coords).astype(np.int64))
-    values = torch.from_numpy(entries.data)
-    return torch.sparse_coo_tensor(places, values, matrix.shape, check_invariants=True)
+    told = torch.sparse.check_sparse_tensor_invariants(True)  # type: ignore[no-untyped-call]
+    with told:  # it warns otherwise
+        return torch.sparse_coo_tensor(places, torch.from_numpy(entries.data), matrix.shape)

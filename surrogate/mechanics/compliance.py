@@ -114,6 +114,10 @@ class Compliance(nn.Module):
             self._blocks[device] = block_solve(self, device)
         return self._blocks[device]
 
+    def is_on(self, device: torch.device) -> bool:
+        """Whether responses are computed on a device."""
+        return len(self.matrix) > 0 or self.blocks_on(device) is not None
+
     @cached_property
     def quick(self) -> StoredFactor | None:
         """The same for forces in single precision."""
@@ -182,6 +186,8 @@ class Compliance(nn.Module):
         return force @ self.matrix.numpy() if len(self.matrix) else self.solve(force)
 
 
+@torch.inference_mode(False)
+@torch.no_grad()
 def block_solve(compliance: Compliance, device: torch.device) -> BlockSolve | None:
     """What solves with K(0) on a device; None if it has no room, or K is not formed."""
     equilibrium = compliance.equilibrium
