@@ -36,10 +36,19 @@ def frames(setting: GpuSetting) -> Findings:
             return Findings(numbers={"frames": found, "complete": False})
         name = packed.name.removesuffix(PACKED)
         with tempfile.TemporaryDirectory() as folder:
-            with tarfile.open(packed) as tar:
-                tar.extractall(folder, filter="data")
+            unpack(packed, Path(folder))
             found.append({"run": name, **of_run(setting, Path(folder))})
+            print(found[-1])
     return Findings(numbers={"frames": found, "complete": True})
+
+
+def unpack(packed: Path, folder: Path) -> None:
+    """Write the files of a packed run into a folder."""
+    with tarfile.open(packed) as tar:
+        for member in tar:
+            content = tar.extractfile(member)
+            assert content is not None
+            (folder / Path(member.name).name).write_bytes(content.read())
 
 
 def write_reference(run: Path, folder: Path) -> None:

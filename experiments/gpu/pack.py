@@ -20,6 +20,7 @@ from pathlib import Path
 from experiments.framework.machine import ROOT
 from experiments.gpu.carried_dataset import SUFFIX, pack
 from experiments.gpu.frames import PACKED, write_reference
+from experiments.gpu.responses import REFERENCES, write_references
 from experiments.gpu.setting import CARRIED
 from shared_schema.common import InputError, WorkError
 from surrogate.runs import RunFolder, find_run
@@ -96,6 +97,7 @@ def bytes_of_repository() -> int:
 def make(folder: Path, data: Path, samples: int | None, runs: Sequence[Path], wheels: bool) -> None:
     """Fill the folder, and say what is in it and how large it is."""
     lines = pack_datasets(data, folder / "data", samples)
+    write_references(folder / REFERENCES)
     lines += [pack_run(run, folder / "runs") for run in runs]
     if wheels:
         download_wheels(folder / "wheels")

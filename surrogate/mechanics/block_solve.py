@@ -108,7 +108,7 @@ class BlockSolve(nn.Module):
         schur = torch.zeros(0, 0)
         for number, start in enumerate(self.starts):
             rows = slice(start, start + size)
-            block = torch.from_numpy(k[rows, rows].toarray()).to(device)
+            block = sparse_tensor(k[rows, rows]).to(device).to_dense()
             if number:
                 to_last = k[rows, start - size : start]
                 block -= _congruent(sparse_tensor(to_last).to(device), schur)
