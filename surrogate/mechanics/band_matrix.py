@@ -55,12 +55,8 @@ class BandLayout:
     ) -> None:
         d = held.shape[1]
         self.dofs, self.width = band_order(coordinates, cells, held)
-        self._dimension, self._place = d, np.full(held.size, -1)
+        self._cells, self._dimension, self._place = cells, d, np.full(held.size, -1)
         self._place[self.dofs] = np.arange(len(self.dofs))
-        row, column = self._rows_and_columns(cells)
-        kept = (column >= 0) & (row >= column)
-        self._kept = torch.from_numpy(np.flatnonzero(kept))
-        self._places = torch.from_numpy((column * self.width + row)[kept])  # column-wise storage
 
     @property
     def entries(self) -> int:
@@ -73,10 +69,19 @@ class BandLayout:
         Entry [k, j, i] is entry (j + i, j) of matrix k.
         """
         n, rows = len(cell_matrices), self.width + 1
-        entries = cell_matrices.reshape(n, -1)[:, self._kept]
+        kept, places = self._kept_and_places
+        entries = cell_matrices.reshape(n, -1)[:, kept]
         bands = torch.zeros(n, len(self.dofs) * rows, dtype=cell_matrices.dtype)
-        bands.index_add_(1, self._places, entries)
+        bands.index_add_(1, places, entries)
         return bands.reshape(n, -1, rows).numpy()
+
+    @cached_property
+    def _kept_and_places(self) -> tuple[Tensor, Tensor]:
+        """Entries of cell matrices below the diagonal, and their places, column by column."""
+        row, column = self._rows_and_columns(self._cells)
+        kept = (column >= 0) & (row >= column)
+        places = (column * self.width + row)[kept]
+        return torch.from_numpy(np.flatnonzero(kept)), torch.from_numpy(places)
 
     def add(self, band: Array, parts: NDArray[np.int64], blocks: Array) -> None:
         """Add matrices of facets, (n_facets, m, m), to a band (n, b + 1): their symmetric part."""

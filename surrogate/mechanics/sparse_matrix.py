@@ -1,8 +1,8 @@
 r"""Sparse matrices of a body whose band would be too large, and their factors.
 
-The unknowns are ordered by least degree, which limits the fill of the factors. SuperLU, which is
-always there, factorises :math:`A = L D L^T` without row exchanges; the signs of D tell whether a
-matrix is positive definite (Sylvester's law of inertia). Where ``pypardiso`` is installed
+SuperLU, which is always there, factorises :math:`A = L D L^T` without row exchanges, with the
+unknowns in an order of least degree, which limits the fill; the signs of D tell whether a matrix is
+positive definite (Sylvester's law of inertia). Where ``pypardiso`` is installed
 (``pip install surrogate[large]``; x86), PARDISO factorises a matrix by Cholesky's method, on a body
 of 20 000 nodes in a tenth of the time; it fails exactly where a matrix is not positive definite.
 """
@@ -12,8 +12,9 @@ from __future__ import annotations
 import logging
 import threading
 import weakref
-from collections.abc import Iterable
-from functools import cache
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -55,6 +56,9 @@ class SparseLayout:
         d.
     negative : int
         Number of negative eigenvalues that a matrix has if its K is positive definite.
+    eliminated : callable, optional
+        Rows in the order in which SuperLU eliminates them, found when it does; by default as they
+        are.
 
     Attributes
     ----------
@@ -72,9 +76,11 @@ class SparseLayout:
         displacements: int,
         dimension: int,
         negative: int = 0,
+        eliminated: Callable[[], NDArray[np.int64]] | None = None,
     ) -> None:
         self._cells, self._order, self._size = cells, order, size
         self._dimension, self._negative = dimension, negative
+        self._eliminated = eliminated or partial(np.arange, len(order))
         self._places = np.flatnonzero(order < displacements)
         self.dofs = order[self._places]
         self.width = 2 * cells.shape[1]
@@ -84,9 +90,8 @@ class SparseLayout:
         """Layout of K alone, of cells (n_cells, n_corners) and held components (n_nodes, d)."""
         points, d = held.shape
         numbers = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
-        ordered = np.where(held, -1, np.arange(points * d).reshape(-1, d))
-        order = ordered[of_least_degree(cells, points)].ravel()
-        return cls(numbers, order[order >= 0], points * d, points * d, d)
+        order, eliminated = np.flatnonzero(~held), partial(rows_of_least_degree, cells, held)
+        return cls(numbers, order, points * d, points * d, d, eliminated=eliminated)
 
     def assembled(self, cell_matrices: Tensor) -> list[csc_array]:
         """Add cell matrices (N, n_cells, m, m) into N matrices."""
@@ -97,14 +102,20 @@ class SparseLayout:
         if self._negative == 0 and has_pardiso():
             cholesky = Pardiso.of(matrix)
             return None if cholesky is None else SparseFactor(cholesky, matrix, self._places)
+        rows = self._elimination
         try:
-            lu = splu(matrix, **IN_PLACE)
+            lu = splu(csc_array(matrix[rows][:, rows]), **IN_PLACE)
         except RuntimeError:  # exactly singular
             return None
         if np.any(lu.perm_r != lu.perm_c) or (lu.U.diagonal() < 0).sum() != self._negative:
             return None
-        factor = SparseFactor(lu, matrix, self._places)
+        factor = SparseFactor(SuperLU(lu, rows), matrix, self._places)
         return factor if factor.is_accurate() else None
+
+    @cached_property
+    def _elimination(self) -> NDArray[np.int64]:
+        """Rows in the order in which SuperLU eliminates them."""
+        return self._eliminated()
 
     def diagonal(self, matrix: csc_array) -> Array:
         """Diagonal at `dofs`."""
@@ -193,6 +204,26 @@ class SparseFactor:
         return found
 
 
+@dataclass(frozen=True)
+class SuperLU:
+    """Factors by SuperLU of a matrix with its rows in another order.
+
+    Attributes
+    ----------
+    factors : scipy.sparse.linalg.SuperLU
+    rows : array of int, (n,)
+    """
+
+    factors: Any
+    rows: NDArray[np.int64]
+
+    def solve(self, right: Array) -> Array:
+        """Solve for right-hand sides, (n,) or (n, m) → same."""
+        found = np.empty_like(right)
+        found[self.rows] = self.factors.solve(right[self.rows])
+        return found
+
+
 class Pardiso:
     """A Cholesky factor by PARDISO, of the Math Kernel Library.
 
@@ -238,6 +269,13 @@ def has_pardiso() -> bool:
         logger.warning("pypardiso: %s SuperLU, which takes more time, is used", error)
         return False
     return True
+
+
+def rows_of_least_degree(cells: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Order of least degree of the components that are not held, as numbers among these."""
+    rows = np.where(held, -1, np.cumsum(~held).reshape(held.shape) - 1)
+    found = rows[of_least_degree(cells, len(held))].ravel()
+    return found[found >= 0]
 
 
 def of_least_degree(cells: NDArray[np.int64], points: int) -> NDArray[np.int64]:
