@@ -1,4 +1,4 @@
-"""Commands gpu run, gpu pack and gpu archive: everything that needs a GPU (`experiments.gpu`)."""
+"""Commands gpu run, pack, archive and report: everything that needs a GPU (`experiments.gpu`)."""
 
 from __future__ import annotations
 
@@ -64,6 +64,15 @@ def add_to(commands: Commands) -> None:
     archive.add_argument("folder", type=Path, metavar="FOLDER")
     archive.add_argument("--weights", nargs="+", default=[], metavar="RUN", help="runs to carry")
     archive.set_defaults(command=run_archive)
+    report = add_command(
+        inner,
+        "report",
+        "make a page from the records of the steps",
+        "python -m experiments gpu report docs/results/gpu docs/gpu-results.md",
+    )
+    report.add_argument("records", type=Path, metavar="FOLDER", help="folder of the records")
+    report.add_argument("page", type=Path, metavar="FILE")
+    report.set_defaults(command=run_report)
 
 
 def run_steps(options: argparse.Namespace) -> None:
@@ -135,3 +144,10 @@ def run_archive(options: argparse.Namespace) -> None:
 
     for path in archive(options.out, options.folder, options.weights):
         print(path)
+
+
+def run_report(options: argparse.Namespace) -> None:
+    """Write the page."""
+    from experiments.gpu.report import write_report
+
+    write_report(options.records, options.page)

@@ -59,13 +59,15 @@ def _solver() -> dict[str, str]:
 
 
 def commit() -> str:
-    """Commit of the working tree; that of the environment variable COMMIT where no history is."""
-    command, elsewhere = ["git", "describe", "--always", "--dirty"], os.environ.get("COMMIT")
+    """Commit of the working tree, or what the environment variable COMMIT says of a copy."""
+    if told := os.environ.get("COMMIT"):
+        return told
+    command = ["git", "describe", "--always", "--dirty"]
     try:
         asked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     except FileNotFoundError:
-        return elsewhere or "unknown"
-    return asked.stdout.strip() or elsewhere or "unknown"
+        return "unknown"
+    return asked.stdout.strip() or "unknown"
 
 
 def _load_average() -> float:

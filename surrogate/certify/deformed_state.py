@@ -6,7 +6,7 @@ Arrays are NumPy's, or tensors on a GPU.
 
 from __future__ import annotations
 
-from shared_schema.common.array_library import library_of
+from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, cofactors
 from shared_schema.material import NeoHookean
 

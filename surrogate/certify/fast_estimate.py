@@ -40,7 +40,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.common.array_library import library_of
+from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean

@@ -17,6 +17,7 @@ import torch
 from experiments import gpu_commands
 from experiments.__main__ import main
 from experiments.framework.experiment import Findings
+from experiments.framework.machine import ROOT
 from experiments.framework.record import Record, read_record, write_record
 from experiments.framework.runner import run
 from experiments.gpu import archive
@@ -257,6 +258,13 @@ def test_wrong_options(
     assert main(["gpu", "run", str(out), "--device", "cpu", *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_the_committed_page_is_that_of_the_committed_records(tmp_path: Path) -> None:
+    records, page = ROOT / "docs" / "results" / "gpu", tmp_path / "page.md"
+    assert main(["gpu", "report", str(records), str(page)]) == 0
+    assert page.read_text() == (ROOT / "docs" / "gpu-results.md").read_text()
+    assert main(["gpu", "report", str(tmp_path), str(page)]) == 2
 
 
 @pytest.mark.slow

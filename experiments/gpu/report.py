@@ -1,0 +1,168 @@
+"""The page of what was measured on GPUs, from the records of the steps.
+
+python -m experiments gpu report docs/results/gpu docs/gpu-results.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from experiments.framework.record import Record, read_record
+from experiments.framework.report import markdown_table
+from experiments.gpu.setting import Results
+from shared_schema.common import InputError, write_text
+
+BEGINNING = """# Measured on a GPU
+
+Made by `python -m experiments gpu report docs/results/gpu docs/gpu-results.md` from the records
+beside it ([what is measured, and how](gpu.md)). Steps that are not here have not been measured.
+"""
+
+
+def write_report(records: Path, path: Path) -> None:
+    """Write the page of a folder of records."""
+    write_text(path, page(read_records(records)))
+
+
+def read_records(folder: Path) -> dict[str, Record]:
+    """Records by step; InputError if there is none."""
+    found = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
+    records = {name: record for name, record in found.items() if record is not None}
+    if not records:
+        raise InputError(f"'{folder}': expected records of steps")
+    return records
+
+
+def page(records: Mapping[str, Record]) -> str:
+    """Make the page."""
+    parts = [BEGINNING]
+    for name, (title, text) in SECTIONS.items():
+        if name in records:
+            record = records[name]
+            card = record.machine["hardware"].partition(",")[0]
+            parts.append(f"## {title}\n\n{text(record.findings.numbers)}\n{card}, `{name}`.\n")
+    return "\n".join(parts)
+
+
+def training(numbers: Results) -> str:
+    """Samples per second of the plain loop and ours."""
+    rows = [
+        (
+            r["network"],
+            f"{r['batch']}",
+            r["way"],
+            f"{1e3 * r['batch'] / r['samples_per_second']:.2f} ms",
+            f"{r['samples_per_second']:.0f}",
+            f"{r['ratio']:.2f}",
+        )
+        for r in numbers["training"]
+    ]
+    head = ("network", "batch", "loop", "step", "samples / s", "ratio")
+    return (
+        "The plain loop is that of PyTorch's tutorials, whose convolutions use TF32; networks, "
+        "loss and optimiser\nare the same in all.\n\n" + markdown_table(head, rows)
+    )
+
+
+def paper_recipe(numbers: Results) -> str:
+    """What a training has reached, and when it would be over."""
+    last, epochs = numbers["curve"][-1], numbers["config"]["training"]["epochs"]
+    rate = last["samples_per_second"]
+    whole = epochs * numbers["train_samples"] / rate / 60
+    return (
+        f"{numbers['epochs']} of {epochs} epochs of batches of "
+        f"{numbers['config']['training']['batch_size']} in {numbers['training_seconds']:.0f} s, "
+        f"compilation among it: ē = {1e3 * numbers['test']['mean_error']:.2f}e-3 m.\nAt the "
+        f"{rate:.0f} samples a second of the last epoch, all of them take {whole:.1f} min "
+        "(the paper: 131 min on a V100).\n"
+    )
+
+
+def package(numbers: Results) -> str:
+    """Times of the package's networks."""
+    rows = [
+        (
+            f"`{r['name']}`",
+            f"{r['batch']}",
+            f"{r['predict_ms']:.3g} ms",
+            f"{r['bounds_ms']:.3g} ms",
+            f"{r['directions_ms']:.3g} ms",
+            f"{r['relative_difference']:.0e}",
+        )
+        for r in numbers["responses"]
+    ]
+    head = ("network", "loads", "prediction", "fast bounds", "directions", "difference")
+    return (
+        f"Loads on 1 to 4 nodes, arrays in and out; {numbers['responses'][0]['directions']} "
+        "directions, as an exported file has them. The difference\nfrom the CPU's predictions is "
+        "relative to the largest displacement.\n\n" + markdown_table(head, rows)
+    )
+
+
+def organs(numbers: Results) -> str:
+    """Frames a second."""
+    rows = [
+        (
+            f"`{r['run']}`",
+            f"{r['nodes']}",
+            f"{r['solve_ms']:.3g} ms",
+            f"{r['predict_ms']:.3g} ms",
+            f"{r['with_bound_ms']:.3g} ms",
+            f"**{r['frames_per_second']:.0f}**",
+            f"{r['load_s'] + r['first_prediction_s'] + r['first_estimate_s']:.1f} s",
+            f"{r['peak_memory_bytes'] / 1e9:.1f} GB",
+        )
+        for r in numbers["frames"]
+    ]
+    head = (
+        *("run", "nodes", "one solution", "prediction", "with fast bound", "frames / s"),
+        *("ready after", "memory"),
+    )
+    return (
+        "The refined liver under body forces, one load after the other, with the fast bound of "
+        "each prediction.\nOne solution is one with the stiffness of the body at rest.\n\n"
+        + markdown_table(head, rows)
+    )
+
+
+def limits(numbers: Results) -> str:
+    """Where the time of a training step goes."""
+    rows = [
+        (
+            s["network"],
+            s["precision"],
+            "graph" if s["graphs"] else "eager",
+            f"{s['step_ms']:.2f} ms",
+            f"{s['times_ms']['kernels']:.2f} ms",
+            f"{s['counts']['kernels']:.0f}",
+            f"{s['least_ms']['flop']:.3f} ms",
+            f"{s['least_ms']['bytes']:.3f} ms",
+        )
+        for s in numbers["steps"]
+    ]
+    head = ("network", "precision", "way", "step", "kernels", "number", "FLOP", "bytes")
+    return (
+        "Steps on a batch of 4. The last columns are the least times of a step's FLOP and bytes, "
+        "at rates that\nare measured on the same card "
+        f"({numbers['ceilings']['bytes_per_second'] / 1e12:.1f} TB/s, "
+        f"{numbers['ceilings']['flop_per_second']['tensorfloat32'] / 1e12:.0f} TFLOP/s in TF32)."
+        "\n\n" + markdown_table(head, rows) + "\n"
+        "Eager steps wait for their launches; a graph leaves the kernels, each of a few "
+        "microseconds on tensors too\nsmall for the card. Compilation joins the small ones.\n"
+    )
+
+
+def tests(numbers: Results) -> str:
+    """Tests on the device."""
+    return f"{numbers['passed']} of {numbers['tests']} tests that are marked `gpu` pass.\n"
+
+
+SECTIONS = {
+    "throughput": ("Training", training),
+    "paper-beam2d-det": ("The paper's recipe on the 2D beam", paper_recipe),
+    "responses": ("Networks of the package", package),
+    "frames": ("Organs", organs),
+    "profile": ("What the limit is", limits),
+    "gpu-tests": ("Tests", tests),
+}
