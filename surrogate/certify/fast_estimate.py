@@ -44,6 +44,7 @@ from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
 from shared_schema.material import Materials, NeoHookean
+from surrogate.certify.conjugate_gradients import ConjugateGradients, smallest_ritz_value
 from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.cuda_graphs import Replayed
 from surrogate.data.geometry import Geometry
@@ -58,7 +59,6 @@ AT_ONCE_ON_GPU = 2**26
 FEW = 4  # load cases up to which launching the kernels one by one takes longest
 STEPS = 2  # of conjugate gradients from r
 GENERIC_STEPS = 6  # from the load of random numbers
-CONVERGED = 1e-10  # of the first work r · P r: smaller ones are rounding errors
 
 
 class FastEstimate:
@@ -228,12 +228,25 @@ class FastEstimate:
         state, rotation = self._state_at(f_points), rotations(self._at_nodes(f_points))
         force = self._balanced(f) - self._balanced(self._divergence(state.stress()))
         tangent = partial(self._tangent, state, pressed)
-        x, left, *coefficients = self._conjugate_gradients(tangent, rotation, force, STEPS)
+        library = library_of(u)
+        runs = [ConjugateGradients(force)]
+        if judged:
+            runs.append(ConjugateGradients(library.broadcast_to(self._generic, u.shape)))
+        for _ in range(STEPS):
+            for run, z in zip(runs, self._responses(rotation, runs), strict=True):
+                run.step(z, tangent)
+        x = library.where(library.isfinite(runs[0].works[-1]), runs[0].x, np.inf)
+        coefficients = map(library.stack, runs[0].coefficients)
         if not judged:
             return x, 0 * x, state.sound, *coefficients
-        load = library_of(u).broadcast_to(self._generic, u.shape)
-        _, _, *others = self._conjugate_gradients(tangent, rotation, load, GENERIC_STEPS)
-        return x, self._response(left, rotation), state.sound, *coefficients, *others
+        rest, z = self._responses(rotation, runs)
+        generic = runs[1]
+        generic.step(z, tangent)
+        for _ in range(STEPS + 1, GENERIC_STEPS):
+            (z,) = self._responses(rotation, [generic])
+            generic.step(z, tangent)
+        others = map(library.stack, generic.coefficients)
+        return x, rest, state.sound, *coefficients, *others
 
     def _tangent(
         self, state: State | MeanDilationState, pressed: Sequence[csr_array], change: Values
@@ -244,42 +257,6 @@ class FastEstimate:
             added = matrix @ change[..., case].T.ravel()
             forces[..., case] += added.reshape(-1, self.dimension).T
         return self._balanced(forces)
-
-    def _conjugate_gradients(
-        self, tangent_of: Callable[[Values], Values], rotation: Values, force: Values, steps: int
-    ) -> tuple[Values, ...]:
-        """Do some steps towards K(u) x = force.
-
-        Returns
-        -------
-        x, left : array, (d, n_nodes, N)
-            The solution, and the force that it leaves out of balance.
-        works, curvatures, growths : array, (n_steps, N)
-            Coefficients of the steps, for `smallest_ritz_value`.
-        """
-        library = library_of(force)
-        x, direction = library.zeros_like(force), library.zeros_like(force)
-        works: list[Values] = []
-        curvatures, growths = list[Values](), list[Values]()
-        for step in range(steps):
-            z = self._response(force, rotation)
-            work = (force * z).sum((0, 1))
-            growth = 0 * work
-            if step:
-                growth = library.where(works[-1] > 0, work / works[-1], 0)
-            direction = z + growth * direction
-            tangent = tangent_of(direction)
-            curvature = (direction * tangent).sum((0, 1))
-            length = work / curvature
-            known = (length > 0) & (length < np.inf)
-            length = library.where(known, length, float(step == 0))
-            x = x + length * direction
-            force = force - length * tangent
-            works.append(work)
-            curvatures.append(curvature)
-            growths.append(growth)
-        x = library.where(library.isfinite(work), x, np.inf)
-        return x, force, *map(library.stack, (works, curvatures, growths))
 
     def _gradient(self, u: Values) -> Values:
         """∂u_i/∂x_j at the quadrature points: (d, n_nodes, N) → (d, d, n_points, N)."""
@@ -311,15 +288,22 @@ class FastEstimate:
         balanced: Values = forces * self._held
         return balanced
 
-    def _response(self, force: Values, rotation: Values) -> Values:
-        """P f = R K(0)⁻¹ Rᵀ f, of forces in their unit to m: (d, n_nodes, N) → same."""
-        d, nodes, n = force.shape
-        turned = (rotation * force[:, None]).sum(0).swapaxes(0, 1).reshape(nodes * d, n)
-        response = library_of(turned).zeros_like(turned)
-        solved = self._factor.solve(turned[self._dofs]) * self._unit
+    def _responses(
+        self, rotation: Values, runs: Sequence[ConjugateGradients]
+    ) -> tuple[Values, ...]:
+        """P f = R K(0)⁻¹ Rᵀ f of the forces that are left in some runs, by one solution.
+
+        They are in their unit, displacements in m: (d, n_nodes, N) → same.
+        """
+        d, nodes, n = runs[0].force.shape
+        library = library_of(rotation)
+        turned = [(rotation * run.force[:, None]).sum(0).swapaxes(0, 1) for run in runs]
+        columns = library.concatenate([each.reshape(nodes * d, n) for each in turned], 1)
+        response = library.zeros_like(columns)
+        solved = self._factor.solve(columns[self._dofs]) * self._unit
         response[self._dofs] = solved if self._device is None else solved.to(response.dtype)
-        back = response.reshape(nodes, d, n).swapaxes(0, 1)
-        return (rotation * back[None]).sum(1)
+        back = response.reshape(nodes, d, len(runs), n).swapaxes(0, 1)
+        return tuple((rotation * back[None, :, :, i]).sum(1) for i in range(len(runs)))
 
 
 def contiguous(values: Any) -> Values:
@@ -332,36 +316,6 @@ def contiguous(values: Any) -> Values:
 def on_cpu(values: Any) -> NDArray[Any]:
     """The values as an array."""
     return np.asarray(values if library_of(values) is np else values.cpu().numpy())
-
-
-def smallest_ritz_value(works: Array, curvatures: Array, growths: Array) -> Array:
-    """Smallest eigenvalue of the tridiagonal matrix of conjugate gradients, (N,).
-
-    Parameters
-    ----------
-    works, curvatures, growths : array, (n_steps, N)
-        r · P r, p · K p, and the part of the direction p before in the next one. Steps after
-        convergence, where r is made of rounding errors, are left out.
-
-    Returns
-    -------
-    array, (N,)
-        +∞ if there is no step, −∞ if a number is not finite.
-    """
-    count, samples = works.shape
-    left_out = np.logical_or.accumulate(works <= CONVERGED * works[0])
-    inverse = curvatures / works  # of the lengths of the steps
-    matrix = np.zeros((samples, count, count))
-    for k in range(count):
-        matrix[:, k, k] = inverse[k] + (growths[k] * inverse[k - 1] if k else 0)
-        if k:
-            beside = np.sqrt(growths[k]) * inverse[k - 1]
-            matrix[:, k, k - 1] = matrix[:, k - 1, k] = np.where(left_out[k], 0, beside)
-            matrix[:, k, k] = np.where(left_out[k], matrix[:, 0, 0], matrix[:, k, k])
-    finite = np.isfinite(matrix).all(axis=(1, 2))
-    found = np.full(samples, -np.inf)
-    found[finite] = np.linalg.eigvalsh(matrix[finite])[:, 0]
-    return np.where(left_out[0], np.inf, found)
 
 
 def sums_at_nodes(cells: NDArray[np.int64], nodes: int) -> tuple[csr_array, csr_array]:
