@@ -21,6 +21,7 @@ def test_on_a_cpu_the_function_itself() -> None:
 
 
 @pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 def test_replayed_function() -> None:
     """For more shapes than are kept, in and out of inference mode; results are not overwritten."""
     calls = []
@@ -41,6 +42,7 @@ def test_replayed_function() -> None:
 
 
 @pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 @pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any", "beam3d_any_reduced"])
 def test_networks_of_the_package(name: str) -> None:
     """Predictions, estimates and their derivatives; few loads and many."""
