@@ -197,7 +197,8 @@ class EquilibriumProblem:
     def is_linear(self) -> bool:
         """True if the load is so small that rounding hides all but the linear response."""
         smallest = LINEAR_LOADS * self._round_off.at_rest
-        return not self.supports.has_grip and self.load.norm <= smallest
+        given = self.supports.has_grip or self.load.contact is not None
+        return not given and self.load.norm <= smallest
 
     @property
     def is_dead(self) -> bool:
@@ -227,7 +228,7 @@ class EquilibriumProblem:
         moves = self.supports.prescribe(displacement)
         self.load.set(nodes, forces, pressures)
         self._grip_norm = 0.0
-        self._is_loaded = self.load.norm > 0.0 or moves
+        self._is_loaded = self.load.norm > 0.0 or moves or self.load.contact is not None
         if self._settings.tolerance is not None:
             self.newton.stop_at(self.relative_tolerance(0.0), self._round_off.at_rest)
 
@@ -239,7 +240,8 @@ class EquilibriumProblem:
     def relative_tolerance(self, displacement_norm: float) -> float:
         """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
         forces = float(np.hypot(self.load.norm, self._grip_norm))
-        if self._settings.tolerance is not None and (self.supports.has_grip or forces == 0.0):
+        given = self.supports.has_grip or self.load.contact is not None
+        if self._settings.tolerance is not None and (given or forces == 0.0):
             return self._settings.tolerance  # the forces of a grip are not known before
         return self._tolerance.under(forces, self._round_off, displacement_norm)
 
@@ -398,6 +400,9 @@ class EquilibriumProblem:
             self.drag.add_forces(b, x)
         if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
+        if self.load.contact is not None:
+            touch = self.load.contact.forces(self.displacement(), self.load_factor)
+            self._grip_norm = float(np.hypot(self._grip_norm, np.linalg.norm(touch)))
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
