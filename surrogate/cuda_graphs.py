@@ -11,6 +11,8 @@ from threading import Lock
 import torch
 from torch import Tensor
 
+__all__ = ["Replayed", "captured"]
+
 WARM_UP = 3
 
 
