@@ -19,8 +19,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
-from datagen.solver.tool_contact import touched
-from datagen.solver.tool_stepping import Contact, solve_with_tool
+from datagen.solver.tool_contact import Contact, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
+INSIDE = 1e-6  # of the body's size: depth of a node in a tool that is an error
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -230,7 +230,6 @@ def _solved(
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
     if start is not None and (given.surfaces or given.moved.any() or tool is not None):
         raise InputError(f"--start{said}: expected forces only, no pressure, --hold or --tool")
-    contact: Contact | None = None
     if tool is not None:
         form = tool if isinstance(tool, Tool) else parse_tool(tool, mesh.coordinates.shape[1])
         surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
@@ -241,15 +240,11 @@ def _solved(
     load, origin = (nodes, given.forces[nodes]), ""
     began = time.perf_counter()
     drive = np.array(given.pressures), given.displacement
-    if tool is not None:
-        report, contact = solve_with_tool(problem, *load, case.solver, *drive)
-    elif start is None:
+    if start is None:
         report = solve_load_case(problem, *load, case.solver, *drive)
     else:
         report, used = solve_from(_start(start, mesh), problem, *load, case.solver)
         origin = "start" if used else "rest"
-    if contact is not None and not report.solved and report.load_factor == 1.0:
-        raise WorkError(report.explanation)
     report = with_stability(problem, report, case.solver)
     seconds = time.perf_counter() - began
     if not report.solved and report.load_factor == 1.0:
@@ -262,6 +257,12 @@ def _solved(
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
     displacement, tolerance = problem.displacement(), problem.tolerance()
+    contact = None if problem.load.contact is None else problem.load.contact.found(displacement)
+    if contact is not None and contact.penetration > INSIDE * np.ptp(mesh.coordinates):
+        raise WorkError(
+            f"a node is {case.units.written(contact.penetration)} inside the tool, expected one "
+            "that comes from outside of the body"
+        )
     warning = size_warning(displacement, mesh.coordinates, "the largest displacement")
     if warning is not None:
         logger.warning(warning)

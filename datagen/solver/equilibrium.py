@@ -258,8 +258,9 @@ class EquilibriumProblem:
         direct : bool
             Solve the linear systems by LU, even if the settings ask for multigrid.
         """
-        self.load_factor = load_factor
+        self.load_factor, contact = load_factor, self.load.contact
         self._inverted = False
+        multipliers = None if contact is None else contact.state()
         self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         reason, iterations, residual_norm = self.newton.solve(
@@ -274,6 +275,8 @@ class EquilibriumProblem:
         if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self.tolerance():
             # Inexact steps iterate to INEXACT_TOLERANCE · tolerance; the tolerance itself suffices.
             reason = reasons.CONVERGED_FNORM_ABS
+        if contact is not None and multipliers is not None and reason <= 0:
+            contact.restore(multipliers)
         return NewtonResult(
             converged=reason > 0,
             reason=reason,

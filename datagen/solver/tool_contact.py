@@ -1,20 +1,27 @@
-r"""Frictionless contact of a body with a rigid tool, by augmented Lagrangians.
+r"""Frictionless contact of a body with a rigid tool, as a set of nodes that are held by forces.
 
-Every node a of the surface, at :math:`x_a = X_a + u_a`, bears the force
+Every node a of the surface, at :math:`x_a = X_a + u_a`, keeps out of the tool, and bears a force
+along the normal :math:`n = ∇g` of its signed distance g (`shared_schema.tools`):
 
-.. math:: f_a = p_a \, n(x_a), \qquad p_a = \max(0, \; λ_a - k_a \, g(x_a))
+.. math:: f_a = λ_a \, n(x_a), \qquad g(x_a) \ge 0, \quad λ_a \ge 0, \quad λ_a \, g(x_a) = 0.
 
-with the signed distance g of the tool (`shared_schema.tools`) and its normal :math:`n = ∇g`. The
-multiplier :math:`λ_a` in N is that of :math:`g(x_a) \ge 0`, the stiffness :math:`k_a` a multiple of
-that of the node at rest. After Newton's method has found the equilibrium, each λ becomes its p, and
-so on (Wriggers, *Computational Contact Mechanics*, 2006, Section 5.3.4); what remains of the
-penetration is reported. The part of the tangent, :math:`k_a n n^T - p_a ∇^2 g` where p > 0, is
-symmetric. The load factor s moves the tool's surface by :math:`(1 - s) \, g_0` into the tool, with
-the depth :math:`g_0` in which the undeformed body overlaps it, so that nothing is touched at s = 0.
+Newton's method solves this with the equilibrium, by active sets (Alart and Curnier 1991, *Comput.
+Methods Appl. Mech. Engrg.* 92; Hüeber and Wohlmuth 2005, *ibid.* 194). At an iterate a node is
+active if :math:`λ_a - c_a \, g > 0`. Its force is then :math:`λ_a - k_a \, g`, and that at the next
+iterate, which becomes λ, is linearised:
+
+.. math:: λ_a ← λ_a - k_a \, (g + n · Δu_a), \qquad
+    K ← K + k_a \, n n^T - (λ_a - k_a g) \, ∇^2 g.
+
+λ of all other nodes is 0. The numbers c and k are multiples of the stiffness of the node at rest;
+the equilibrium does not depend on them, since λ changes until g = 0. The load factor s moves the
+tool's surface by :math:`(1 - s) \, g_0` into the tool, with the depth :math:`g_0` in which the
+undeformed body overlaps it, so that nothing is touched at s = 0.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +35,29 @@ if TYPE_CHECKING:
     from datagen.solver.equilibrium import EquilibriumProblem
 
 Array = NDArray[np.float64]
-STIFFNESS = 1.0  # k over the largest entry of the node's diagonal of K at rest
+STIFFNESS = 100.0  # k over the largest entry of the node's diagonal of K at rest
+COMPLEMENT = 0.1  # c over the same
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact in an equilibrium.
+
+    Attributes
+    ----------
+    forces : array, (n_nodes, d)
+        Forces of the tool on the nodes in N.
+    penetration : float
+        Largest depth of a node inside the tool in m.
+    """
+
+    forces: Array
+    penetration: float
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes that bear a force."""
+        return int(self.forces.any(axis=1).sum())
 
 
 class ToolContact:
@@ -43,8 +72,8 @@ class ToolContact:
         Undeformed positions in m, the same on every rank.
     nodes : array of int, (n,)
         Nodes of the surface that can move.
-    stiffness : array, (n,)
-        k in N/m.
+    diagonal : array, (n,)
+        Their stiffness at rest in N/m.
     rows, columns : array of int, (n_nodes, d)
         Rows of the matrix, and its columns, of every node; -1 where they are not to be changed.
 
@@ -61,22 +90,32 @@ class ToolContact:
         tool: Tool,
         coordinates: Array,
         nodes: NDArray[np.int64],
-        stiffness: Array,
+        diagonal: Array,
         rows: NDArray[np.int32],
         columns: NDArray[np.int32],
     ) -> None:
         self.tool, self._coordinates, self.nodes = tool, coordinates, nodes
-        self._stiffness, self._rows, self._columns = stiffness, rows, columns
-        self.multipliers, self.smoothing = np.zeros(len(nodes)), 0.0
-        self.depth = self.penetration(np.zeros_like(coordinates))
+        self._k, self._c = STIFFNESS * diagonal, COMPLEMENT * diagonal
+        self._rows, self._columns = rows, columns
+        self.multipliers = np.zeros(len(nodes))
+        self.depth = max(0.0, -float(tool.gap(coordinates[nodes]).min()))
+        self._at: tuple[Array, Array, Array] | None = None  # positions, sizes, normals
 
     def penetration(self, u: Array) -> float:
         """Largest depth of a node inside the tool, of a displacement (n_nodes, d), in m."""
-        return max(0.0, -float(self.tool.gap(self._positions(u)).min()))
+        return max(0.0, -float(self.tool.gap(self._coordinates + u).min()))
 
     def forces(self, u: Array, factor: float = 1.0) -> Array:
-        """Forces of the tool on the nodes: (n_nodes, d) in m → same in N."""
+        """Forces of the tool on the nodes, (n_nodes, d) in m → same in N.
+
+        At the iterate after that of `add_tangent`, λ changes.
+        """
         x = self._positions(u)
+        if self._at is not None and not np.array_equal(x, self._at[0]):
+            before, sizes, n = self._at
+            step = ((x - before) * n).sum(axis=1)
+            self.multipliers = np.where(sizes != 0, sizes - self._k * step, 0.0)
+            self._at = None
         total = np.zeros(self._coordinates.shape)
         total[self.nodes] = self._sizes(x, factor)[:, None] * self.tool.normal(x)
         return total
@@ -84,34 +123,36 @@ class ToolContact:
     def add_tangent(self, matrix: PETSc.Mat, u: Array, factor: float) -> None:
         """Add the derivative of −`forces` to a matrix (collective)."""
         x = self._positions(u)
-        n, bent = self.tool.normal(x), self.tool.curvature(x)
-        p, slope = self._smoothed(x, factor)
-        blocks = (slope * self._stiffness)[:, None, None] * n[:, :, None] * n[:, None, :]
-        blocks = blocks - p[:, None, None] * bent
-        for number in np.flatnonzero(p > 0):
+        sizes, n, bent = self._sizes(x, factor), self.tool.normal(x), self.tool.curvature(x)
+        self._at = x, sizes, n
+        blocks = self._k[:, None, None] * n[:, :, None] * n[:, None, :]
+        blocks = blocks - sizes[:, None, None] * bent
+        for number in np.flatnonzero(sizes):
             node = self.nodes[number]
             where = self._rows[node], self._columns[node]
             matrix.setValues(*where, blocks[number], addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
 
-    def update(self, u: Array) -> None:
-        """Let every λ be the p of an equilibrium."""
-        self.multipliers = self._sizes(self._positions(u), 1.0)
+    def found(self, u: Array) -> Contact:
+        """Describe the contact in an equilibrium, (n_nodes, d) in m."""
+        return Contact(self.forces(u), self.penetration(u))
+
+    def state(self) -> Array:
+        """Copy λ."""
+        return self.multipliers.copy()
+
+    def restore(self, multipliers: Array) -> None:
+        """Set λ to a copy."""
+        self.multipliers, self._at = multipliers.copy(), None
 
     def _positions(self, u: Array) -> Array:
         return np.asarray((self._coordinates + u)[self.nodes])
 
     def _sizes(self, x: Array, factor: float) -> Array:
-        """Sizes p of the forces in N."""
-        return self._smoothed(x, factor)[0]
-
-    def _smoothed(self, x: Array, factor: float) -> tuple[Array, Array]:
-        """Sizes of the forces in N, and the part of k by which they grow with the penetration."""
+        """Sizes of the forces of the active nodes in N, else 0."""
         gap = self.tool.gap(x) + (1 - factor) * self.depth
-        pushed, width = self.multipliers - self._stiffness * gap, self._stiffness * self.smoothing
-        root = np.hypot(pushed, 2 * width)
-        slope = np.divide(pushed, root, out=np.zeros_like(pushed), where=root > 0)
-        return (pushed + root) / 2, (1 + slope) / 2
+        active = self.multipliers - self._c * gap > 0
+        return np.where(active, self.multipliers - self._k * gap, 0.0)
 
 
 def touched(problem: EquilibriumProblem, tool: Tool, surface: NDArray[np.int64]) -> ToolContact:
@@ -142,5 +183,5 @@ def touched(problem: EquilibriumProblem, tool: Tool, surface: NDArray[np.int64])
     of_nodes = problem.numbering.gathered(problem.comm, of_corners, add=True)
     nodes = surface[~supports.fixed[surface].all(axis=1)]
     rows, columns = problem.load.rows_and_columns(supports)
-    stiffness = STIFFNESS * np.where(supports.fixed, 0.0, of_nodes)[nodes].max(axis=1)
+    stiffness = np.where(supports.fixed, 0.0, of_nodes)[nodes].max(axis=1)
     return ToolContact(tool, coordinates, nodes, stiffness, rows, columns)
