@@ -19,9 +19,11 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.tool_contact import Contact, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
@@ -33,12 +35,14 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
 from shared_schema.material import Volumetric
+from shared_schema.tools import Tool, parse_tool
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
+INSIDE = 1e-6  # of the body's size: depth of a node in a tool that is an error
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -56,7 +60,8 @@ class Solution:
     cell_type : str
         meshio's name.
     force : array, (n_nodes, d)
-        Nodal forces in N, with those of pressures on the undeformed body and of held nodes.
+        Nodal forces in N, with those of pressures on the undeformed body, of held nodes and of a
+        tool.
     displacement : array, (n_nodes, d)
         In m.
     reactions : array, (n_nodes, d)
@@ -64,6 +69,8 @@ class Solution:
     stresses : mapping of str to array, (n_cells, …)
         Stresses and strain energy of the cells (`shared_schema.common.bodies.stress_fields`);
         empty unless they were asked for.
+    contact : Contact or None
+        Forces of a tool, and how deep nodes are inside it.
     report : SolveReport
         Converged reason, load steps, Newton iterations and residual.
     tolerance : float
@@ -91,6 +98,7 @@ class Solution:
     displacement: Array
     reactions: Array
     stresses: Mapping[str, Array]
+    contact: Contact | None
     report: SolveReport
     tolerance: float
     origin: str
@@ -146,6 +154,7 @@ def solve(
     *,
     forces: Sequence[Path | str] = (),
     held: Sequence[str] = (),
+    tool: str | Tool | None = None,
     body_force: str | Sequence[float] | None = None,
     nearest: bool = False,
     start: Path | str | Array | None = None,
@@ -169,6 +178,9 @@ def solve(
     held : sequence of str
         Prescribed displacements in m of nodes and groups, as ``--hold`` takes them, such as
         ``4,1:0,-0.1`` or ``tip:0,-``; ``-`` is a free component.
+    tool : str or shared_schema.tools.Tool, optional
+        A rigid tool, without friction, that the nodes of the surface keep out of, such as
+        ``sphere:4,1.1:0.3`` (centre and radius in m).
     body_force : str or sequence of d floats, optional
         A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
     nearest : bool
@@ -195,32 +207,40 @@ def solve(
         nonlocal given
         body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, supported, mesh.node_sets)
         files = [Path(path) for path in forces]
-        given = command_loads(body, load, files, held, nearest, body_force)
+        given = command_loads(body, load, files, held, nearest, body_force, needed=tool is None)
         return given
 
     body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven)
     assert given is not None
     try:
-        return _solved(body, given, start, stresses)
+        return _solved(body, given, start, stresses, tool)
     finally:
         body.problem.close()
 
 
 def _solved(
-    body: Body, given: CommandLoads, start: Path | str | Array | None, stresses: bool
+    body: Body,
+    given: CommandLoads,
+    start: Path | str | Array | None,
+    stresses: bool,
+    tool: str | Tool | None,
 ) -> Solution:
     """Solve the body's problem, and collect the fields."""
     problem, case, mesh = body.problem, body.case, body.mesh
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
-    if start is not None and (given.surfaces or given.moved.any()):
-        raise InputError(f"--start{said}: expected forces only, no pressure or --hold")
+    if start is not None and (given.surfaces or given.moved.any() or tool is not None):
+        raise InputError(f"--start{said}: expected forces only, no pressure, --hold or --tool")
+    if tool is not None:
+        form = tool if isinstance(tool, Tool) else parse_tool(tool, mesh.coordinates.shape[1])
+        surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
+        problem.load.contact = touched(problem, form, surface)
     if (warning := body.warning()) is not None:
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))
     load, origin = (nodes, given.forces[nodes]), ""
     began = time.perf_counter()
+    drive = np.array(given.pressures), given.displacement
     if start is None:
-        drive = np.array(given.pressures), given.displacement
         report = solve_load_case(problem, *load, case.solver, *drive)
     else:
         report, used = solve_from(_start(start, mesh), problem, *load, case.solver)
@@ -237,6 +257,12 @@ def _solved(
             f"({report.explanation}; {report.cutbacks} cutbacks)"
         )
     displacement, tolerance = problem.displacement(), problem.tolerance()
+    contact = None if problem.load.contact is None else problem.load.contact.found(displacement)
+    if contact is not None and contact.penetration > INSIDE * np.ptp(mesh.coordinates):
+        raise WorkError(
+            f"a node is {case.units.written(contact.penetration)} inside the tool, expected one "
+            "that comes from outside of the body"
+        )
     warning = size_warning(displacement, mesh.coordinates, "the largest displacement")
     if warning is not None:
         logger.warning(warning)
@@ -246,7 +272,8 @@ def _solved(
         coordinates=mesh.coordinates,
         cells=mesh.cells,
         cell_type=mesh.cell_type,
-        force=given.at_rest + grip,
+        force=given.at_rest + grip + (0.0 if contact is None else contact.forces),
+        contact=contact,
         displacement=displacement,
         reactions=reactions_of_supports(problem, body.held),
         stresses=CellStresses(problem, case.materials, body.parts).fields() if stresses else {},

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from datagen.commands.options import add_case
 from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads
+from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads, add_tool
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
@@ -28,6 +28,7 @@ def add_to(commands: Commands) -> None:
     add_case(parser)
     add_loads(parser)
     add_held(parser)
+    add_tool(parser)
     parser.add_argument(
         "--start",
         type=Path,
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
     require_suffix(options.out)
     if comm.rank == 0:
         require_writable(options.out)
-    names = ("load", "forces", "held", "body_force", "nearest", "start", "stresses")
+    names = ("load", "forces", "held", "tool", "body_force", "nearest", "start", "stresses")
     given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:
@@ -69,6 +70,12 @@ def run(options: argparse.Namespace) -> None:
     begun = {"": "", "start": f"from {options.start}, ", "rest": "from rest, "}
     for note in solution.notes:
         print(note)
+    if solution.contact is not None:
+        total = ",".join(f"{value:.6g}" for value in solution.contact.forces.sum(axis=0))
+        print(
+            f"tool: force {total} {units.force} on {solution.contact.nodes} nodes, penetration "
+            f"{solution.contact.penetration:.2g} {units.length}"
+        )
     print(
         f"{options.out}: largest displacement {solution.largest_displacement:.6g} {units.length}, "
         f"{stress}{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "

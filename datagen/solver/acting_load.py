@@ -1,8 +1,9 @@
-r"""The load on a body: dead nodal forces, and pressures that follow the surface.
+r"""The load on a body: dead nodal forces, pressures that follow the surface, and a rigid tool.
 
-.. math:: f(u) = f + f_p(u)
+.. math:: f(u) = f + f_p(u) + f_c(u)
 
-f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`.
+f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`, :math:`f_c` that
+of `datagen.solver.tool_contact`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from datagen.discretisation.unknowns import Unknowns
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.follower_pressure import FollowerPressure
 from datagen.solver.supports import Supports
+from datagen.solver.tool_contact import ToolContact
 from shared_schema.common.nodal_forces import sum_per_node
 
 Array = NDArray[np.float64]
@@ -37,6 +39,8 @@ class ActingLoad:
     ----------
     norm : float
         2-norm of f, and of the pressures' forces on the undeformed body, in N.
+    contact : ToolContact or None
+        Contact with a tool.
     """
 
     def __init__(
@@ -46,18 +50,16 @@ class ActingLoad:
         supports: Supports,
         surfaces: Sequence[NDArray[np.int64]],
     ) -> None:
-        self._unknowns, self._shape = unknowns, mesh.coordinates.shape
+        self._unknowns, self._mesh, self._shape = unknowns, mesh, mesh.coordinates.shape
         self._dofs, self._values = np.empty(0, dtype=np.intp), np.empty(0)
         self.norm = 0.0
+        self.contact: ToolContact | None = None
         self._pressure: FollowerPressure | None = None
         if len(surfaces):
             self._pressure = FollowerPressure(
                 mesh.coordinates,
                 surfaces,
-                unknowns.numbering,
-                _rows_of_nodes(mesh, unknowns),
-                supports.fixed,
-                supports.moved,
+                *self.rows_and_columns(supports),
             )
 
     def set(self, nodes: NDArray[np.int64], forces: Array, pressures: Array | None) -> None:
@@ -69,14 +71,15 @@ class ActingLoad:
         self.norm = float(np.linalg.norm(forces))
         if self._pressure is not None:
             self._pressure.pressures[:] = 0.0 if pressures is None else pressures
-            if self.presses:
+            if self._pressure.pressures.any():
                 at_rest = self._pressure.forces(np.zeros(self._shape))
                 self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
 
     @property
     def presses(self) -> bool:
-        """True if a pressure acts."""
-        return self._pressure is not None and bool(self._pressure.pressures.any())
+        """True if a pressure or a tool acts: forces that depend on the displacement."""
+        pressed = self._pressure is not None and bool(self._pressure.pressures.any())
+        return pressed or self.contact is not None
 
     def work(self) -> float:
         """Work f · u of the dead forces of this rank at the current state, in J."""
@@ -87,16 +90,33 @@ class ActingLoad:
         b.array_w[self._dofs] -= load_factor * self._values
 
     def subtract_pressures(self, b: PETSc.Vec, load_factor: float, u: Array) -> None:
-        """Subtract s f_p(u) of a displacement, (n_nodes, d) in m, if a pressure acts."""
-        assert self._pressure is not None
-        numbering = self._unknowns.numbering
-        pushed = self._pressure.forces(u)[numbering.node_of_block[: numbering.owned]]
-        b.array_w[self._unknowns.dofs[: numbering.owned]] -= load_factor * pushed
+        """Subtract s f_p(u) and f_c(u) of a displacement, (n_nodes, d) in m."""
+        numbering, pushed = self._unknowns.numbering, np.zeros(self._shape)
+        if self._pressure is not None:
+            pushed += load_factor * self._pressure.forces(u)
+        if self.contact is not None:
+            pushed += self.contact.forces(u, load_factor)
+        of_rank = pushed[numbering.node_of_block[: numbering.owned]]
+        b.array_w[self._unknowns.dofs[: numbering.owned]] -= of_rank
 
     def add_tangent(self, matrix: PETSc.Mat, load_factor: float, u: Array) -> None:
-        """Add −s ∂f_p/∂u at a displacement, (n_nodes, d) in m, if a pressure acts (collective)."""
-        assert self._pressure is not None
-        self._pressure.add_tangent(matrix, u, load_factor)
+        """Add −s ∂f_p/∂u − ∂f_c/∂u at a displacement, (n_nodes, d) in m (collective)."""
+        if self._pressure is not None:
+            self._pressure.add_tangent(matrix, u, load_factor)
+        if self.contact is not None:
+            self.contact.add_tangent(matrix, u, load_factor)
+
+    def rows_and_columns(self, supports: Supports) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Rows of this rank's nodes, and columns of all, (n_nodes, d) each (collective).
+
+        They are -1 where there is no equation; columns of moved components are kept.
+        """
+        numbering, rows = self._unknowns.numbering, _rows_of_nodes(self._mesh, self._unknowns)
+        owned = np.zeros(self._shape[0], dtype=bool)
+        owned[numbering.node_of_block[: numbering.owned]] = True
+        own_rows = np.where(owned[:, None] & ~supports.fixed, rows, -1)
+        columns = np.where(supports.fixed & ~supports.moved, -1, rows)
+        return own_rows.astype(PETSc.IntType), columns.astype(PETSc.IntType)
 
 
 def _rows_of_nodes(mesh: Mesh, unknowns: Unknowns) -> NDArray[np.int64]:

@@ -197,7 +197,8 @@ class EquilibriumProblem:
     def is_linear(self) -> bool:
         """True if the load is so small that rounding hides all but the linear response."""
         smallest = LINEAR_LOADS * self._round_off.at_rest
-        return not self.supports.has_grip and self.load.norm <= smallest
+        given = self.supports.has_grip or self.load.contact is not None
+        return not given and self.load.norm <= smallest
 
     @property
     def is_dead(self) -> bool:
@@ -227,7 +228,7 @@ class EquilibriumProblem:
         moves = self.supports.prescribe(displacement)
         self.load.set(nodes, forces, pressures)
         self._grip_norm = 0.0
-        self._is_loaded = self.load.norm > 0.0 or moves
+        self._is_loaded = self.load.norm > 0.0 or moves or self.load.contact is not None
         if self._settings.tolerance is not None:
             self.newton.stop_at(self.relative_tolerance(0.0), self._round_off.at_rest)
 
@@ -239,7 +240,8 @@ class EquilibriumProblem:
     def relative_tolerance(self, displacement_norm: float) -> float:
         """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
         forces = float(np.hypot(self.load.norm, self._grip_norm))
-        if self._settings.tolerance is not None and (self.supports.has_grip or forces == 0.0):
+        given = self.supports.has_grip or self.load.contact is not None
+        if self._settings.tolerance is not None and (given or forces == 0.0):
             return self._settings.tolerance  # the forces of a grip are not known before
         return self._tolerance.under(forces, self._round_off, displacement_norm)
 
@@ -256,8 +258,9 @@ class EquilibriumProblem:
         direct : bool
             Solve the linear systems by LU, even if the settings ask for multigrid.
         """
-        self.load_factor = load_factor
+        self.load_factor, contact = load_factor, self.load.contact
         self._inverted = False
+        multipliers = None if contact is None else contact.state()
         self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         reason, iterations, residual_norm = self.newton.solve(
@@ -272,6 +275,8 @@ class EquilibriumProblem:
         if reason == reasons.DIVERGED_MAX_IT and residual_norm <= self.tolerance():
             # Inexact steps iterate to INEXACT_TOLERANCE · tolerance; the tolerance itself suffices.
             reason = reasons.CONVERGED_FNORM_ABS
+        if contact is not None and multipliers is not None and reason <= 0:
+            contact.restore(multipliers)
         return NewtonResult(
             converged=reason > 0,
             reason=reason,
@@ -398,6 +403,9 @@ class EquilibriumProblem:
             self.drag.add_forces(b, x)
         if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
+        if self.load.contact is not None:
+            touch = self.load.contact.forces(self.displacement(), self.load_factor)
+            self._grip_norm = float(np.hypot(self._grip_norm, np.linalg.norm(touch)))
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from datagen.mesh.node_numbering import NodeNumbering
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
 
 Array = NDArray[np.float64]
@@ -31,13 +30,8 @@ class FollowerPressure:
         Undeformed positions in m, the same on every rank.
     surfaces : sequence of array of int, (n_facets, n_corners)
         Facets of every surface by node number, seen from outside.
-    numbering : NodeNumbering
-    rows_of_nodes : array of int, (n_nodes, d)
-        Rows of the distributed matrix that belong to every node.
-    fixed : array of bool, (n_nodes, d)
-        Components without an equation, whose rows and columns stay as they are.
-    moved : array of bool, (n_nodes, d)
-        Those of them whose columns are kept.
+    rows, columns : array of int, (n_nodes, d)
+        Rows of the matrix, and its columns, of every node; -1 where they are not to be changed.
 
     Attributes
     ----------
@@ -49,17 +43,12 @@ class FollowerPressure:
         self,
         coordinates: Array,
         surfaces: Sequence[NDArray[np.int64]],
-        numbering: NodeNumbering,
-        rows_of_nodes: NDArray[np.int64],
-        fixed: NDArray[np.bool_],
-        moved: NDArray[np.bool_],
+        rows: NDArray[np.int32],
+        columns: NDArray[np.int32],
     ) -> None:
-        self._coordinates, self._surfaces, self._numbering = coordinates, surfaces, numbering
+        self._coordinates, self._surfaces = coordinates, surfaces
         self.pressures = np.zeros(len(surfaces))
-        owned = np.zeros(len(coordinates), dtype=bool)
-        owned[numbering.node_of_block[: numbering.owned]] = True
-        self._rows = np.where(owned[:, None] & ~fixed, rows_of_nodes, -1).astype(PETSc.IntType)
-        self._columns = np.where(fixed & ~moved, -1, rows_of_nodes).astype(PETSc.IntType)
+        self._rows, self._columns = rows, columns
 
     def forces(self, u: Array) -> Array:
         """Nodal forces of the full pressures at a displacement in m: (n_nodes, d) in N."""

@@ -91,7 +91,8 @@ def solve_load_case(
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     """
     problem.set_load(nodes, forces, pressures, displacement)
-    series = None if problem.is_linear else problem.series
+    touched = problem.load.contact is not None
+    series = None if problem.is_linear or touched else problem.series
     if series is not None:
         series.expand()
     problem.reset()

@@ -301,6 +301,7 @@ def command_loads(
     moves: Sequence[str] = (),
     nearest: bool = False,
     body_force: str | Sequence[float] | None = None,
+    needed: bool = True,
 ) -> CommandLoads:
     """Collect the loads of a command, or of a call.
 
@@ -315,6 +316,8 @@ def command_loads(
         Let a force beside a node act at the nearest one.
     body_force : str or sequence of d floats, optional
         What ``--body-force`` says, in N/m³.
+    needed : bool
+        There has to be one.
 
     Raises
     ------
@@ -324,7 +327,7 @@ def command_loads(
     given, texts = CommandLoads(body), [loads] if isinstance(loads, str) else loads
     if not isinstance(texts, np.ndarray):
         require_type("load", texts, Sequence[str])
-        if len(texts) + len(files) + len(moves) == 0 and body_force is None:
+        if needed and len(texts) + len(files) + len(moves) == 0 and body_force is None:
             raise InputError("no load, expected --load, --forces or --body-force")
         for text in texts:
             given.add(text, nearest)

@@ -21,6 +21,17 @@ def add_held(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_tool(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tool``."""
+    forms = "sphere:X,Y[,Z]:R|capsule:X,Y[,Z]:X,Y[,Z]:R|plane:X,Y[,Z]:NX,NY[,NZ]"
+    parser.add_argument(
+        "--tool",
+        metavar=forms,
+        help="rigid tool without friction that the surface of the body keeps out of, in m; a plane "
+        "has the normal that points out of it",
+    )
+
+
 def add_loads(parser: argparse.ArgumentParser) -> None:
     """Add ``--load``, ``--forces``, ``--body-force`` and ``--nearest``."""
     parser.add_argument(

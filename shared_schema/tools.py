@@ -1,0 +1,214 @@
+r"""Rigid tools that touch a body: their signed distance, positive outside of the tool.
+
+.. math::
+    g(x) = n · (x - x_0), \qquad g(x) = |x - c| - R, \qquad
+    g(x) = \min_{0 \le t \le 1} |x - a - t (b - a)| - R
+
+of a plane with the outward normal n, a sphere and a capsule, with their gradients, which are the
+outward normals, and their Hessians. Lengths are in m; in the plane a sphere is a disc.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError
+
+__all__ = ["Capsule", "Plane", "Sphere", "Tool", "parse_tool"]
+
+Array = NDArray[np.float64]
+MOST = 1e6  # m: largest coordinate or radius
+
+
+class Tool(ABC):
+    """A rigid tool."""
+
+    form: ClassVar[str]
+
+    @abstractmethod
+    def gap(self, x: Array) -> Array:
+        """Signed distance in m of positions: (n, d) → (n,)."""
+
+    @abstractmethod
+    def normal(self, x: Array) -> Array:
+        """Gradient of the distance, of length 1: (n, d) → same."""
+
+    @abstractmethod
+    def curvature(self, x: Array) -> Array:
+        """Hessian of the distance in 1/m: (n, d) → (n, d, d)."""
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Number of space dimensions d."""
+
+
+@dataclass(frozen=True)
+class Plane(Tool):
+    """A half space.
+
+    Attributes
+    ----------
+    point, normal_vector : tuple of d floats
+        A point on its surface in m, and the direction out of it, of any length.
+    """
+
+    point: tuple[float, ...]
+    normal_vector: tuple[float, ...]
+    form: ClassVar[str] = "plane:X,Y[,Z]:NX,NY[,NZ]"
+
+    def __post_init__(self) -> None:
+        """Raise InputError unless both are finite and fit each other."""
+        require_points("plane", self.point, self.normal_vector)
+        if not np.linalg.norm(self.normal_vector) > 0:
+            raise InputError("plane: expected a normal other than 0")
+
+    @property
+    def dimension(self) -> int:
+        """Number of space dimensions."""
+        return len(self.point)
+
+    @property
+    def _unit(self) -> Array:
+        vector = np.array(self.normal_vector)
+        return np.asarray(vector / np.linalg.norm(vector))
+
+    def gap(self, x: Array) -> Array:
+        """Signed distance."""
+        return np.asarray((x - np.array(self.point)) @ self._unit)
+
+    def normal(self, x: Array) -> Array:
+        """Its gradient."""
+        return np.broadcast_to(self._unit, x.shape)
+
+    def curvature(self, x: Array) -> Array:
+        """Its Hessian, which is 0."""
+        return np.zeros((*x.shape, x.shape[1]))
+
+
+@dataclass(frozen=True)
+class Capsule(Tool):
+    """All points within a radius of a segment.
+
+    Attributes
+    ----------
+    begin, end : tuple of d floats
+        Ends of the segment in m.
+    radius : float
+        In m.
+    """
+
+    begin: tuple[float, ...]
+    end: tuple[float, ...]
+    radius: float
+    form: ClassVar[str] = "capsule:X,Y[,Z]:X,Y[,Z]:R"
+
+    def __post_init__(self) -> None:
+        """Raise InputError unless the numbers are finite and the radius is positive."""
+        require_points("capsule", self.begin, self.end)
+        require_radius("capsule", self.radius)
+
+    @property
+    def dimension(self) -> int:
+        """Number of space dimensions."""
+        return len(self.begin)
+
+    def gap(self, x: Array) -> Array:
+        """Signed distance."""
+        return np.asarray(np.linalg.norm(self._offset(x)[0], axis=1) - self.radius)
+
+    def normal(self, x: Array) -> Array:
+        """Its gradient; an axis at points of the segment, where there is none."""
+        offset = self._offset(x)[0]
+        length = np.linalg.norm(offset, axis=1, keepdims=True)
+        anywhere = np.eye(x.shape[1])[0]
+        return np.where(length > 0, offset / np.where(length > 0, length, 1), anywhere)
+
+    def curvature(self, x: Array) -> Array:
+        """Its Hessian: (I − n nᵀ) / |x − …|, without the segment's direction beside it."""
+        offset, beside = self._offset(x)
+        length = np.linalg.norm(offset, axis=1)[:, None, None]
+        n = self.normal(x)
+        across = np.eye(x.shape[1]) - n[:, :, None] * n[:, None, :]
+        axis = np.array(self.end) - np.array(self.begin)
+        unit = axis / (np.linalg.norm(axis) or 1.0)
+        across = across - beside[:, None, None] * np.outer(unit, unit)
+        return np.asarray(across / np.where(length > 0, length, np.inf))
+
+    def _offset(self, x: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """From the nearest point of the segment, (n, d); True where it is inside of it."""
+        a = np.array(self.begin)
+        axis = np.array(self.end) - a
+        square = float(axis @ axis)
+        t = (x - a) @ axis / square if square else np.zeros(len(x))
+        inside = (t > 0) & (t < 1)
+        return x - a - np.clip(t, 0, 1)[:, None] * axis, inside
+
+
+@dataclass(frozen=True)
+class Sphere(Capsule):
+    """A sphere, or a disc in the plane: a capsule without length.
+
+    Attributes
+    ----------
+    begin, end : tuple of d floats
+        Its centre in m.
+    radius : float
+        In m.
+    """
+
+    form: ClassVar[str] = "sphere:X,Y[,Z]:R"
+
+    def __init__(self, centre: tuple[float, ...], radius: float) -> None:
+        super().__init__(tuple(centre), tuple(centre), radius)
+
+
+def require_points(kind: str, *points: tuple[float, ...]) -> None:
+    """Raise InputError unless all points have two or three finite components, as many each."""
+    counts = {len(point) for point in points}
+    if len(counts) > 1 or counts - {2, 3}:
+        raise InputError(f"{kind}: expected 2 or 3 components, as many of each point")
+    if not np.all(np.abs(points) <= MOST):  # true for NaN as well
+        raise InputError(f"{kind}: expected finite numbers, at most {MOST:g}")
+
+
+def require_radius(kind: str, radius: float) -> None:
+    """Raise InputError unless a radius is positive and finite."""
+    if not 0 < radius <= MOST:
+        raise InputError(f"{kind}: radius {radius:g}: expected more than 0, at most {MOST:g} m")
+
+
+def parse_tool(text: str, dimension: int) -> Tool:
+    """Read a tool from a text, such as ``sphere:2,1.1,0.5:0.2``.
+
+    Raises
+    ------
+    InputError
+        If it is none, or not of the body's dimension.
+    """
+    kind, *parts = text.split(":")
+    forms = ", ".join((Sphere.form, Capsule.form, Plane.form))
+    try:
+        numbers = [tuple(float(value) for value in part.split(",")) for part in parts]
+    except ValueError:
+        numbers = []
+    tool: Tool
+    try:
+        if kind == "sphere" and [len(each) for each in numbers[1:]] == [1]:
+            tool = Sphere(numbers[0], numbers[1][0])
+        elif kind == "capsule" and [len(each) for each in numbers[2:]] == [1]:
+            tool = Capsule(numbers[0], numbers[1], numbers[2][0])
+        elif kind == "plane" and len(numbers) == 2:
+            tool = Plane(*numbers)
+        else:
+            raise InputError(f"expected one of {forms}")
+    except InputError as error:
+        raise InputError(f"--tool {text}: {error}") from None
+    if tool.dimension != dimension:
+        raise InputError(f"--tool {text}: expected points of {dimension} components")
+    return tool

@@ -1,0 +1,172 @@
+"""Rigid tools: their distances, a flat punch in closed form, action and reaction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+from datagen import solve
+from datagen.mesh.box import Box
+from datagen.mesh.distributed_mesh import make_mesh
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.settings import SolverSettings
+from datagen.solver.tool_contact import touched
+from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.material import NeoHookean
+from shared_schema.tools import Capsule, Plane, Sphere, Tool, parse_tool
+from tests.datagen.farm_runs import datagen, finish
+from tests.datagen.refusal import refusal
+
+MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
+TOOLS = [
+    Plane((0.3, 0.1), (1.0, -2.0)),
+    Plane((0.3, 0.1, 0.2), (0.0, 0.5, -2.0)),
+    Sphere((0.2, -0.1), 0.4),
+    Sphere((0.2, -0.1, 0.3), 0.4),
+    Capsule((0.0, 0.1), (0.5, 0.4), 0.2),
+    Capsule((0.0, 0.1, 0.2), (0.5, 0.4, -0.1), 0.2),
+]
+
+
+@pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: f"{type(tool).__name__}{tool.dimension}")
+def test_derivatives_of_distances(tool: Tool) -> None:
+    """Central differences, |∇g| = 1, and points at a distance g along the normal on the surface."""
+    x, h = np.random.default_rng(0).uniform(-1, 1, (200, tool.dimension)), 1e-6
+    normal, curvature = tool.normal(x), tool.curvature(x)
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1)
+    assert tool.gap(x - tool.gap(x)[:, None] * normal) == pytest.approx(0, abs=1e-12)
+    for axis, step in enumerate(h * np.eye(tool.dimension)):
+        slope = (tool.gap(x + step) - tool.gap(x - step)) / (2 * h)
+        assert normal[:, axis] == pytest.approx(slope, abs=1e-8)
+        change = (tool.normal(x + step) - tool.normal(x - step)) / (2 * h)
+        smooth = np.abs(change).max(axis=1) < 1e3  # not where a segment ends
+        assert curvature[smooth, :, axis] == pytest.approx(change[smooth], abs=1e-4)
+
+
+def pressed_box(d: int, depth: float) -> tuple[EquilibriumProblem, np.ndarray]:
+    """A unit box on rollers under a plane that has gone down by a depth; forces of the plane."""
+    mesh = make_mesh(Box(lower=(0,) * d, upper=(1,) * d, elements=(3, 2, 2)[:d]), MPI.COMM_SELF)
+    settings = SolverSettings()
+    problem = EquilibriumProblem(mesh, MATERIAL, mesh.coordinates == 0, settings)
+    top, down = np.eye(d)[-1] * (1 - depth), -np.eye(d)[-1]
+    surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
+    problem.load.contact = touched(problem, Plane(tuple(top), tuple(down)), surface)
+    report = solve_load_case(problem, np.empty(0, dtype=np.int64), np.empty((0, d)), settings)
+    assert report.solved
+    found = problem.load.contact.found(problem.displacement())
+    assert found.penetration < 1e-9
+    return problem, found.forces
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_flat_punch(d: int) -> None:
+    r"""A homogeneous state with stretches a across and b = 0.7 along, as the patch test wants.
+
+    P = μ F + (λ/2 (J² − 1) − μ) F⁻ᵀ vanishes across; every node bears its share of the area.
+    """
+    b, lam, mu = 0.7, MATERIAL.lame_lambda, MATERIAL.lame_mu
+
+    def stress(a: float, along: float) -> float:
+        j = b * a ** (d - 1)
+        return float(mu * along + (lam / 2 * (j**2 - 1) - mu) / along)
+
+    a = brentq(lambda a: stress(a, a), 0.9, 1.5, xtol=1e-14)
+    problem, forces = pressed_box(d, 1 - b)
+    x = problem.mesh.coordinates
+    stretches = np.array([a] * (d - 1) + [b])
+    assert problem.displacement() == pytest.approx(x * (stretches - 1), abs=1e-9)
+    top = x[:, -1] == 1
+    shares = np.ones(len(x))
+    for axis, count in enumerate((3, 2)[: d - 1]):
+        at_end = np.isin(x[:, axis], (0, 1))
+        shares *= np.where(at_end, 0.5, 1.0) / count
+    assert forces[top, -1] == pytest.approx(shares[top] * stress(a, b), rel=1e-6)
+    assert np.abs(forces[~top]).max() == 0
+    assert np.abs(forces[:, :-1]).max() == 0
+
+
+@pytest.mark.parametrize(
+    ("case", "tool"),
+    [("beam2d", "capsule:2.5,1.3:3.5,1.15:0.2"), ("lshape2d", "sphere:5,-0.5:0.7")],
+)
+def test_action_and_reaction(case: str, tool: str) -> None:
+    """Nothing is inside the tool, forces push out of it where there is no gap, and balance."""
+    solution = solve(case, tool=tool)
+    contact, form = solution.contact, parse_tool(tool, 2)
+    assert contact is not None
+    x = solution.coordinates + solution.displacement
+    pushed = contact.forces.any(axis=1)
+    assert 0 < pushed.sum() == contact.nodes
+    assert form.gap(x).min() == pytest.approx(-contact.penetration, abs=1e-12)
+    assert form.gap(x[pushed]) == pytest.approx(0, abs=1e-9)
+    along = (contact.forces[pushed] * form.normal(x[pushed])).sum(axis=1)
+    assert along == pytest.approx(np.linalg.norm(contact.forces[pushed], axis=1))
+    assert contact.forces.sum(0) == pytest.approx(-solution.reactions.sum(0), rel=1e-7)
+    as_load = solve(case, contact.forces)  # its forces do what it does
+    assert as_load.displacement == pytest.approx(solution.displacement, abs=1e-7)
+    assert solution.force == pytest.approx(contact.forces)
+
+
+def test_a_tool_beside_the_body_does_nothing() -> None:
+    solution = solve("beam2d", "4,1:0,0.2", tool="sphere:2,3:0.5")
+    assert solution.contact is not None
+    assert solution.contact.nodes == 0
+    alone = solve("beam2d", "4,1:0,0.2")
+    assert solution.displacement == pytest.approx(alone.displacement, abs=1e-9)
+
+
+@pytest.mark.mpi
+def test_two_processes(tmp_path: Path) -> None:
+    arguments = ["solve", "beam2d", "--tool", "sphere:3,1.2:0.3", "--load", "4,0:0.1,0"]
+    fields = []
+    for ranks in (0, 2):
+        out = tmp_path / f"{ranks}.npz"
+        done = finish(datagen(*arguments, "--out", out, ranks=ranks))
+        assert done.returncode == 0, done.stderr
+        assert "tool: force -0.0" in done.stdout
+        with np.load(out) as found:
+            fields.append([found["displacement"], found["force"]])
+    for one, other in zip(*fields, strict=True):
+        assert one == pytest.approx(other, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("tool", "message"),
+    [
+        ("ball:1,2:3", "expected one of sphere:X,Y[,Z]:R"),
+        ("sphere:1,2", "expected one of sphere:X,Y[,Z]:R"),
+        ("sphere:1,x:3", "expected one of sphere:X,Y[,Z]:R"),
+        ("sphere:1,2,3:0.5", "expected points of 2 components"),
+        ("sphere:3,1.2:-1", "radius -1: expected more than 0"),
+        ("sphere:nan,1.2:0.3", "expected finite numbers"),
+        ("capsule:1,2:1,2,3:0.5", "expected 2 or 3 components, as many of each point"),
+        ("plane:1,2:0,0", "expected a normal other than 0"),
+        ("sphere:0,1.2:0.3", "the tool overlaps nodes that are held"),
+        ("sphere:2,0.5:9", "the tool overlaps nodes that are held"),
+    ],
+)
+def test_wrong_tools(
+    tool: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.npz"
+    assert message in refusal(["solve", "beam2d", "--tool", tool, "--out", str(out)], capsys)
+    assert not out.exists()
+
+
+def test_a_tool_in_the_middle_of_a_body() -> None:
+    """It meets no node of the surface, and so pushes nothing out of its way."""
+    with pytest.raises(WorkError, match="inside the tool, expected one that comes from out"):
+        solve("beam2d", tool="capsule:2,0.333:2.3,0.333:0.1")
+
+
+def test_a_body_inside_a_tool() -> None:
+    mesh = make_mesh(Box(lower=(0, 0), upper=(1, 1), elements=(2, 2)), MPI.COMM_SELF)
+    problem = EquilibriumProblem(mesh, MATERIAL, np.zeros((9, 2), bool), SolverSettings())
+    with pytest.raises(InputError, match="the whole body lies inside the tool"):
+        touched(problem, Sphere((0.5, 0.5), 3.0), np.arange(9))
