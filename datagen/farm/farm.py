@@ -25,8 +25,8 @@ from datagen.farm.software_versions import software_versions
 from datagen.farm.work_desk import WorkDesk
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from datagen.mesh.raw_mesh import RawMesh
+from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup, on_rank_zero
-from datagen.solver.undeformed_stiffness import stiffness_of
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.memory import largest_resident, require_memory

@@ -20,8 +20,8 @@ from datagen.cases.case import CaseSource, read_case
 from datagen.farm.shard_job import ShardJob
 from datagen.farm.work_plan import shard_count
 from datagen.mesh.raw_mesh import RawMesh
+from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup
-from datagen.solver.undeformed_stiffness import stiffness_of
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.material import Volumetric
 

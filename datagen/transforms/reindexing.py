@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
+from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.quantities import LARGEST_SEED
-from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.grid_choice import (
     embedded,

@@ -15,9 +15,9 @@ from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from datagen.mesh.box import Box
 from datagen.mesh.raw_mesh import RawMesh
+from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from datagen.solver.undeformed_stiffness import stiffness_of
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
