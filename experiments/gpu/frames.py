@@ -15,9 +15,8 @@ import torch
 from numpy.typing import NDArray
 
 from experiments.framework.experiment import Findings
-from experiments.framework.timing import Timing, median_seconds, timed
+from experiments.framework.timing import timed
 from experiments.gpu.setting import GpuSetting, Results
-from experiments.measures.latency import Work
 from surrogate import load
 from surrogate.inference import drawn_loads
 from surrogate.mechanics import BlockSolve
@@ -94,8 +93,8 @@ def of_run(setting: GpuSetting, folder: Path) -> Results:
             model.fast_estimate.with_stability(f[None], u[None])
 
     result["calibrated"] = calibrated
-    result["predict_ms"] = milliseconds(setting, predict)
-    result["with_bound_ms"] = milliseconds(setting, with_bound)
+    result["predict_ms"] = setting.milliseconds(predict, seconds=2.0)
+    result["with_bound_ms"] = setting.milliseconds(with_bound, seconds=2.0)
     result["frames_per_second"] = round(1e3 / result["with_bound_ms"], 1)
     if setting.on_gpu:
         result["peak_memory_bytes"] = torch.cuda.max_memory_allocated(setting.device)
@@ -116,11 +115,5 @@ def of_solver(setting: GpuSetting, blocks: BlockSolve) -> Results:
         "blocks": len(blocks.starts),
         "rows_of_a_block": ends[0],
         "refinements": blocks.refinements,
-        "solve_ms": milliseconds(setting, solve),
+        "solve_ms": setting.milliseconds(solve, seconds=2.0),
     }
-
-
-def milliseconds(setting: GpuSetting, work: Work) -> float:
-    """Median wall time in ms."""
-    timing = Timing(repeats=1 if setting.small else 100, seconds=2.0)
-    return round(1e3 * median_seconds(work, timing), 4)

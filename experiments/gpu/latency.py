@@ -19,7 +19,6 @@ import torch
 from numpy.typing import NDArray
 
 from experiments.framework.experiment import Findings
-from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.setting import CASES, GpuSetting, Results
 from experiments.measures.latency import Work, by_compiling
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
@@ -139,22 +138,22 @@ def compiled(setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Lik
     """Time one load by the compiled network."""
     model, passes, described = make(setting, dataset, recipe, likelihood)
     work = by_compiling(model, passes, loads(dataset, 1))
-    return {**described, "batch": 1, "compiled_ms": milliseconds(setting, work)}
+    return {**described, "batch": 1, "compiled_ms": setting.milliseconds(work)}
 
 
 def ways(setting: GpuSetting, model: Surrogate, forces: Array, passes: int | None) -> Results:
     """Times of one batch in ms, and how far the graphs' results are from the eager ones."""
     result: Results = {}
     expected = model.averaged_passes(forces, passes or 1).mean
-    result["predict_ms"] = milliseconds(setting, lambda: model.averaged_passes(forces, passes or 1))
+    result["predict_ms"] = setting.milliseconds(lambda: model.averaged_passes(forces, passes or 1))
     for precision in GRAPH_PRECISIONS:
         predict = GraphPrediction(model, len(forces), passes, precision)
         difference = np.abs(predict(forces) - expected).max() / np.abs(expected).max()
         name = f"graph_{precision}"
         result[f"{name}_relative_difference"] = float(difference)
-        result[f"{name}_ms"] = milliseconds(setting, partial(predict, forces))
+        result[f"{name}_ms"] = setting.milliseconds(partial(predict, forces))
         replays = 2 if setting.small else 20
-        each = milliseconds(setting, repeated(setting, predict, replays), 5) / replays
+        each = setting.milliseconds(repeated(setting, predict, replays), 5) / replays
         result[f"{name}_device_ms"] = round(each, 5)
     return result
 
@@ -168,12 +167,6 @@ def repeated(setting: GpuSetting, predict: GraphPrediction, replays: int) -> Wor
         setting.wait()
 
     return work
-
-
-def milliseconds(setting: GpuSetting, work: Work, repeats: int = 100) -> float:
-    """Median wall time in ms."""
-    timing = Timing(repeats=1 if setting.small else repeats, seconds=0.15)
-    return round(1e3 * median_seconds(work, timing), 4)
 
 
 def batches(setting: GpuSetting, dimension: int, passes: int | None) -> tuple[int, ...]:

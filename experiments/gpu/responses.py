@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from experiments.benchmarks.one_load import loads
 from experiments.framework.experiment import Findings
-from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.setting import GpuSetting, Results
-from experiments.measures.latency import Work
 from surrogate import Surrogate, load
 from surrogate.inference import fixed_directions
 
@@ -67,12 +65,12 @@ def of_batch(
     predicted, expected, bound = model.predict(forces), expected[:few], bound[:few]
     difference = np.abs(predicted[:few] - expected).max((1, 2)) / np.abs(expected).max((1, 2))
     result: Results = {"batch": batch, "relative_difference": float(np.median(difference))}
-    result["predict_ms"] = milliseconds(setting, lambda: model.predict(forces))
+    result["predict_ms"] = setting.milliseconds(lambda: model.predict(forces), 50, 0.3)
     bounds = model.bounds(forces[:few], expected).largest
     known = np.isfinite(bound)
     ratio = np.abs(bounds[known] / bound[known] - 1)
     result["bounds_relative_difference"] = float(np.median(ratio)) if known.any() else None
-    result["bounds_ms"] = milliseconds(setting, lambda: model.bounds(forces, predicted))
+    result["bounds_ms"] = setting.milliseconds(lambda: model.bounds(forces, predicted), 50, 0.3)
     with torch.inference_mode():
         drive = fixed_directions(model, DIRECTIONS).to(setting.device)
         given = [torch.from_numpy(field).to(setting.device) for field in (forces, predicted)]
@@ -81,11 +79,5 @@ def of_batch(
             return np.asarray(drive(*given)[0].cpu())
 
         result["directions"] = DIRECTIONS
-        result["directions_ms"] = milliseconds(setting, directed)
+        result["directions_ms"] = setting.milliseconds(directed, 50, 0.3)
     return result
-
-
-def milliseconds(setting: GpuSetting, work: Work) -> float:
-    """Median wall time in ms."""
-    timing = Timing(repeats=1 if setting.small else 50, seconds=0.3)
-    return round(1e3 * median_seconds(work, timing), 4)

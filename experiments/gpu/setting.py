@@ -9,7 +9,9 @@ import torch
 
 from experiments.framework.experiment import Experiment, Setting
 from experiments.framework.machine import machine
+from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.carried_dataset import SUFFIX, unpack
+from experiments.measures.latency import Work
 from shared_schema import digest_of
 from surrogate import Dataset, read_dataset
 from surrogate.hardware import hardware
@@ -82,6 +84,11 @@ class GpuSetting(Setting):
     def dataset(self, case: str) -> Dataset:
         """Dataset of a case."""
         return read_dataset(self.folder_of(case))
+
+    def milliseconds(self, work: Work, repeats: int = 100, seconds: float = 0.15) -> float:
+        """Median wall time of some work in ms; of one call in a rehearsal."""
+        timing = Timing(repeats=1 if self.small else repeats, seconds=seconds)
+        return round(1e3 * median_seconds(work, timing), 4)
 
     def wait(self) -> None:
         """Wait until the device has done all its work."""
