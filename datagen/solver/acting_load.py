@@ -41,6 +41,8 @@ class ActingLoad:
         2-norm of f, and of the pressures' forces on the undeformed body, in N.
     contact : ToolContact or None
         Contact with a tool.
+    touch_norm : float
+        2-norm of the tool's forces when they were last subtracted, in N.
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class ActingLoad:
     ) -> None:
         self._unknowns, self._mesh, self._shape = unknowns, mesh, mesh.coordinates.shape
         self._dofs, self._values = np.empty(0, dtype=np.intp), np.empty(0)
-        self.norm = 0.0
+        self.norm = self.touch_norm = 0.0
         self.contact: ToolContact | None = None
         self._pressure: FollowerPressure | None = None
         if len(surfaces):
@@ -95,7 +97,9 @@ class ActingLoad:
         if self._pressure is not None:
             pushed += load_factor * self._pressure.forces(u)
         if self.contact is not None:
-            pushed += self.contact.forces(u, load_factor)
+            touch = self.contact.forces(u, load_factor)
+            self.touch_norm = float(np.linalg.norm(touch))
+            pushed += touch
         of_rank = pushed[numbering.node_of_block[: numbering.owned]]
         b.array_w[self._unknowns.dofs[: numbering.owned]] -= of_rank
 

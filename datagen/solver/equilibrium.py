@@ -197,8 +197,12 @@ class EquilibriumProblem:
     def is_linear(self) -> bool:
         """True if the load is so small that rounding hides all but the linear response."""
         smallest = LINEAR_LOADS * self._round_off.at_rest
-        given = self.supports.has_grip or self.load.contact is not None
-        return not given and self.load.norm <= smallest
+        return not self._has_unknown_forces and self.load.norm <= smallest
+
+    @property
+    def _has_unknown_forces(self) -> bool:
+        """True if a grip or a tool acts, whose forces are those that hold it where it is."""
+        return self.supports.has_grip or self.load.contact is not None
 
     @property
     def is_dead(self) -> bool:
@@ -240,8 +244,8 @@ class EquilibriumProblem:
     def relative_tolerance(self, displacement_norm: float) -> float:
         """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
         forces = float(np.hypot(self.load.norm, self._grip_norm))
-        given = self.supports.has_grip or self.load.contact is not None
-        if self._settings.tolerance is not None and (given or forces == 0.0):
+        unknown = self._has_unknown_forces or forces == 0.0
+        if self._settings.tolerance is not None and unknown:
             return self._settings.tolerance  # the forces of a grip are not known before
         return self._tolerance.under(forces, self._round_off, displacement_norm)
 
@@ -404,8 +408,8 @@ class EquilibriumProblem:
         if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
         if self.load.contact is not None:
-            touch = self.load.contact.forces(self.displacement(), self.load_factor)
-            self._grip_norm = float(np.hypot(self._grip_norm, np.linalg.norm(touch)))
+            grip_norm = self._grip_norm if self.supports.has_grip else 0.0
+            self._grip_norm = float(np.hypot(grip_norm, self.load.touch_norm))
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""

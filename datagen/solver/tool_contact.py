@@ -178,7 +178,9 @@ def touched(problem: EquilibriumProblem, tool: Tool, surface: NDArray[np.int64])
     if tool.gap(coordinates).max() < 0:
         raise InputError("the whole body lies inside the tool")
     diagonal = np.zeros(len(problem.u.x.array))
-    diagonal[: problem.unknowns.owned] = problem.tangent().getDiagonal().array_r
+    at_rest = problem.tangent().getDiagonal()
+    diagonal[: problem.unknowns.owned] = at_rest.array_r
+    at_rest.destroy()
     of_corners = problem.unknowns.forces_at_corners(diagonal)
     of_nodes = problem.numbering.gathered(problem.comm, of_corners, add=True)
     nodes = surface[~supports.fixed[surface].all(axis=1)]
