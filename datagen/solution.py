@@ -272,7 +272,7 @@ def _solved(
         coordinates=mesh.coordinates,
         cells=mesh.cells,
         cell_type=mesh.cell_type,
-        force=given.at_rest + grip + (0.0 if contact is None else contact.forces),
+        force=given.at_rest + grip + (0.0 if contact is None else contact.force),
         contact=contact,
         displacement=displacement,
         reactions=reactions_of_supports(problem, body.held),

@@ -12,17 +12,43 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
 
-__all__ = ["Capsule", "Plane", "Sphere", "Tool", "parse_tool"]
+__all__ = ["Capsule", "Plane", "Sphere", "Tool", "contact_line", "parse_tool", "require_outside"]
 
 Array = NDArray[np.float64]
 MOST = 1e6  # m: largest coordinate or radius
+
+
+class Contact(Protocol):
+    """What a tool does to a body."""
+
+    @property
+    def reaction(self) -> Array:
+        """Resultant on the body in N, (d,)."""
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes that bear a force."""
+
+    @property
+    def penetration(self) -> float:
+        """Largest depth of a node in m."""
+
+
+def contact_line(contact: Contact, units: Units) -> str:
+    """Describe what a tool does."""
+    total = ",".join(f"{value:.6g}" for value in contact.reaction)
+    return (
+        f"tool: force {total} {units.force} on {contact.nodes} nodes, penetration "
+        f"{contact.penetration:.2g} {units.length}"
+    )
 
 
 class Tool(ABC):
@@ -212,3 +238,30 @@ def parse_tool(text: str, dimension: int) -> Tool:
     if tool.dimension != dimension:
         raise InputError(f"--tool {text}: expected points of {dimension} components")
     return tool
+
+
+def require_outside(tool: Tool, coordinates: Array, free: NDArray[np.bool_]) -> None:
+    """Raise InputError unless a tool can push a body.
+
+    Parameters
+    ----------
+    tool : Tool
+    coordinates : array, (n_nodes, d)
+        Undeformed positions in m.
+    free : array of bool, (n_nodes, d)
+        Components of displacement that are not held.
+
+    Raises
+    ------
+    InputError
+        If the tool is of another dimension, overlaps nodes that are wholly held, or has the body
+        all inside.
+    """
+    d = coordinates.shape[1]
+    if tool.dimension != d:
+        raise InputError(f"the tool has points of {tool.dimension} components, expected {d}")
+    gap = tool.gap(coordinates)
+    if gap[~free.any(axis=1)].min(initial=0.0) < 0:
+        raise InputError("the tool overlaps nodes that are held, expected it elsewhere")
+    if gap.max() < 0:
+        raise InputError("the whole body lies inside the tool")

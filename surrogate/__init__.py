@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from surrogate.runs.shelf import shelve, shelved
     from surrogate.runs.trained_list import trained_list
     from surrogate.touch.grip import Grip, GripFrame
+    from surrogate.touch.touch import Touch, TouchFrame
     from surrogate.training.loop import train
     from surrogate.training.refinement import refine
 
@@ -54,6 +55,8 @@ __all__ = [
     "Published",
     "Solution",
     "Surrogate",
+    "Touch",
+    "TouchFrame",
     "UnreachedToleranceWarning",
     "calibrate",
     "compare",

@@ -12,6 +12,7 @@ from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loa
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.memory import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
+from shared_schema.tools import contact_line
 
 if TYPE_CHECKING:
     from datagen.solver.load_stepping import SolveReport
@@ -71,11 +72,7 @@ def run(options: argparse.Namespace) -> None:
     for note in solution.notes:
         print(note)
     if solution.contact is not None:
-        total = ",".join(f"{value:.6g}" for value in solution.contact.forces.sum(axis=0))
-        print(
-            f"tool: force {total} {units.force} on {solution.contact.nodes} nodes, penetration "
-            f"{solution.contact.penetration:.2g} {units.length}"
-        )
+        print(contact_line(solution.contact, units))
     print(
         f"{options.out}: largest displacement {solution.largest_displacement:.6g} {units.length}, "
         f"{stress}{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "

@@ -10,8 +10,9 @@ the one at
 - If it converges, s' becomes s. If it took few iterations (`wanted_iterations`), Δs is doubled.
 - If it fails (no convergence, or an inverted element), the last equilibrium is restored and the
   step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed.
-- If it fails a second time in a row because the iterative linear solver failed, the same step is
-  solved again by LU, and LU is used for the rest of the load case.
+- If it fails a second time in a row because the iterative linear solver failed, or while a tool
+  touches the body, the same step is solved again by LU, and LU is used for the rest of the load
+  case. (Forces of a tool are so stiff that inexact Newton steps may not converge.)
 """
 
 from __future__ import annotations
@@ -115,13 +116,13 @@ def solve_load_case(
                 series.pass_through(factor)
             if result.iterations <= settings.wanted_iterations:
                 step *= GROWTH
-        elif result.linear_solve_failed and fails and not direct:
+        elif (result.linear_solve_failed or touched) and fails and not direct:
             problem.restore(equilibrium)
             direct = True
         else:
             problem.restore(equilibrium)
             cutbacks += 1
-            fails = result.linear_solve_failed
+            fails = result.linear_solve_failed or touched
             step = CUT * (target - factor)
             if step < settings.smallest_step:
                 break

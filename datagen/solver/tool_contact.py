@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from shared_schema.common.errors import InputError
-from shared_schema.tools import Tool
+from shared_schema.tools import Tool, require_outside
 
 if TYPE_CHECKING:
     from datagen.solver.equilibrium import EquilibriumProblem
@@ -45,19 +44,24 @@ class Contact:
 
     Attributes
     ----------
-    forces : array, (n_nodes, d)
+    force : array, (n_nodes, d)
         Forces of the tool on the nodes in N.
     penetration : float
         Largest depth of a node inside the tool in m.
     """
 
-    forces: Array
+    force: Array
     penetration: float
+
+    @property
+    def reaction(self) -> Array:
+        """Their resultant in N, (d,)."""
+        return np.asarray(self.force.sum(axis=0))
 
     @property
     def nodes(self) -> int:
         """Number of nodes that bear a force."""
-        return int(self.forces.any(axis=1).sum())
+        return int(self.force.any(axis=1).sum())
 
 
 class ToolContact:
@@ -172,11 +176,7 @@ def touched(problem: EquilibriumProblem, tool: Tool, surface: NDArray[np.int64])
         If the tool overlaps nodes that are wholly held, or has the body all inside.
     """
     coordinates, supports = problem.mesh.coordinates, problem.supports
-    held = surface[supports.fixed[surface].all(axis=1)]
-    if len(held) and tool.gap(coordinates[held]).min() < 0:
-        raise InputError("the tool overlaps nodes that are held, expected it elsewhere")
-    if tool.gap(coordinates).max() < 0:
-        raise InputError("the whole body lies inside the tool")
+    require_outside(tool, coordinates, ~supports.fixed)
     diagonal = np.zeros(len(problem.u.x.array))
     at_rest = problem.tangent().getDiagonal()
     diagonal[: problem.unknowns.owned] = at_rest.array_r

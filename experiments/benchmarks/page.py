@@ -84,7 +84,7 @@ def drags(page: OpenPage, node: int, moves: int) -> Results:
     }
 
 
-def measure_run(browser: Browser, run: Path, moves: int, openings: int) -> Results:
+def measure_run(browser: Browser, run: str, moves: int, openings: int) -> Results:
     """Measure the page of one run."""
     model = load(run)
     with tempfile.TemporaryDirectory() as folder:
@@ -129,7 +129,7 @@ def measure(options: argparse.Namespace) -> Results:
     found: list[Results] = []
     with chromium() as browser:
         version = browser.version
-        for run in options.runs or [Path(name) for name in shelved()]:
+        for run in options.runs or shelved():
             found.append(measure_run(browser, run, options.moves, options.openings))
             print(found[-1], file=sys.stderr)
     return {"chromium": version, "moves": options.moves, "pages": found}
@@ -184,7 +184,7 @@ def page(results: Results) -> str:
 
 def arguments(parser: Parser) -> None:
     """Add the options."""
-    parser.add_argument("--runs", type=Path, nargs="+", metavar="RUN", help="runs to measure")
+    parser.add_argument("--runs", nargs="+", metavar="RUN", help="runs to measure")
     parser.add_argument("--moves", type=int, default=240, help="pointer events of a drag")
     parser.add_argument("--openings", type=int, default=5, help="times that a page is opened")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads
+from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads, add_tool
 from shared_schema.common.command_line import Commands, add_command
 from surrogate.commands.options import add_device, add_out, add_passes, add_run, positive, share
 
@@ -32,6 +32,7 @@ def add_to(commands: Commands) -> None:
     add_run(parser)
     add_loads(parser)
     add_held(parser)
+    add_tool(parser)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     fields = "fields at the nodes: force, displacement, standard deviations, half widths"
     add_out(parser, "FILE.(npz|vtu|xdmf)", fields)
@@ -60,12 +61,14 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.atomic_file import require_writable
     from shared_schema.common.errors import NotCertifiedError
     from shared_schema.common.solution_file import require_suffix
+    from shared_schema.tools import contact_line
 
     require_suffix(options.out)
     require_writable(options.out)
     solution = surrogate.load(options.run, options.device).solve(
         [*options.load, *options.forces],
         held=options.held or None,
+        tool=options.tool,
         body_force=options.body_force,
         certify=options.certify,
         correct=options.correct,
@@ -84,6 +87,8 @@ def run(options: argparse.Namespace) -> None:
     reactions = () if solution.grips is None else solution.grips
     for text, reaction in zip(options.held, reactions, strict=True):
         print(f"{text}: held by {','.join(f'{force:.6g}' for force in reaction)} N")
+    if solution.contact is not None:
+        print(contact_line(solution.contact, solution.units))
     print(f"{options.out}: {solution.summary()}")
     if solution.refusal is not None:
         raise NotCertifiedError(solution.refusal)

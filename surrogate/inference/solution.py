@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
+from shared_schema.tools import contact_line
 from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.correction import Correction
 from surrogate.data.geometry import Geometry
@@ -20,6 +21,8 @@ from surrogate.probabilistic.distribution import Distribution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from surrogate.touch.touch import TouchFrame
 
 Array = NDArray[np.float64]
 FIELDS = (  # in the order of a solution file; those that are None are left out
@@ -79,6 +82,8 @@ class Solution:
         Labels of all numbers, for messages and figures.
     grips : array, (n_places, d), or None
         Resultants of the forces at held places in N, which `force` contains; None without any.
+    contact : TouchFrame or None
+        Forces of a tool in N, which `force` contains, and how deep nodes are inside it in m.
     descent : Descent or None
         How directions ended (`surrogate.descent`): their number, the estimated error in m, and
         whether the tolerance was reached; None if they were not asked for.
@@ -102,6 +107,7 @@ class Solution:
     units: Units = SI
     descent: Descent | None = None
     grips: Array | None = None
+    contact: TouchFrame | None = None
 
     @property
     def std(self) -> Array | None:
@@ -232,5 +238,7 @@ class Solution:
         for reaction in () if self.grips is None else self.grips:
             parts = ", ".join(f"{component:.4g}" for component in reaction)
             lines.append(f"held by ({parts}) {units.force}")
+        if self.contact is not None:
+            lines.append(contact_line(self.contact, units))
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
         return "\n  ".join(lines)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
@@ -32,6 +31,7 @@ from surrogate.probabilistic.stochastic_passes import PASSES
 from surrogate.runs.folder import RunFolder
 
 if TYPE_CHECKING:
+    from shared_schema.tools import Tool
     from surrogate.certify import (
         Bounds,
         Certificate,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         Intervals,
     )
     from surrogate.inference.solution import Solution
-    from surrogate.touch.grip import GripFrame, Held
+    from surrogate.touch.grip import Held
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -61,6 +61,7 @@ class Surrogate(TrainedNetwork):
         load: Load = (),
         *,
         held: Held | None = None,
+        tool: str | Tool | None = None,
         body_force: str | Sequence[float] | None = None,
         certify: Literal["fast", "full"] | None = None,
         correct: bool = False,
@@ -85,6 +86,10 @@ class Surrogate(TrainedNetwork):
             Places and groups that are held at displacements in m, such as {"4,1": (0.02, None)},
             or texts as ``--hold`` takes them, such as "4,1:0.02,-"; the solution's `force` holds
             the forces that do it (`surrogate.Grip`).
+        tool : Tool or str, optional
+            A rigid tool of `shared_schema.tools` that the surface keeps out of, without friction,
+            or a text as ``--tool`` takes it, such as "sphere:3,1.2:0.3"; the solution's `force`
+            holds its forces, and `contact` says more (`surrogate.Touch`).
         body_force : str or sequence of d floats, optional
             A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
         certify : {"full", "fast"}, optional
@@ -121,17 +126,24 @@ class Surrogate(TrainedNetwork):
             If no equilibrium is found.
         """
         from surrogate.inference.solution import Solution
+        from surrogate.touch.unknown_forces import gripped, pushed
 
         require_options_fit(certify, correct, tolerance, budget, level)
         level = LEVEL if level is None else level
         intervals = self.intervals if conformal else None
         fast = self._fast_of_level(level) if certify == "fast" else None
         self.require_stochastic(passes=passes, seed=seed)
-        given = given_load(self.geometry, load, nearest, body_force, needed=held is None)
-        frame = None
+        needed = held is None and tool is None
+        given = given_load(self.geometry, load, nearest, body_force, needed=needed)
+        frame, contact = None, None
         if held is not None:
-            frame = self._held(held, given, nearest, correct, tolerance)
+            if tool is not None:
+                raise InputError("held and tool: expected one of them")
+            frame = gripped(self, held, given, nearest, correct, tolerance)
             given.forces += frame.force
+        elif tool is not None:
+            contact = pushed(self, tool, given, correct, tolerance)
+            given.forces += np.where(self.geometry.held, 0.0, contact.force)
         force = given.at_rest
         passes = PASSES if passes is None else passes
         network = self.averaged_passes(force, passes, seed or 0)
@@ -184,37 +196,10 @@ class Surrogate(TrainedNetwork):
             reaction=self.reactions(displacement, given.pushed(displacement)) if stresses else None,
             notes=tuple(given.notes),
             grips=None if frame is None else frame.reactions,
+            contact=contact,
             outside_training=tuple(self.training_range.exceeded(force).values()),
             units=self.description.data.units,
         )
-
-    def _held(
-        self,
-        held: Held,
-        given: CommandLoads,
-        nearest: bool,
-        correct: bool,
-        tolerance: float | None,
-    ) -> GripFrame:
-        """Find the forces of grips, by predictions; then for what the solution shows, if more."""
-        from surrogate.touch.grip import Grip
-
-        if given.surfaces:
-            raise InputError("held: expected forces beside it, no pressure")
-        grip = Grip(self, held, nearest)
-        given.notes += grip.notes
-        frame = grip.move(grip.displacements, given.forces)
-        if correct:
-
-            def shown(force: Array) -> Array:
-                return self.correct(force).displacement
-        elif tolerance is not None:
-
-            def shown(force: Array) -> Array:
-                return self.predict(force, tolerance=tolerance)
-        else:
-            return frame
-        return grip.move(grip.displacements, given.forces, predict=shown)
 
     # --- certificates and corrections -------------------------------------------------------------
 

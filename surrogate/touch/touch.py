@@ -1,0 +1,273 @@
+r"""Rigid tools that push a body: their forces, sought with predictions.
+
+A surrogate predicts the displacement u of given nodal forces. The forces of a tool are sought:
+normal to it, and such that no node of the surface enters it (`surrogate.touch.linear_contact`).
+Around a prediction the body is taken for linear, :math:`u ≈ u_k + C (f - f_k)`. A prediction with
+the forces of this linear body is the next :math:`u_k`, and tells what C lacks
+(`surrogate.touch.linear_body`); it is the last one if nodes are where the tool wants them. Where
+that does not converge, the tool enters the body in steps. Frames that follow one another begin at
+the last one, and begin again from rest if that fails.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.errors import WorkError
+from shared_schema.tools import Tool, require_outside
+from surrogate.touch.grip import Body, Predict
+from surrogate.touch.linear_body import LinearBody
+from surrogate.touch.linear_contact import linear_contact
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+TOLERANCE = 1e-4  # depth, or distance of nodes that bear forces, over the largest displacement
+INSIDE = 1e-3  # of the body's size: depth of a node that is an error
+MOST = 30  # predictions of one step
+LARGER = 2.0  # of depths and distances that a full step may leave
+SHORTEST = 1 / 8  # part of a step
+SMALLEST = 1 / 64  # part of the tool's depth that a step applies
+
+
+@dataclass(frozen=True)
+class TouchFrame:
+    """A body that is pushed by a tool.
+
+    Attributes
+    ----------
+    displacement : array, (n_nodes, d)
+        In m.
+    force : array, (n_nodes, d)
+        Forces of the tool on the nodes in N, without the load beside them.
+    penetration : float
+        Largest depth of a node inside the tool in m.
+    apart : float
+        Largest distance in m to the surface of the tool of a node that bears a force.
+    predictions : int
+        Number of predictions that it took.
+    """
+
+    displacement: Array
+    force: Array
+    penetration: float
+    apart: float
+    predictions: int
+
+    @property
+    def reaction(self) -> Array:
+        """Resultant of the tool's forces on the body in N, (d,)."""
+        return np.asarray(self.force.sum(axis=0))
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes that bear a force."""
+        return int(self.force.any(axis=1).sum())
+
+
+class Touch:
+    """A body that tools push, frame by frame.
+
+    >>> touch = Touch(model)                                       # doctest: +SKIP
+    >>> frame = touch.move(Sphere((3, 1.2), 0.3))                  # doctest: +SKIP
+    >>> frame.reaction                                             # in N  # doctest: +SKIP
+    >>> touch.reaction(Sphere((3, 1.199), 0.3))                    # doctest: +SKIP
+
+    Parameters
+    ----------
+    model : Surrogate
+
+    Attributes
+    ----------
+    surface : array of int, (n,)
+        Nodes of the surface that can move.
+
+    Raises
+    ------
+    InputError
+        If the body's material or elements are none of the learner's.
+    """
+
+    def __init__(self, model: Body) -> None:
+        geometry = model.geometry
+        on_surface = np.asarray(geometry.surface_nodes, np.int64)
+        self.surface: Numbers = on_surface[geometry.free[on_surface].any(axis=1)]
+        self._model, self._geometry = model, geometry
+        self._at_rest = geometry.coordinates[self.surface]
+        self._body = LinearBody(model, self.surface)
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Forget the last frame."""
+        shape = self._geometry.coordinates.shape
+        self._body.forget()
+        self._force: Array = np.zeros(self._at_rest.shape)
+        self._acting, self._field = np.zeros(shape), np.zeros(shape)
+
+    @checked_arguments
+    def move(
+        self, tool: Tool, load: Array | None = None, *, predict: Predict | None = None
+    ) -> TouchFrame:
+        """Predict the body with the tool where it is.
+
+        Parameters
+        ----------
+        tool : Tool
+            Of `shared_schema.tools`.
+        load : array, (n_nodes, d), optional
+            Nodal forces in N beside those of the tool.
+        predict : callable, optional
+            Nodal forces in N to displacements in m, both (n_nodes, d); `Surrogate.predict` by
+            default.
+
+        Raises
+        ------
+        InputError
+            If the tool overlaps nodes that are held, is of another dimension or has the body all
+            inside; or the load is wrong.
+        WorkError
+            If no forces are found.
+        """
+        geometry = self._geometry
+        require_outside(tool, geometry.coordinates, geometry.free)
+        acting = np.zeros(geometry.coordinates.shape)
+        if load is not None:
+            given = CommandLoads(geometry.loaded_body)
+            given.add_forces(load)
+            acting = given.forces
+        search = Search(self, predict or self._model.predict, acting)
+        if predict is not None or not np.array_equal(acting, self._acting):
+            search.predict(self._force)
+        try:
+            search.find(tool)
+        except WorkError:
+            if not self._force.any():
+                raise
+            self.let_go()
+            search.predict(self._force)
+            search.find(tool)
+        self._force, self._field, self._acting = search.force, search.field, acting
+        force = np.zeros(acting.shape)
+        force[self.surface] = search.force
+        gap = tool.gap(geometry.coordinates + search.field)
+        depth = max(0.0, -float(gap.min()))
+        if depth > INSIDE * float(np.ptp(geometry.coordinates, axis=0).max()):
+            self.let_go()
+            raise WorkError(
+                f"a node is {geometry.units.written(depth)} inside the tool, expected one that "
+                "comes from outside of the body"
+            )
+        return TouchFrame(
+            displacement=search.field,
+            force=force,
+            penetration=depth,
+            apart=float(np.abs(gap[force.any(axis=1)]).max(initial=0.0)),
+            predictions=search.predictions,
+        )
+
+    @checked_arguments
+    def reaction(self, tool: Tool) -> Array:
+        """Resultant in N, (d,), of a tool close to that of the last frame: no prediction is made.
+
+        The body is linear around the last frame.
+
+        Raises
+        ------
+        WorkError
+            If no forces are found.
+        """
+        x = self._at_rest + self._field[self.surface]
+        found = linear_contact(self._body, tool, x, self._force)
+        if found is None:
+            raise WorkError("no forces of the tool are found around the last frame")
+        return np.asarray(found.sum(axis=0))
+
+
+class Search:
+    """A search for the forces of a tool, from those of the last frame.
+
+    Parameters
+    ----------
+    touch : Touch
+    predict : callable
+        Nodal forces in N to displacements in m, both (n_nodes, d).
+    acting : array, (n_nodes, d)
+        Forces beside those of the tool.
+
+    Attributes
+    ----------
+    force : array, (n, d)
+        Forces on the surface in N.
+    field : array, (n_nodes, d)
+        The displacement in m under these.
+    predictions : int
+    """
+
+    def __init__(self, touch: Touch, predict: Predict, acting: Array) -> None:
+        self._touch, self._predict, self._acting = touch, predict, acting
+        self.force, self.field, self.predictions = touch._force, touch._field, 0
+
+    def predict(self, force: Array) -> None:
+        """Predict the field under forces on the surface."""
+        total = self._acting.copy()
+        total[self._touch.surface] += force
+        total[~self._touch._geometry.free] = 0.0  # supports bear these
+        self.field = np.asarray(self._predict(total))
+        self.force, self.predictions = force, self.predictions + 1
+
+    def positions(self) -> Array:
+        """Positions of the surface in m."""
+        return np.asarray(self._touch._at_rest + self.field[self._touch.surface])
+
+    def wrong(self, tool: Tool, back: float) -> float:
+        """Largest depth of a node, or distance of one that bears a force, in m."""
+        gap = tool.gap(self.positions()) + back
+        bears = self.force.any(axis=1)
+        return max(0.0, -float(gap.min()), float(np.abs(gap[bears]).max(initial=0.0)))
+
+    def find(self, tool: Tool) -> None:
+        """Find the forces; WorkError if none are found, however small the steps."""
+        depth = max(0.0, -float(tool.gap(self.positions()).min()))
+        share, step = 0.0, 1.0
+        while share < 1.0:
+            aim = min(1.0, share + step)
+            force, field = self.force, self.field
+            if self._converges(tool, (1 - aim) * depth):
+                share, step = aim, 2 * step
+                continue
+            self.force, self.field = force, field
+            step /= 2
+            if step < SMALLEST:
+                raise WorkError(
+                    f"no forces of the tool are found: it enters the body by {share:.0%} of its "
+                    f"depth after {self.predictions} predictions"
+                )
+
+    def _converges(self, tool: Tool, back: float) -> bool:
+        """Find the contact with a tool whose surface is withdrawn by a length in m."""
+        body, last, is_first = self._touch._body, self.predictions + MOST, True
+        while True:
+            wrong = self.wrong(tool, back)
+            if wrong <= TOLERANCE * float(np.abs(self.field).max()):
+                return True
+            force, x = self.force, self.positions()
+            wanted = linear_contact(body, tool, x, force, back)
+            if wanted is None or self.predictions >= last:
+                return False
+            part = 1.0
+            while True:
+                self.predict(force + part * (wanted - force))
+                if not np.isfinite(self.field).all():
+                    return False
+                body.learn(self.force - force, self.positions() - x)
+                if is_first or self.wrong(tool, back) <= LARGER * wrong:
+                    break
+                part /= 2
+                if part < SHORTEST or self.predictions >= last:
+                    return False
+            is_first = False

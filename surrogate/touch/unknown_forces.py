@@ -1,0 +1,86 @@
+"""Loads whose forces are sought: a body that is held at places, or pushed by a tool."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.errors import InputError
+from shared_schema.tools import Tool, parse_tool
+from surrogate.touch.grip import Body, Grip, GripFrame, Held, Predict
+from surrogate.touch.touch import Touch, TouchFrame
+
+Array = NDArray[np.float64]
+
+
+class Correctable(Body, Protocol):
+    """A body whose predictions can be driven to its equilibrium."""
+
+    def correct(self, forces: Any) -> Any:
+        """Equilibrium under nodal forces in N, whose `displacement` is in m."""
+
+
+def gripped(
+    model: Correctable,
+    held: Held,
+    given: CommandLoads,
+    nearest: bool,
+    correct: bool,
+    tolerance: float | None,
+) -> GripFrame:
+    """Find the forces of grips by predictions; then by what the solution shows, if that is more.
+
+    Raises
+    ------
+    InputError, WorkError
+        As `Grip` and `Grip.move`; InputError if a pressure acts.
+    """
+    require_dead("held", given)
+    grip = Grip(model, held, nearest)
+    given.notes += grip.notes
+    frame = grip.move(grip.displacements, given.forces)
+    shown = what_is_shown(model, correct, tolerance)
+    if shown is None:
+        return frame
+    return grip.move(grip.displacements, given.forces, predict=shown)
+
+
+def pushed(
+    model: Correctable,
+    tool: str | Tool,
+    given: CommandLoads,
+    correct: bool,
+    tolerance: float | None,
+) -> TouchFrame:
+    """Find the forces of a tool, as `gripped` does those of grips.
+
+    Raises
+    ------
+    InputError, WorkError
+        As `parse_tool` and `Touch.move`; InputError if a pressure acts.
+    """
+    require_dead("tool", given)
+    if isinstance(tool, str):
+        tool = parse_tool(tool, model.geometry.dimension)
+    touch = Touch(model)
+    frame = touch.move(tool, given.forces)
+    shown = what_is_shown(model, correct, tolerance)
+    return frame if shown is None else touch.move(tool, given.forces, predict=shown)
+
+
+def what_is_shown(model: Correctable, correct: bool, tolerance: float | None) -> Predict | None:
+    """What goes from forces in N to the displacements in m of a solution; None for predictions."""
+    if correct:
+        return lambda force: np.asarray(model.correct(force).displacement)
+    if tolerance is not None:
+        return lambda force: np.asarray(model.predict(force, tolerance=tolerance))
+    return None
+
+
+def require_dead(name: str, given: CommandLoads) -> None:
+    """Raise InputError if a pressure acts."""
+    if given.surfaces:
+        raise InputError(f"{name}: expected forces beside it, no pressure")

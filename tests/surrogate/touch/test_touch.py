@@ -1,0 +1,155 @@
+"""Rigid tools that push a body: their forces, frames, and what is refused."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import surrogate
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.tools import Capsule, Plane, Sphere, Tool
+from surrogate.command_line import main
+from surrogate.touch.complementarity import solve_complementarity
+from surrogate.touch.linear_body import LinearBody
+from surrogate.touch.touch import TOLERANCE
+
+DISC = Sphere((3.0, 1.2), 0.3)  # 0.1 m into the upper face of a beam of 4 × 1 m
+TOOLS = [
+    DISC,
+    Sphere((3.9, 1.1), 0.3),
+    Capsule((2.0, 1.3), (4.0, 1.0), 0.1),
+    Plane((4.0, 0.8), (-0.3, -1.0)),
+]
+
+
+@pytest.fixture(scope="module")
+def beam() -> surrogate.Surrogate:
+    return surrogate.load("beam2d_any")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_complementarity(seed: int) -> None:
+    """The one of all sets of positive unknowns that fits, for a matrix that is not symmetric."""
+    rng = np.random.default_rng(seed)
+    root, turn = rng.normal(size=(2, 6, 6))
+    matrix, offset = root @ root.T + 0.3 * (turn - turn.T) + np.eye(6), rng.normal(size=6)
+    found = solve_complementarity(matrix, offset, rng.random(6) < 0.5)
+    assert found is not None
+    fits = []
+    for chosen in product([False, True], repeat=6):
+        part, trial = np.flatnonzero(chosen), np.zeros(6)
+        trial[part] = np.linalg.solve(matrix[np.ix_(part, part)], -offset[part])
+        if min(trial.min(), (matrix @ trial + offset).min()) > -1e-10:
+            fits.append(trial)
+    assert len(fits) == 1
+    np.testing.assert_allclose(found, fits[0], atol=1e-10)
+
+
+def test_problem_without_a_solution() -> None:
+    assert solve_complementarity(np.array([[-1.0]]), np.array([-1.0]), np.array([False])) is None
+
+
+def test_linear_body_learns(beam: surrogate.Surrogate) -> None:
+    """Columns of K⁻¹ at rest; then the changes that it was told, symmetric and positive."""
+    surface = beam.geometry.surface_nodes[~beam.geometry.clamped[beam.geometry.surface_nodes]]
+    body, nodes = LinearBody(beam, surface), np.array([5, 9])
+    forces = np.array([(0.1, -0.2), (0.0, 0.3)])
+    whole = np.zeros(beam.geometry.coordinates.shape)
+    whole[surface[nodes]] = forces
+    linear = beam.equilibrium.linear_response(whole[None])[0, surface]
+    np.testing.assert_allclose(body.moved(nodes, forces), linear, atol=1e-12)
+    for share in (0.5, 1.5):  # softer, then stiffer than at rest
+        change = np.zeros((len(surface), 2))
+        change[nodes] = forces * share
+        body.learn(change, linear * (1 + 0.2 * (1 - share)))
+        told = body.moved(nodes, forces * share)
+        np.testing.assert_allclose(told, linear * (1 + 0.2 * (1 - share)), atol=1e-12)
+        everywhere = np.arange(len(surface))
+        matrix = body.compliance(everywhere, everywhere)
+        np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+        assert np.linalg.eigvalsh(matrix).min() > 0
+
+
+@pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: type(tool).__name__)
+def test_contact(beam: surrogate.Surrogate, tool: Tool) -> None:
+    """No node is inside, forces push out of the tool where there is no gap, and do what it does."""
+    frame = surrogate.Touch(beam).move(tool)
+    largest = np.abs(frame.displacement).max()
+    assert max(frame.penetration, frame.apart) <= TOLERANCE * largest
+    x, bears = beam.geometry.coordinates + frame.displacement, frame.force.any(axis=1)
+    assert 1 <= frame.nodes == bears.sum()
+    along = (frame.force * tool.normal(x)).sum(axis=1)
+    np.testing.assert_allclose(along[bears], np.linalg.norm(frame.force[bears], axis=1), rtol=1e-3)
+    np.testing.assert_array_equal(frame.displacement, beam.predict(frame.force))
+    np.testing.assert_array_equal(frame.reaction, frame.force.sum(axis=0))
+
+
+def test_frames(beam: surrogate.Surrogate) -> None:
+    """A tool that presses, slides and lifts off; in between, the body is linear."""
+    touch = surrogate.Touch(beam)
+    for x in np.linspace(2.5, 3.0, 11):
+        frame = touch.move(Sphere((x, 1.2), 0.3))
+    alone = surrogate.Touch(beam).move(DISC)
+    np.testing.assert_allclose(frame.reaction, alone.reaction, rtol=2e-3)
+    assert frame.predictions <= 4
+    near = Sphere((3.01, 1.195), 0.3)
+    between = touch.reaction(near)
+    np.testing.assert_allclose(between, touch.move(near).reaction, rtol=0.02, atol=0.01)
+    assert np.linalg.norm(between - frame.reaction) > 0.02
+    lifted = touch.move(Sphere((3.0, 2.0), 0.3))
+    assert lifted.nodes == 0
+    assert np.abs(lifted.displacement).max() < 1e-6
+
+
+def test_solve(beam: surrogate.Surrogate) -> None:
+    """A floor under a beam with a load, corrected: equilibrium, contact and certificate."""
+    floor = Plane((0.0, -0.4), (0.0, 1.0))
+    load, weight = "4,1:0,-2", (0, -0.1)
+    solution = beam.solve(load, tool=floor, body_force=weight, correct=True, certify="full")
+    contact = solution.contact
+    assert contact is not None
+    assert solution.estimated_error is not None
+    assert np.abs(solution.estimated_error).max() < 1e-9
+    lowest = (beam.geometry.coordinates + solution.displacement)[:, 1].min()
+    assert lowest == pytest.approx(-0.4, abs=1e-4)
+    free = beam.solve(load, body_force=weight)
+    np.testing.assert_allclose(solution.force - contact.force, free.force, atol=1e-9)
+    assert f"on {contact.nodes} node" in repr(solution)
+    same = beam.solve(load, tool="plane:0,-0.4:0,1", body_force=weight, tolerance=1e-6)
+    np.testing.assert_allclose(same.displacement, solution.displacement, atol=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("tool", "said"),
+    [
+        (Sphere((0.0, 1.0), 0.5), "overlaps nodes that are held"),
+        (Sphere((2.0, 0.5, 0.0), 0.1), "has points of 3 components, expected 2"),
+        ("sphere:2,0.5", "expected one of sphere:X,Y[,Z]:R"),
+    ],
+)
+def test_wrong_tools(beam: surrogate.Surrogate, tool: Any, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        beam.solve(tool=tool)
+    assert said in str(error.value)
+
+
+def test_refusals(beam: surrogate.Surrogate) -> None:
+    with pytest.raises(InputError, match="expected one of them"):
+        beam.solve(tool=DISC, held={"4,1": (0, 0)})
+    with pytest.raises(InputError, match="expected forces beside it, no pressure"):
+        surrogate.load("finger3d").solve("notches:1000", tool=Sphere((0.2, 0, 0), 0.01))
+    with pytest.raises(WorkError, match="inside the tool, expected one that comes from outside"):
+        beam.solve(tool=Sphere((2.0, 0.5), 0.3))  # no node of the surface is in it
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "pushed.npz"
+    assert main(["predict", "beam2d_any", "--tool", "sphere:3,1.2:0.3", "--out", str(path)]) == 0
+    assert "N on 1 nodes, penetration" in capsys.readouterr().out
+    with np.load(path) as found:
+        assert found["force"][:, 1].sum() == pytest.approx(-0.595, rel=1e-2)
+    assert main(["predict", "beam2d_any", "--tool", "cube:1", "--out", str(path)]) == 2
