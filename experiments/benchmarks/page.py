@@ -92,7 +92,7 @@ def measure_run(browser: Browser, run: str, moves: int, openings: int) -> Result
         written = write_page(run, path)
         found = measure_page(browser, path, model.geometry.tip, moves, openings)
     return {
-        "run": run.name,
+        "run": Path(run).name,
         "network": model.description.run.architecture,
         "nodes": len(model.geometry.coordinates),
         "dimension": model.geometry.dimension,
