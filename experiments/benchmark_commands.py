@@ -36,6 +36,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "prediction": "surrogate",
     "refined-liver": "surrogate",
     "scaling": "datagen",
+    "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",
     "two-nodes": "datagen",

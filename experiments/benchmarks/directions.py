@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.framework.counted_networks import add_counted_networks, counted_networks
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
@@ -183,16 +184,13 @@ def page(results: Results) -> str:
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
     warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    pairs = [text.split(":") for text in options.networks]
-    found = [compare(name, int(count), options.seed) for name, count in pairs]
+    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
     return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
 
 
 def arguments(parser: Parser) -> None:
     """Add the options."""
-    what = f"network and number of loads (default {' '.join(NETWORKS)})"
-    parser.add_argument("networks", nargs="*", default=NETWORKS, metavar="NAME:N", help=what)
-    parser.add_argument("--seed", type=int, default=211)
+    add_counted_networks(parser, NETWORKS, "loads", seed=211)
 
 
 BENCHMARK = Benchmark(

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
+from experiments.framework.counted_networks import add_counted_networks, counted_networks
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser, WorkError
@@ -100,8 +101,7 @@ def compare(name: str, count: int, seed: int) -> Results:
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
     warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    pairs = [text.split(":") for text in options.networks]
-    found = [compare(name, int(count), options.seed) for name, count in pairs]
+    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
     return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
 
 
@@ -150,9 +150,7 @@ def page(results: Results) -> str:
 
 def arguments(parser: Parser) -> None:
     """Add the options."""
-    what = f"network and number of grips (default {' '.join(NETWORKS)})"
-    parser.add_argument("networks", nargs="*", default=NETWORKS, metavar="NAME:N", help=what)
-    parser.add_argument("--seed", type=int, default=307)
+    add_counted_networks(parser, NETWORKS, "grips", seed=307)
 
 
 BENCHMARK = Benchmark(

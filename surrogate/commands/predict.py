@@ -18,6 +18,7 @@ TOLERANCE = (
     "directions drive the prediction towards the equilibrium until its estimated error is small "
     "enough; exit code 3 if it is not, or not certified"
 )
+STIFFNESS = "Young's modulus at rest in Pa, of a body of one material (default: that of the run)"
 BUDGET = "seconds that these directions may take, with or without a tolerance"
 
 
@@ -33,6 +34,7 @@ def add_to(commands: Commands) -> None:
     add_loads(parser)
     add_held(parser)
     add_tool(parser)
+    parser.add_argument("--young-modulus", type=positive, metavar="E", help=STIFFNESS)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     fields = "fields at the nodes: force, displacement, standard deviations, half widths"
     add_out(parser, "FILE.(npz|vtu|xdmf)", fields)
@@ -70,6 +72,7 @@ def run(options: argparse.Namespace) -> None:
         held=options.held or None,
         tool=options.tool,
         body_force=options.body_force,
+        young_modulus=options.young_modulus,
         certify=options.certify,
         correct=options.correct,
         tolerance=options.tolerance,

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
 from shared_schema.common.errors import InputError
@@ -159,6 +159,11 @@ class Geometry:
     def surface_nodes(self) -> NDArray[np.int64]:
         """Numbers of the nodes of facets that belong to one cell."""
         return np.unique(boundary_facets(self.cells, self.cell_type))
+
+    @cached_property
+    def surface_facets(self) -> NDArray[np.int64]:
+        """Facets that belong to one cell, (n_facets, n_corners), seen from outside."""
+        return outward_facets(self.coordinates, self.cells, self.cell_type)
 
     def nodes_of(self, nodes: str | ArrayLike) -> NDArray[np.int64]:
         """Numbers of the nodes of the surface ("surface"), of a named group, or those given.

@@ -63,6 +63,7 @@ class Surrogate(TrainedNetwork):
         held: Held | None = None,
         tool: str | Tool | None = None,
         body_force: str | Sequence[float] | None = None,
+        young_modulus: float | None = None,
         certify: Literal["fast", "full"] | None = None,
         correct: bool = False,
         tolerance: float | None = None,
@@ -92,6 +93,9 @@ class Surrogate(TrainedNetwork):
             holds its forces, and `contact` says more (`surrogate.Touch`).
         body_force : str or sequence of d floats, optional
             A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
+        young_modulus : float, optional
+            Young's modulus at rest in Pa, of a body of one material: by default that of the run
+            (`surrogate.inference.stiffness`).
         certify : {"full", "fast"}, optional
             Estimate the error: by Newton steps; or in real time, with bounds that hold with some
             probability, which `surrogate evaluate --certify` calibrates. A load or state unlike
@@ -126,6 +130,7 @@ class Surrogate(TrainedNetwork):
             If no equilibrium is found.
         """
         from surrogate.inference.solution import Solution
+        from surrogate.inference.stiffness import stiffened, stiffness_factor
         from surrogate.touch.unknown_forces import gripped, pushed
 
         require_options_fit(certify, correct, tolerance, budget, level)
@@ -135,6 +140,8 @@ class Surrogate(TrainedNetwork):
         self.require_stochastic(passes=passes, seed=seed)
         needed = held is None and tool is None
         given = given_load(self.geometry, load, nearest, body_force, needed=needed)
+        factor = stiffness_factor(self.description.data.material, young_modulus)
+        given.scale(1 / factor)
         frame, contact = None, None
         if held is not None:
             if tool is not None:
@@ -179,7 +186,7 @@ class Surrogate(TrainedNetwork):
             bounds = of_components.certify(dead, displacement, level, std, pressure)
             half_width = bounds.half_width
             certificate = certificate if fast is None else bounds
-        return Solution(
+        solution = Solution(
             geometry=self.geometry,
             case=self.description.run.case,
             force=force,
@@ -200,6 +207,7 @@ class Surrogate(TrainedNetwork):
             outside_training=tuple(self.training_range.exceeded(force).values()),
             units=self.description.data.units,
         )
+        return solution if young_modulus is None else stiffened(solution, factor)
 
     # --- certificates and corrections -------------------------------------------------------------
 

@@ -131,6 +131,11 @@ class CommandLoads:
             total += pressure_forces(self.body.coordinates + displacement, facets, pressure)
         return total
 
+    def scale(self, factor: float) -> None:
+        """Multiply all forces and pressures."""
+        self.forces *= factor
+        self.pressures = [factor * pressure for pressure in self.pressures]
+
     def add(self, text: str, nearest: bool = False) -> None:
         """Add what ``--load`` says.
 

@@ -1,0 +1,210 @@
+"""Rigid spheres that push bodies: forces and fields beside the finite elements', times of frames.
+
+A sphere comes from outside to a random point of the free surface, where it touches no other part of
+the body, and goes in along the normal by a random depth, in a number of frames. The truth is the
+same contact with corrected predictions, which are equilibria of the finite elements.
+
+    python -m experiments benchmark tools beam3d_any_reduced:200 finger3d:40
+
+writes its record and its page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import warnings
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+import surrogate
+from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.directions import rounded
+from experiments.framework.counted_networks import add_counted_networks, counted_networks
+from experiments.framework.quiet import quiet
+from experiments.framework.report import markdown_table
+from experiments.framework.timing import timed
+from shared_schema.common import Parser, WorkError
+from shared_schema.tools import Sphere
+
+Array = NDArray[np.float64]
+NETWORKS = ["beam3d_any_reduced:200", "finger3d:40", "beam2d_any:200"]
+RADIUS = 0.3  # of the smallest side of the body
+DEPTHS = (0.05, 0.25)  # least and largest, of the same
+FRAMES = 30
+WITHIN = (0.02, 0.04, 0.05, 0.08)
+
+
+class Approach:
+    """A sphere in front of a surface.
+
+    Attributes
+    ----------
+    place, normal : array, (d,)
+        Point that is touched first, and the direction out of the body.
+    radius, depth : float
+        In m.
+    """
+
+    def __init__(self, geometry: Any, rng: np.random.Generator) -> None:
+        x, free = geometry.coordinates, ~geometry.clamped
+        facets = geometry.surface_facets
+        facets = facets[free[facets].all(axis=1)]
+        side = float(np.ptp(x, axis=0).min())
+        self.radius, self.depth = RADIUS * side, side * rng.uniform(*DEPTHS)
+        while True:
+            corners = x[facets[rng.integers(len(facets))]]
+            weights = rng.dirichlet(np.ones(len(corners)))
+            self.place = weights @ corners
+            edge, other = corners[1] - corners[0], corners[-1] - corners[0]
+            normal = np.array([edge[1], -edge[0]]) if len(edge) == 2 else np.cross(edge, other)
+            self.normal = normal / np.linalg.norm(normal)
+            clear = self.sphere(0.0).gap(x).min() > -1e-9 * side
+            if clear and self.sphere(self.depth).gap(x[geometry.clamped]).min() > side:
+                return
+
+    def sphere(self, depth: float) -> Sphere:
+        """The sphere when it has gone in by a depth in m."""
+        return Sphere(tuple(self.place + (self.radius - depth) * self.normal), self.radius)
+
+
+def compare(name: str, count: int, seed: int) -> Results:
+    """Push one body at random places."""
+    model = surrogate.load(name)
+    geometry = model.geometry
+    touch, found, failed, without = surrogate.Touch(model), [], 0, 0
+    frames: list[float] = []
+    between: list[float] = []
+
+    def corrected(force: Array) -> Array:
+        pressure = np.zeros(len(geometry.surfaces)) if geometry.surfaces else None
+        return np.asarray(model.correct(force, pressure=pressure).displacement)
+
+    for number in range(count):
+        approach = Approach(geometry, np.random.default_rng([seed, number]))
+        tool = approach.sphere(approach.depth)
+        touch.let_go()
+        try:
+            for again in (False, True):  # columns of the stiffness are solved for once, and kept
+                touch.let_go()
+                for share in np.linspace(0, 1, FRAMES + 1)[1:]:
+                    here = approach.sphere(share * approach.depth)
+                    frame, taken = timed(partial(touch.move, here))
+                    near = approach.sphere((share + 0.2 / FRAMES) * approach.depth)
+                    _, soon = timed(partial(touch.reaction, near))
+                    if again:
+                        frames.append(taken)
+                        between.append(soon)
+        except WorkError as error:
+            print(name, number, error, file=sys.stderr)
+            failed += 1
+            continue
+        try:
+            truth = touch.move(tool, predict=corrected)
+        except WorkError:
+            without += 1
+            continue
+        off = np.linalg.norm(frame.displacement - truth.displacement, axis=1).max()
+        wrong = np.linalg.norm(frame.reaction - truth.reaction)
+        found.append(
+            (
+                wrong / np.linalg.norm(truth.reaction),
+                off / approach.depth,
+                frame.penetration / approach.radius,
+                off / np.linalg.norm(truth.displacement, axis=1).max(),
+            )
+        )
+        print(name, number, *(f"{value:.1e}" for value in found[-1]), file=sys.stderr)
+    forces, fields, depths, relative = np.array(found).T
+    tried = len(found) + failed
+    return {
+        "name": name,
+        "poses": tried + without,
+        "failed": failed,
+        "without_equilibrium": without,
+        "force_median": rounded(np.median(forces)),
+        "force_95": rounded(np.quantile(forces, 0.95)),
+        "force_within": {str(w): rounded(np.sum(forces <= w) / tried) for w in WITHIN},
+        "field_median": rounded(np.median(fields)),
+        "field_within": {str(w): rounded(np.sum(fields <= w) / tried) for w in WITHIN},
+        "relative_median": rounded(np.median(relative)),
+        "penetration": rounded(depths.max()),
+        "frame_ms": rounded(1e3 * np.median(frames)),
+        "frame_90_ms": rounded(1e3 * np.quantile(frames, 0.9)),
+        "reaction_ms": rounded(1e3 * np.median(between)),
+    }
+
+
+@quiet(logging.WARNING)
+def measure(options: argparse.Namespace) -> Results:
+    """Results for some networks."""
+    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
+    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
+    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+
+
+def page(results: Results) -> str:
+    """Make the page."""
+    rows = markdown_table(
+        (
+            "network",
+            "poses",
+            "no forces found",
+            "no equilibrium",
+            "force, median",
+            "within 5 % (8 %)",
+            "field, median",
+            "within 2 % (4 %) of the depth",
+            "of the largest displacement, median",
+            "penetration",
+            "frame [ms] (90 %)",
+            "reaction [ms]",
+        ),
+        (
+            (
+                f"`{of['name']}`",
+                str(of["poses"]),
+                str(of["failed"]),
+                str(of["without_equilibrium"]),
+                f"{of['force_median']:.2g}",
+                f"{of['force_within']['0.05']:.1%} ({of['force_within']['0.08']:.1%})",
+                f"{of['field_median']:.2g}",
+                f"{of['field_within']['0.02']:.1%} ({of['field_within']['0.04']:.1%})",
+                f"{of['relative_median']:.2g}",
+                f"{of['penetration']:.1e}",
+                f"{of['frame_ms']:.3g} ({of['frame_90_ms']:.3g})",
+                f"{of['reaction_ms']:.3g}",
+            )
+            for of in results["networks"]
+        ),
+    )
+    return (
+        f"A sphere, whose radius is {RADIUS:g} of the smallest side of the body, comes to a random "
+        "point of the free surface, as far from the\nsupports as this side, and goes in along the "
+        f"normal in {FRAMES} frames, by {DEPTHS[0]:g} to {DEPTHS[1]:g} of the side (seed "
+        f"{results['seed']}, {results['threads']} thread).\nIn the last frame, force and field are "
+        "compared with the contact of the finite elements: the resultant relative to theirs, the "
+        "worst node to\nthe depth, and to the largest displacement; *penetration* is the largest, "
+        "over the radius. Shares are those of all poses that have an equilibrium.\n*Reaction* is "
+        "the time of the force on the body as it is linear around a frame (`Touch.reaction`)."
+        f"\n\n{rows}"
+    )
+
+
+def arguments(parser: Parser) -> None:
+    """Add the options."""
+    add_counted_networks(parser, NETWORKS, "poses", seed=311)
+
+
+BENCHMARK = Benchmark(
+    name="tools",
+    title="Bodies that a sphere pushes",
+    measure=measure,
+    page=page,
+    arguments=arguments,
+)
