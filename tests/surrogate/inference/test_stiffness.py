@@ -60,5 +60,6 @@ def test_refusals(beam: surrogate.Surrogate, tmp_path: Path) -> None:
             beam.solve(LOAD, young_modulus=wrong)
     path = str(tmp_path / "out.npz")
     words = ["predict", "beam2d_any", "--load", LOAD, "--out", path]
-    assert main([*words, "--young-modulus", "-3"]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        main([*words, "--young-modulus", "-3"])
     assert main([*words, "--young-modulus", "1200"]) == 0
