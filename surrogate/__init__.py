@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from surrogate.evaluation.run_comparison import Comparison, compare
     from surrogate.evaluation.run_evaluation import Evaluation, evaluate
     from surrogate.evaluation.run_report import write_report
+    from surrogate.identification.identification import Identification, identify
+    from surrogate.identification.markers import Markers
     from surrogate.inference.export import export
     from surrogate.inference.load_calibration import calibrate
     from surrogate.inference.loading import load
@@ -49,7 +51,9 @@ __all__ = [
     "Evaluation",
     "Grip",
     "GripFrame",
+    "Identification",
     "LearningCurve",
+    "Markers",
     "OutsideTrainingWarning",
     "Proposal",
     "Published",
@@ -67,6 +71,7 @@ __all__ = [
     "evaluate",
     "export",
     "first_config",
+    "identify",
     "learning_curve",
     "load",
     "propose",

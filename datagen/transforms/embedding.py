@@ -8,21 +8,14 @@ exactly.
 
 from __future__ import annotations
 
-import basix
-import dolfinx
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from datagen.mesh.distributed_mesh import UFL_NAMES
+from shared_schema.common.bodies.points_in_cells import ROUNDING, locate
 from shared_schema.grid import Grid
 from shared_schema.layout import NO_NODE
 
 Array = NDArray[np.float64]
-
-CANDIDATES = 24  # elements looked at for each grid point, those with the nearest centres
-NEWTON_STEPS = 8  # of the search for reference coordinates; simplices need one
-ROUNDING = 1e-9
 
 
 def embed(
@@ -92,93 +85,3 @@ def multilinear(position: Array, shape: tuple[int, ...]) -> tuple[NDArray[np.int
         points.append(np.ravel_multi_index(tuple((first + corner).T), shape))
         weights.append(np.where(corner, part, 1 - part).prod(axis=1))
     return np.stack(points, axis=1), np.stack(weights, axis=1)
-
-
-def locate(
-    positions: Array, coordinates: Array, cells: NDArray[np.int64], cell_type: str
-) -> tuple[NDArray[np.intp], Array, Array]:
-    """Find the element that each position lies in or is nearest to, and its interpolation there.
-
-    Parameters
-    ----------
-    positions : array, (n, d)
-        In m.
-    coordinates, cells, cell_type
-        The mesh.
-
-    Returns
-    -------
-    cell : array of int, (n,)
-    weights : array, (n, n_corners)
-        Weights of the element's nodes; outside of it those of the linear continuation.
-    outside : array, (n,)
-        Distance outside of the element, relative to its size; 0 inside.
-    """
-    corners = coordinates[cells]
-    size = np.ptp(corners, axis=1).max(axis=1)
-    tree = cKDTree(corners.mean(axis=1))
-    count = min(CANDIDATES, len(cells))
-    candidates = np.asarray(tree.query(positions, k=count)[1]).reshape(len(positions), count)
-    best = np.full(len(positions), np.inf)
-    cell = np.zeros(len(positions), dtype=np.intp)
-    weights = np.zeros((len(positions), cells.shape[1]))
-    outside = np.zeros(len(positions))
-    for candidate in candidates.T:
-        here, part = interpolation(positions, corners[candidate], cell_type)
-        better = part * size[candidate] < best
-        best[better] = (part * size[candidate])[better]
-        cell[better], weights[better] = candidate[better], here[better]
-        outside[better] = part[better]
-    return cell, weights, outside
-
-
-def interpolation(positions: Array, corners: Array, cell_type: str) -> tuple[Array, Array]:
-    """Weights of an element's nodes at a position, continued linearly outside.
-
-    The reference coordinates ξ solve x(ξ) = Σ N_a(ξ) x_a = x. Outside, the weights are those at
-    the nearest ξ* of the element and of the gradient there, N(ξ*) + ∇N(ξ*) · (x − x(ξ*)).
-
-    Parameters
-    ----------
-    positions : array, (n, d)
-        In m.
-    corners : array, (n, n_corners, d)
-        Corners of one element for each position, in m.
-
-    Returns
-    -------
-    weights : array, (n, n_corners)
-    outside : array, (n,)
-        Largest reference coordinate outside of the element; 0 inside.
-    """
-    is_simplex = cell_type in ("triangle", "tetra")
-    xi = np.full(positions.shape, 0.25 if is_simplex else 0.5)
-    for _ in range(1 if is_simplex else NEWTON_STEPS):
-        value, gradient = shape_functions(xi, cell_type)
-        jacobian = np.einsum("nca,ncb->nab", corners, gradient)
-        residual = positions - np.einsum("nc,ncd->nd", value, corners)
-        xi = xi + np.linalg.solve(jacobian, residual[..., None])[..., 0]
-        if not is_simplex:
-            xi = np.clip(xi, -1.0, 2.0)
-    if is_simplex:
-        outside = np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1)
-    else:
-        outside = np.abs(xi - 0.5).max(axis=1) - 0.5
-        xi = np.clip(xi, 0.0, 1.0)
-    value, gradient = shape_functions(xi, cell_type)
-    jacobian = np.einsum("nca,ncb->nab", corners, gradient)
-    rest = positions - np.einsum("nc,ncd->nd", value, corners)
-    step = np.linalg.solve(jacobian, rest[..., None])[..., 0]
-    return value + np.einsum("nca,na->nc", gradient, step), np.maximum(outside, 0.0)
-
-
-def shape_functions(xi: Array, cell_type: str) -> tuple[Array, Array]:
-    """N_a(ξ), (n, n_corners), and ∂N_a/∂ξ, (n, n_corners, d), corners in VTK order."""
-    name = UFL_NAMES[cell_type]
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.__members__[name], 1, basix.LagrangeVariant.equispaced
-    )
-    table = element.tabulate(1, np.ascontiguousarray(xi))[:, :, :, 0]
-    kind = dolfinx.cpp.mesh.to_type(name)
-    table = table[:, :, np.argsort(dolfinx.cpp.io.perm_vtk(kind, table.shape[2]))]
-    return table[0], np.moveaxis(table[1:], 0, -1)

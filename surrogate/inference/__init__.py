@@ -8,6 +8,7 @@
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
 `batched_prediction`   distributions under any number of loads
 `solution`             what `solve` returns; its figure is `solution_figure`
+`stiffness`            another Young's modulus than that of the run
 `training_range`       warnings about forces unlike those of the training
 `calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
 `fresh_loads`          random load cases of a run: those of its training, or around them

@@ -21,6 +21,14 @@ OF_STRAIN = ("deformation_gradient", "jacobian")  # no stresses
 LARGEST = 1e30  # Pa
 
 
+def modulus_at_rest(material: Materials) -> float:
+    """Young's modulus E₀ at rest in Pa; InputError if the body is of several materials."""
+    if isinstance(material, tuple):
+        raise InputError("young_modulus: expected a body of one material, this has several")
+    lam, mu = material.lame_lambda, material.lame_mu
+    return mu * (3 * lam + 2 * mu) / (lam + mu)
+
+
 def stiffness_factor(material: Materials, young_modulus: float | None) -> float:
     """Return E / E₀; 1 if E is None.
 
@@ -33,10 +41,7 @@ def stiffness_factor(material: Materials, young_modulus: float | None) -> float:
         return 1.0
     if not 0 < young_modulus <= LARGEST:
         raise InputError(f"young_modulus: {young_modulus}, expected more than 0 Pa, and finite")
-    if isinstance(material, tuple):
-        raise InputError("young_modulus: expected a body of one material, this has several")
-    lam, mu = material.lame_lambda, material.lame_mu
-    return young_modulus / (mu * (3 * lam + 2 * mu) / (lam + mu))
+    return young_modulus / modulus_at_rest(material)
 
 
 def stiffened(solution: Solution, factor: float) -> Solution:

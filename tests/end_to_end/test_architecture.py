@@ -58,7 +58,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["models", "runs"],
         ["descent"],
         ["inference", "certify", "touch"],
-        ["training", "planning", "measures", "figures", "evaluation", "page"],
+        ["training", "planning", "measures", "figures", "evaluation", "page", "identification"],
         ["commands", "command_line"],
     ],
 }

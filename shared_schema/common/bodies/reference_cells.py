@@ -50,6 +50,16 @@ def quadrature(cell_type: str) -> tuple[Array, Array]:
     return points, np.full(len(points), 1 / len(points))
 
 
+def shape_values(cell_type: str, points: Array) -> Array:
+    """Shape functions N_b at points of the reference cell: (n_points, n_corners)."""
+    corners = np.array(CORNERS[cell_type], dtype=np.float64)
+    count, d = corners.shape
+    if count == d + 1:
+        return np.column_stack([1 - points.sum(axis=1), points])
+    at = points[:, None, :]
+    return np.asarray(np.where(corners == 1, at, 1 - at).prod(axis=2))
+
+
 def shape_gradients(cell_type: str, points: Array) -> Array:
     """Derivatives ∂N_b/∂ξ_j at points of the reference cell: (n_points, n_corners, d).
 

@@ -16,11 +16,13 @@ from datagen.farm.farm import run
 from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
-from datagen.transforms.embedding import element_size, embed, locate, multilinear, shape_functions
+from datagen.transforms.embedding import element_size, embed, multilinear
 from datagen.transforms.grid_choice import finer
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
+from shared_schema.common.bodies.points_in_cells import locate
+from shared_schema.common.bodies.reference_cells import shape_gradients, shape_values
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid, grid_of
@@ -142,14 +144,14 @@ def test_shape_functions(cell_type: str) -> None:
         }[cell_type],
         dtype=np.float64,
     )
-    assert shape_functions(corners, cell_type)[0] == pytest.approx(np.eye(len(corners)), abs=1e-14)
+    assert shape_values(cell_type, corners) == pytest.approx(np.eye(len(corners)), abs=1e-14)
     xi = np.full((1, corners.shape[1]), 0.21)
-    value, gradient = shape_functions(xi, cell_type)
+    value, gradient = shape_values(cell_type, xi), shape_gradients(cell_type, xi)
     assert value.sum() == pytest.approx(1)
     for axis in range(corners.shape[1]):
         step = np.zeros_like(xi)
         step[0, axis] = 1e-6
-        ahead, behind = (shape_functions(xi + s, cell_type)[0] for s in (step, -step))
+        ahead, behind = (shape_values(cell_type, xi + s) for s in (step, -step))
         assert (ahead - behind) / 2e-6 == pytest.approx(gradient[:, :, axis], abs=1e-8)
 
 

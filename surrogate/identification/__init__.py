@@ -1,0 +1,17 @@
+"""Identification of bodies from markers: forces, their place, stiffness and the whole field.
+
+================  =============================================================================
+`identification`  what users call, and its result
+`markers`         markers at rest and seen, and where they are in the mesh
+`unknowns`        sought forces and Young's modulus
+`responses`       fields of the unknowns and their derivatives: predicted, or exact
+`least_squares`   robust nonlinear fits with their covariance
+`place`           the node that a force acts on
+`search`          fits of one place or many, then without the error of the surrogate
+================  =============================================================================
+"""
+
+from surrogate.identification.identification import Identification, identify
+from surrogate.identification.markers import Markers, read_markers
+
+__all__ = ["Identification", "Markers", "identify", "read_markers"]

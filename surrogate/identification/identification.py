@@ -1,0 +1,231 @@
+"""Identification: forces, their place and stiffness of a body from markers that have moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
+from shared_schema.common.solution_file import write_solution
+from surrogate.data.geometry import Geometry
+from surrogate.identification.markers import Markers, read_markers
+from surrogate.identification.search import Candidate, Finished, Search
+from surrogate.identification.unknowns import BODY_FORCE, SOMEWHERE, YOUNG_MODULUS, Unknowns
+from surrogate.inference.given_load import given_load
+from surrogate.inference.stiffness import modulus_at_rest
+from surrogate.inference.surrogate import Surrogate
+
+Array = NDArray[np.float64]
+LEVEL = 0.9
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What markers tell of a body.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the parameters: force components in N, body forces in N/m³, Young's modulus in Pa.
+    values, std, lower, upper : array, (p,)
+        Estimates, standard deviations, and ends of intervals of the probability `level`.
+    level : float
+    place, place_std : array (d,) and float, or None
+        Place of the force that acts somewhere, and its uncertainty, in m.
+    displacement, std_displacement : array, (n_nodes, d)
+        Field and standard deviations in m.
+    force : array, (n_nodes, d)
+        Nodal forces in N, known and identified ones.
+    noise : float
+        Standard deviation of a component of the markers in m, given or estimated.
+    left_out : array of bool, (m,)
+        Markers that fit no state together with the others.
+    model_error : float
+        Largest estimated error of the surrogate at the markers in m, which is taken out; 0 of a
+        confirmed state.
+    geometry : Geometry
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    std: Array
+    lower: Array
+    upper: Array
+    level: float
+    place: Array | None
+    place_std: float | None
+    displacement: Array
+    std_displacement: Array
+    force: Array
+    noise: float
+    left_out: NDArray[np.bool_]
+    model_error: float
+    geometry: Geometry
+
+    @property
+    def units(self) -> Units:
+        """Labels of all numbers."""
+        return self.geometry.units
+
+    def lines(self) -> list[str]:
+        """Describe the result, a parameter a line."""
+        units, found = self.units, []
+        for name, value, low, high in zip(
+            self.names, self.values, self.lower, self.upper, strict=True
+        ):
+            unit = units.force
+            if name.startswith(BODY_FORCE):
+                unit = f"{units.force}/{units.length}³"
+            elif name.startswith("young"):
+                unit = units.stress
+            found.append(f"{name}: {value:.5g} {unit} ({low:.5g} to {high:.5g})")
+        if self.place is not None and self.place_std is not None:
+            at = ",".join(f"{x:.5g}" for x in self.place)
+            found.append(f"place: {at} {units.length}, within {units.written(self.place_std)}")
+        noise = f"noise {units.written(self.noise)}"
+        if self.left_out.any():
+            noise += f", {self.left_out.sum()} of {len(self.left_out)} markers left out"
+        if self.model_error:
+            noise += f", error of the surrogate {units.written(self.model_error)} at the markers"
+        return [*found, noise]
+
+    def __repr__(self) -> str:
+        """Describe the result."""
+        return "\n  ".join([f"Identification, intervals of {self.level:.0%}:", *self.lines()])
+
+    @checked_arguments
+    def save(self, path: str | Path) -> None:
+        """Write displacement, its standard deviation and force to a .npz, .vtu or .xdmf file.
+
+        Raises
+        ------
+        InputError
+            If the file's name has another end, or its folder does not exist.
+        """
+        mesh = self.geometry.coordinates, self.geometry.cells, self.geometry.cell_type
+        fields = {
+            "force": self.force,
+            "displacement": self.displacement,
+            "std": self.std_displacement,
+        }
+        write_solution(Path(path), *mesh, fields, {})
+
+
+@checked_arguments
+def identify(
+    model: Surrogate,
+    markers: Markers | str | Path,
+    unknown: Sequence[str],
+    load: Sequence[str] = (),
+    *,
+    body_force: str | Sequence[float] | None = None,
+    noise: float | None = None,
+    level: float = LEVEL,
+    nearest: bool = False,
+    confirm: bool = False,
+) -> Identification:
+    """Find forces and stiffness of a body from markers that have moved.
+
+    Parameters
+    ----------
+    model : Surrogate
+    markers : Markers, or path of a file
+        At most places on or in the body; some may be wrong.
+    unknown : sequence of str
+        What is sought: places as ``--load`` names them ("4,1", "4,1,0.5,0.2" or a group of the
+        mesh), "somewhere" (one force at an unknown node of the surface), "body-force" and
+        "young-modulus" (of a body of one material, beside a known load).
+    load, body_force
+        Known loads, as `Surrogate.solve` takes them.
+    noise : float, optional
+        Standard deviation of a component of the markers in m; it is estimated if it is not given.
+    level : float
+        Probability of the intervals.
+    nearest : bool
+        Let places beside a node mean the nearest one.
+    confirm : bool
+        Go on from the predictions to equilibria of the finite elements.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or more is sought than is measured.
+    WorkError
+        If the markers do not tell what is sought.
+    """
+    if isinstance(unknown, str):
+        raise InputError("unknown: expected a sequence of texts")
+    if noise is not None and not 0 < noise < np.inf:
+        raise InputError(f"noise: {noise}, expected more than 0 m, and finite")
+    if not 0 < level < 1:
+        raise InputError(f"level: {level}, expected more than 0 and less than 1")
+    geometry = model.geometry
+    if not isinstance(markers, Markers):
+        markers = read_markers(Path(markers), geometry.dimension)
+    at_markers = markers.interpolation(geometry)
+    given = given_load(geometry, load, nearest, body_force, needed=False)
+    if given.surfaces:
+        raise InputError("load: expected forces beside what is sought, no pressure")
+    modulus = 0.0
+    if YOUNG_MODULUS in unknown:
+        modulus = modulus_at_rest(model.description.data.material)
+    unknowns = Unknowns.of(geometry, unknown, given.forces, modulus, nearest)
+    count = len(unknowns.names) + geometry.dimension * (SOMEWHERE in unknown)
+    if count >= markers.moved.size:
+        raise InputError(
+            f"unknown: {count} parameters are sought, and {markers.moved.size} components of "
+            "markers measured, expected more of these"
+        )
+    search = Search(model, markers.moved, at_markers, noise)
+    found = search.somewhere(unknowns) if SOMEWHERE in unknown else search.known(unknowns)
+    return described(found, search.finished(found[0], confirm), level, geometry)
+
+
+def described(
+    likely: list[Candidate], best: Finished, level: float, geometry: Geometry
+) -> Identification:
+    """Make the result of the most likely candidates and the best one, finished."""
+    theta, unknowns = best.fit.theta, likely[0].unknowns
+    covariance, variance = best.fit.covariance * 0, np.zeros(best.fit.state.shape)
+    place, spread = None, 0.0
+    for candidate in likely:
+        off = candidate.fit.theta - likely[0].fit.theta
+        covariance = covariance + candidate.share * (candidate.fit.covariance + np.outer(off, off))
+        between = candidate.fit.state - likely[0].fit.state
+        slopes = candidate.slopes
+        within = np.einsum("ndp,pq,ndq->nd", slopes, candidate.fit.covariance, slopes)
+        variance += candidate.share * (within + between**2)
+        if candidate.node is not None and likely[0].node is not None:
+            place = geometry.coordinates[likely[0].node]
+            distance = np.linalg.norm(geometry.coordinates[candidate.node] - place)
+            spread += candidate.share * float(distance) ** 2
+    std, width = np.sqrt(np.diag(covariance)), best.fit.half_width(level)
+    values, lower, upper = theta.copy(), theta - width * std, theta + width * std
+    if unknowns.has_modulus:
+        for ends in (values, lower, upper):
+            ends[-1] = unknowns.young_modulus * np.exp(ends[-1])
+        std[-1] *= values[-1]
+    factor = np.exp(theta[-1]) if unknowns.has_modulus else 1.0
+    return Identification(
+        names=unknowns.names,
+        values=values,
+        std=std,
+        lower=lower,
+        upper=upper,
+        level=level,
+        place=place,
+        place_std=None if place is None else float(np.sqrt(spread)),
+        displacement=best.fit.state,
+        std_displacement=np.sqrt(variance),
+        force=unknowns.forces(theta) * factor,
+        noise=best.fit.sigma,
+        left_out=~best.fit.counts,
+        model_error=best.model_error,
+        geometry=geometry,
+    )

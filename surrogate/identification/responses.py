@@ -1,0 +1,121 @@
+"""Displacement fields of sought parameters, and their derivatives: by predictions, or exactly."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from shared_schema.common.errors import WorkError
+from surrogate.data.geometry import Geometry
+from surrogate.identification.least_squares import Model
+from surrogate.identification.unknowns import Unknowns
+from surrogate.mechanics.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+
+DIFFERENCE = 3e-3  # of a change that matters: half the width of central differences
+
+
+class Body(Protocol):
+    """What is identified, such as a `Surrogate`."""
+
+    geometry: Geometry
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The equilibrium of the body."""
+
+    def predict(self, forces: Any) -> Any:
+        """Nodal forces in N to displacements in m, (n_nodes, d) or (N, n_nodes, d)."""
+
+    def certify(self, forces: Any, predicted: Any) -> Any:
+        """Certificate of a displacement, whose `error` is in m."""
+
+    def correct(self, forces: Any) -> Any:
+        """Equilibrium under nodal forces in N, whose `displacement` is in m."""
+
+
+class Response(ABC):
+    """Displacements of the body, and at the markers, of some parameters θ.
+
+    Parameters
+    ----------
+    body : Surrogate
+    unknowns : Unknowns
+    at_markers : csr_array, (m, n_nodes)
+    scale : array, (p,)
+        Sizes of changes of θ that matter.
+    shift : array, (n_nodes, d) or number
+        What is added to the displacements in m, such as the negative of their estimated error.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        unknowns: Unknowns,
+        at_markers: csr_array,
+        scale: Array,
+        shift: Array | float = 0.0,
+    ) -> None:
+        self.body, self.unknowns, self.scale = body, unknowns, scale
+        self._at_markers, self._shift = at_markers, shift
+
+    @property
+    def model(self) -> Model:
+        """What is measured."""
+        return Model(self._value, lambda theta, field: self._seen(self.slopes(theta, field)))
+
+    @abstractmethod
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m, (n_nodes, d)."""
+
+    @abstractmethod
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ, (n_nodes, d, p)."""
+
+    def _value(self, theta: Array) -> tuple[Array, Array]:
+        field = self.field(theta) + self._shift
+        return self._seen(field), field
+
+    def _seen(self, fields: Array) -> Array:
+        nodes = len(fields)
+        found = self._at_markers @ fields.reshape(nodes, -1)
+        return np.asarray(found.reshape(-1, *fields.shape[1:]))
+
+
+class PredictedResponse(Response):
+    """Predictions, and their central differences."""
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m."""
+        return np.asarray(self.body.predict(self.unknowns.forces(theta)))
+
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ."""
+        steps = np.diag(DIFFERENCE * self.scale)
+        forces = self.unknowns.forces(np.concatenate([theta + steps, theta - steps]))
+        fields = np.asarray(self.body.predict(forces))
+        ahead, behind = fields[: len(theta)], fields[len(theta) :]
+        rates = (ahead - behind) / (2 * np.diag(steps)[:, None, None])
+        return np.asarray(np.moveaxis(rates, 0, -1))
+
+
+class ExactResponse(Response):
+    r"""Equilibria of the finite elements, and :math:`∂u/∂θ = K(u)^{-1} ∂f/∂θ`."""
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m."""
+        return np.asarray(self.body.correct(self.unknowns.forces(theta)).displacement)
+
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ; WorkError if the equilibrium is not stable."""
+        respond: Callable[[Array], Array] | None = self.body.equilibrium.response_at(field)
+        if respond is None:
+            raise WorkError("the equilibrium that fits the markers is not stable")
+        rates = respond(self.unknowns.slopes(theta))
+        return np.asarray(np.moveaxis(rates, 0, -1))

@@ -1,0 +1,170 @@
+"""The search for parameters: fits of predictions, then fits without their error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from shared_schema.common.errors import WorkError
+from surrogate.identification.least_squares import Fit, fit
+from surrogate.identification.place import likely_nodes, ranked_nodes
+from surrogate.identification.responses import Body, ExactResponse, PredictedResponse
+from surrogate.identification.unknowns import SOMEWHERE, Unknowns
+
+Array = NDArray[np.float64]
+
+SHARE = 0.01  # probability of places that are left out of uncertainties
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fit of predictions.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    fit : Fit
+    scale : array, (p,)
+    slopes : array, (n_nodes, d, p)
+        ∂u/∂θ.
+    node : int or None
+        Where the force acts that may act somewhere.
+    share : float
+        Its probability among all places.
+    """
+
+    unknowns: Unknowns
+    fit: Fit
+    scale: Array
+    slopes: Array
+    node: int | None = None
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A fit without the error of predictions, and that error at the markers in m."""
+
+    fit: Fit
+    model_error: float
+
+
+class Search:
+    """Fits of the displacements of markers.
+
+    Parameters
+    ----------
+    body : Surrogate
+    moved : array, (m, d)
+        In m.
+    at_markers : csr_array, (m, n_nodes)
+    noise : float, optional
+        Standard deviation of a component in m.
+    """
+
+    def __init__(
+        self, body: Body, moved: Array, at_markers: csr_array, noise: float | None
+    ) -> None:
+        self._body, self._moved, self._at_markers = body, moved, at_markers
+        self._noise, self._size = noise, float(np.abs(moved).max())
+
+    def known(self, unknowns: Unknowns) -> list[Candidate]:
+        """Fit forces at known places."""
+        strengths = np.abs(self._linear(unknowns.patterns)).max(axis=(0, 1))
+        scale = self._scale(strengths, unknowns)
+        found = self._fitted(unknowns, np.zeros(len(scale)), scale)
+        return [self._candidate(unknowns, found, scale)]
+
+    def somewhere(self, unknowns: Unknowns) -> list[Candidate]:
+        """Fit a force at any node of the surface, with all others; the most likely node first."""
+        d = self._moved.shape[1]
+        beside = self._linear(unknowns.patterns)
+        moved = self._moved - self._linear(unknowns.known[None])[..., 0]
+        ranking = ranked_nodes(self._body, self._at_markers, moved, beside, self._noise)
+        of_others = np.abs(beside).max(axis=(0, 1))
+        places = {int(node): number for number, node in enumerate(ranking.nodes)}
+
+        def scale_at(node: int) -> Array:
+            strengths = np.concatenate([ranking.strengths[places[node]], of_others])
+            return self._scale(strengths, unknowns)
+
+        def fitted(node: int, near: Fit | None) -> Fit:
+            scale = scale_at(node)
+            begin = np.zeros(len(scale))
+            begin[:d] = ranking.forces[places[node]]
+            begin = begin if near is None else near.theta
+            return self._fitted(unknowns.at(node, SOMEWHERE), begin, scale)
+
+        coordinates = self._body.geometry.coordinates
+        fits, nodes, shares = likely_nodes(coordinates, ranking.nodes, fitted)
+        kept = [number for number, share in enumerate(shares) if share > SHARE]
+        return [
+            self._candidate(
+                unknowns.at(int(nodes[i]), SOMEWHERE),
+                fits[i],
+                scale_at(int(nodes[i])),
+                int(nodes[i]),
+                float(shares[i] / shares[kept].sum()),
+            )
+            for i in kept
+        ]
+
+    def finished(self, best: Candidate, confirm: bool) -> Finished:
+        """Fit the best candidate once more: without the estimated error, or exactly.
+
+        Raises
+        ------
+        WorkError
+            If no equilibrium is found, or the estimate of the error does not settle.
+        """
+        given = self._body, best.unknowns, self._at_markers, best.scale
+        if confirm:
+            return Finished(self._fit(ExactResponse(*given), best.fit.theta), 0.0)
+        forces = best.unknowns.forces(best.fit.theta)
+        certificate = self._body.certify(forces, best.fit.state)
+        if not certificate.settled:
+            raise WorkError(
+                "the error of the surrogate cannot be estimated for what is found, expected "
+                "'confirm'"
+            )
+        error = np.asarray(certificate.error)
+        found = self._fit(PredictedResponse(*given, shift=-error), best.fit.theta)
+        return Finished(found, float(np.abs(self._at_markers @ error).max()))
+
+    def _fit(self, response: PredictedResponse | ExactResponse, begin: Array) -> Fit:
+        return fit(response.model, self._moved, begin, response.scale, self._noise)
+
+    def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
+        response = PredictedResponse(self._body, unknowns, self._at_markers, scale)
+        return self._fit(response, begin)
+
+    def _candidate(
+        self,
+        unknowns: Unknowns,
+        found: Fit,
+        scale: Array,
+        node: int | None = None,
+        share: float = 1.0,
+    ) -> Candidate:
+        response = PredictedResponse(self._body, unknowns, self._at_markers, scale)
+        slopes = response.slopes(found.theta, found.state)
+        return Candidate(unknowns, found, scale, slopes, node, share)
+
+    def _linear(self, patterns: Array) -> Array:
+        """Displacements of the markers by the linear response, (m, d, K)."""
+        if not len(patterns):
+            return np.zeros((*self._moved.shape, 0))
+        fields = self._body.equilibrium.linear_response(patterns)
+        seen = [self._at_markers @ field for field in fields]
+        return np.moveaxis(np.array(seen), 0, -1)
+
+    def _scale(self, strengths: Array, unknowns: Unknowns) -> Array:
+        """Sizes of changes that matter: what moves a marker as far as they have moved; 1 of φ."""
+        if not np.all(strengths > 0):
+            raise WorkError(
+                "the markers do not tell all that is sought: some of it moves none of them"
+            )
+        return np.append(self._size / strengths, [1.0] * unknowns.has_modulus)

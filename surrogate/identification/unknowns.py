@@ -1,0 +1,137 @@
+r"""What is sought: forces at known places, and Young's modulus.
+
+The load is that of some parameters θ,
+
+.. math:: f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad E = E_0 \, e^{φ},
+
+with known forces :math:`f_0`, unit forces :math:`b_k` along each axis at each sought place, and
+Young's modulus :math:`E_0` of the run. Without a sought modulus φ = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.errors import InputError
+from surrogate.data.geometry import Geometry
+
+Array = NDArray[np.float64]
+
+BODY_FORCE = "body-force"
+YOUNG_MODULUS = "young-modulus"
+SOMEWHERE = "somewhere"
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Sought parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of each parameter, such as "4,1 x"; that of φ is last.
+    known : array, (n_nodes, d)
+        f₀ in N.
+    patterns : array, (K, n_nodes, d)
+        b_k: 1 N in all, or those of 1 N/m³.
+    young_modulus : float
+        E₀ in Pa.
+    has_modulus : bool
+        Whether φ is sought.
+    """
+
+    names: tuple[str, ...]
+    known: Array
+    patterns: Array
+    young_modulus: float
+    has_modulus: bool
+
+    @classmethod
+    def of(
+        cls,
+        geometry: Geometry,
+        texts: Sequence[str],
+        known: Array,
+        young_modulus: float,
+        nearest: bool = False,
+    ) -> Unknowns:
+        """Read what is sought.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        texts : sequence of str
+            Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
+            "young-modulus", and "somewhere", which `at` brings in.
+        known : array, (n_nodes, d)
+        young_modulus : float
+        nearest : bool
+            Let places beside a node mean the nearest one.
+
+        Raises
+        ------
+        InputError
+            If there is no such place, or one is named twice.
+        """
+        if len(set(texts)) < len(texts):
+            raise InputError(f"unknown: {', '.join(texts)}: expected each once")
+        names: list[str] = []
+        patterns: list[Array] = []
+        for text in texts:
+            if text in (YOUNG_MODULUS, SOMEWHERE):
+                continue
+            for axis, unit in enumerate(np.eye(geometry.dimension)):
+                load, values = CommandLoads(geometry.loaded_body), ",".join(map(str, unit))
+                if text == BODY_FORCE:
+                    load.add_body_force(values)
+                else:
+                    load.add(f"{text}:{values}", nearest)
+                names.append(f"{text} {AXES[axis]}")
+                patterns.append(load.forces)
+        has_modulus = YOUNG_MODULUS in texts
+        if has_modulus and not known.any():
+            raise InputError(
+                "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
+                "expected a load that is known beside it"
+            )
+        names += [YOUNG_MODULUS] * has_modulus
+        if not names and SOMEWHERE not in texts:
+            raise InputError("unknown: nothing is sought, expected a place or young-modulus")
+        shape = (len(patterns), *geometry.coordinates.shape)
+        stacked = np.array(patterns).reshape(shape)
+        return cls(tuple(names), known, stacked, young_modulus, has_modulus)
+
+    def forces(self, theta: Array) -> Array:
+        """f(θ) in N for a body of E₀: (..., n) → (..., n_nodes, d)."""
+        count = len(self.patterns)
+        total = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
+        if self.has_modulus:
+            total = total * np.exp(-theta[..., -1, None, None])
+        return np.asarray(total)
+
+    def slopes(self, theta: Array) -> Array:
+        """∂f/∂θ, (p, n_nodes, d)."""
+        if not self.has_modulus:
+            return self.patterns
+        softened = self.patterns * np.exp(-theta[-1])
+        return np.concatenate([softened, -self.forces(theta)[None]])
+
+    def stiffness(self, theta: Array) -> float:
+        """E in Pa."""
+        factor = np.exp(theta[-1]) if self.has_modulus else 1.0
+        return float(self.young_modulus * factor)
+
+    def at(self, node: int, text: str) -> Unknowns:
+        """The same with forces on one more node, which come first."""
+        d = self.known.shape[1]
+        units = np.zeros((d, *self.known.shape))
+        units[np.arange(d), node, np.arange(d)] = 1.0
+        names = tuple(f"{text} {axis}" for axis in AXES[:d])
+        patterns = np.concatenate([units, self.patterns])
+        return replace(self, names=names + self.names, patterns=patterns)
