@@ -29,6 +29,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "further-training": "surrogate",
     "grips": "surrogate",
     "hdf5": "datagen",
+    "identification": "surrogate",
     "large-bodies": "datagen",
     "load-series": "surrogate",
     "one-load": "surrogate",

@@ -32,9 +32,10 @@ Array = NDArray[np.float64]
 CAUCHY = 2.385  # c: 95 % efficiency under normal noise
 WILD = 4.0
 STEPS, ROUNDS = 40, 8
-SETTLED = 1e-4  # step over the standard deviation
+SETTLED = 1e-4  # decrease of the sum of squares in a step, over the variance of the noise
 FLOOR = 1e-7  # σ over the largest measured displacement, at least
 SINGULAR = 1e-10
+FARTHEST = 3.0  # step over the size of a change that matters
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,7 @@ def descend(
 ) -> tuple[Array, Array, Array, Array]:
     """Gauss–Newton steps; returns values, state, parameters and slopes."""
     (value, state), damping = at, 0.0
+    floor = FLOOR * (float(np.abs(measured).max()) or 1.0)
     slopes = model.slopes(theta, state)
     for _ in range(STEPS):
         off = measured - value
@@ -181,7 +183,8 @@ def descend(
         cost = float((weights[:, None] * off**2).sum())
         while True:
             damped = normal + damping * np.diag(np.diag(normal))
-            step = scale * (inverse(damped, np.ones(len(theta))) @ gradient)
+            step = inverse(damped, np.ones(len(theta))) @ gradient
+            step = scale * step * min(1.0, FARTHEST / max(float(np.abs(step).max()), 1e-300))
             trial, its = model.value(theta + step)
             after = float((weights[:, None] * (measured - trial) ** 2).sum())
             if np.isfinite(after) and after <= cost * (1 + 1e-9):
@@ -189,12 +192,15 @@ def descend(
             damping = max(4 * damping, 1e-3)
             if damping > 1e8:
                 return value, state, theta, slopes
-        left = np.sqrt(max(cost - after, 0.0) / max(cost, 1e-300))
+        variance = max(after / max(measured.size - len(theta), 1), floor**2)
         theta, value, state, damping = theta + step, trial, its, damping / 10
         slopes = model.slopes(theta, state)
-        if left < SETTLED:
+        if cost - after < SETTLED * variance:
             return value, state, theta, slopes
-    raise WorkError(f"no state that fits the markers is found within {STEPS} steps")
+    raise WorkError(
+        f"no state that fits the markers is found within {STEPS} steps: they may not tell all "
+        "that is sought"
+    )
 
 
 def inverse(normal: Array, scale: Array) -> Array:

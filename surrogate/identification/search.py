@@ -10,12 +10,13 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
 from surrogate.identification.least_squares import Fit, fit
-from surrogate.identification.place import likely_nodes, ranked_nodes
+from surrogate.identification.place import Places, likely_places
 from surrogate.identification.responses import Body, ExactResponse, PredictedResponse
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
 
 Array = NDArray[np.float64]
 
+SOFTER = 0.3  # change of φ that matters
 SHARE = 0.01  # probability of places that are left out of uncertainties
 
 
@@ -80,36 +81,34 @@ class Search:
 
     def somewhere(self, unknowns: Unknowns) -> list[Candidate]:
         """Fit a force at any node of the surface, with all others; the most likely node first."""
-        d = self._moved.shape[1]
         beside = self._linear(unknowns.patterns)
-        moved = self._moved - self._linear(unknowns.known[None])[..., 0]
-        ranking = ranked_nodes(self._body, self._at_markers, moved, beside, self._noise)
-        of_others = np.abs(beside).max(axis=(0, 1))
-        places = {int(node): number for number, node in enumerate(ranking.nodes)}
+        known = self._linear(unknowns.known[None])[..., 0]
+        places = Places(self._body, self._at_markers, beside, self._noise)
 
-        def scale_at(node: int) -> Array:
-            strengths = np.concatenate([ranking.strengths[places[node]], of_others])
-            return self._scale(strengths, unknowns)
+        def scale_at(number: int) -> Array:
+            return self._scale(places.strengths(number), unknowns)
 
-        def fitted(node: int, near: Fit | None) -> Fit:
-            scale = scale_at(node)
-            begin = np.zeros(len(scale))
-            begin[:d] = ranking.forces[places[node]]
-            begin = begin if near is None else near.theta
-            return self._fitted(unknowns.at(node, SOMEWHERE), begin, scale)
+        def unknowns_at(number: int) -> Unknowns:
+            return unknowns.at(int(places.nodes[number]), SOMEWHERE)
 
-        coordinates = self._body.geometry.coordinates
-        fits, nodes, shares = likely_nodes(coordinates, ranking.nodes, fitted)
-        kept = [number for number, share in enumerate(shares) if share > SHARE]
+        def fitted(number: int, forces: Array) -> Fit:
+            begin = np.append(forces, [0.0] * unknowns.has_modulus)
+            return self._fitted(unknowns_at(number), begin, scale_at(number))
+
+        likely = likely_places(
+            places, self._moved - known, fitted, lambda fit: self._at_markers @ fit.state - known
+        )
+        kept = [one for one in likely if one.share > SHARE]
+        total = sum(one.share for one in kept)
         return [
             self._candidate(
-                unknowns.at(int(nodes[i]), SOMEWHERE),
-                fits[i],
-                scale_at(int(nodes[i])),
-                int(nodes[i]),
-                float(shares[i] / shares[kept].sum()),
+                unknowns_at(one.number),
+                one.fit,
+                scale_at(one.number),
+                int(places.nodes[one.number]),
+                one.share / total,
             )
-            for i in kept
+            for one in kept
         ]
 
     def finished(self, best: Candidate, confirm: bool) -> Finished:
@@ -162,9 +161,9 @@ class Search:
         return np.moveaxis(np.array(seen), 0, -1)
 
     def _scale(self, strengths: Array, unknowns: Unknowns) -> Array:
-        """Sizes of changes that matter: what moves a marker as far as they have moved; 1 of φ."""
+        """Sizes of changes that matter: those that move a marker as far as they have moved."""
         if not np.all(strengths > 0):
             raise WorkError(
                 "the markers do not tell all that is sought: some of it moves none of them"
             )
-        return np.append(self._size / strengths, [1.0] * unknowns.has_modulus)
+        return np.append(self._size / strengths, [SOFTER] * unknowns.has_modulus)
