@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.points_in_cells import ROUNDING, locate
 from shared_schema.grid import Grid
 from shared_schema.layout import NO_NODE
+from shared_schema.points_in_cells import ROUNDING, locate
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.bodies.points_in_cells import locate
 from shared_schema.common.errors import InputError
+from shared_schema.points_in_cells import locate
 from surrogate.data.geometry import Geometry
 
 Array = NDArray[np.float64]

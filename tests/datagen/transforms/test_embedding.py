@@ -21,12 +21,12 @@ from datagen.transforms.grid_choice import finer
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
-from shared_schema.common.bodies.points_in_cells import locate
 from shared_schema.common.bodies.reference_cells import shape_gradients, shape_values
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid, grid_of
 from shared_schema.manifest import StructuredInfo
+from shared_schema.points_in_cells import locate
 from shared_schema.shard import read_shard
 
 CUBE = """SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 2, 1, 1}};
