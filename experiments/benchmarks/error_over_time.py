@@ -115,7 +115,7 @@ def measure(options: argparse.Namespace) -> Results:
 def draw(results: Results) -> Figure:
     """Draw mean errors over median times, a panel a body."""
     bodies = results["bodies"]
-    figure = make_figure(4.2 * len(bodies), 3.4)
+    figure = make_figure(4.2 * len(bodies), 4.2)
     for axes, (name, body) in zip(
         figure.subplots(1, len(bodies), squeeze=False)[0], bodies.items(), strict=True
     ):
@@ -140,7 +140,7 @@ def draw(results: Results) -> Figure:
         axes.xaxis.set_minor_formatter(NullFormatter())
         times = [way["median_ms"] for way in ways.values()]
         axes.set_xlim(10 ** np.floor(np.log10(min(times))), 10 ** np.ceil(np.log10(max(times))))
-        axes.legend(fontsize=7)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=7)
     figure.axes[0].set_ylabel("mean error [mm]")
     return figure
 
