@@ -29,7 +29,7 @@ def test_page_is_made_from_the_record(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["equilibrium", "equilibrium-debian-13"])
 def test_parts_of_a_load_case_add_up(name: str) -> None:
-    """No part is negative, so none counts twice; the parts add up to the whole, but for rounding."""
+    """No part is negative, so none counts twice; the parts add up to the whole, as rounded."""
     for result in stored_record(name).findings.numbers["parts"]:
         assert min(result["parts_ms"].values()) >= 0
         assert sum(result["parts_ms"].values()) == pytest.approx(
