@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from shared_schema.common.command_line import Parser, make_parser, run_command
+from surrogate.command_options import speaks
 from surrogate.commands import (
     balance,
     calibrate,
@@ -23,10 +24,10 @@ from surrogate.commands import (
     refine,
     report,
     schema,
+    serve,
     shelf,
     train,
 )
-from surrogate.commands.options import speaks
 
 COMMANDS = (
     init,
@@ -44,6 +45,7 @@ COMMANDS = (
     export,
     report,
     page,
+    serve,
     shelf,
 )
 

@@ -82,8 +82,7 @@ def compare(name: str, count: int, seed: int) -> Results:
     between: list[float] = []
 
     def corrected(force: Array) -> Array:
-        pressure = np.zeros(len(geometry.surfaces)) if geometry.surfaces else None
-        return np.asarray(model.correct(force, pressure=pressure).displacement)
+        return np.asarray(model.correct(force, pressure=geometry.no_pressure).displacement)
 
     for number in range(count):
         approach = Approach(geometry, np.random.default_rng([seed, number]))

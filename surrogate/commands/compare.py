@@ -8,7 +8,7 @@ from pathlib import Path
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.command_line import Commands, add_command
 from shared_schema.common.solution_file import require_suffix
-from surrogate.commands.options import RUN, add_device
+from surrogate.command_options import RUN, add_device
 
 FIGURES = (".png", ".svg", ".pdf")
 

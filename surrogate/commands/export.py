@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import add_out, add_passes, add_run, given_passes
+from surrogate.command_options import add_out, add_passes, add_run, given_passes
 
 
 def add_to(commands: Commands) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shared_schema.common.bodies.load_options import add_loads
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import add_device, add_out, add_run, positive, share
+from surrogate.command_options import add_device, add_out, add_run, positive, share
 
 UNKNOWN = (
     "what is sought: forces at a place X,Y[,Z], on a patch X,Y[,Z],R or a group, 'somewhere' on "

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_set
-from surrogate.commands.options import add_data, add_device, positive
+from surrogate.command_options import add_data, add_device, positive
 
 
 def add_to(commands: Commands) -> None:

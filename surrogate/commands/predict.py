@@ -6,7 +6,7 @@ import argparse
 
 from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads, add_tool
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import add_device, add_out, add_passes, add_run, positive, share
+from surrogate.command_options import add_device, add_out, add_passes, add_run, positive, share
 
 CERTIFY = (
     "estimate the error of what is written, the prediction or (--correct) the equilibrium; add it "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import add_device, add_family, add_out, add_run, whole
+from surrogate.command_options import add_device, add_family, add_out, add_run, whole
 
 
 def add_to(commands: Commands) -> None:

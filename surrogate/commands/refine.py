@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN, add_device, add_family, positive, whole
+from surrogate.command_options import RUN, add_device, add_family, positive, whole
 
 
 def add_to(commands: Commands) -> None:

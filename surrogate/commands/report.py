@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.commands.options import RUN
+from surrogate.command_options import RUN
 
 
 def add_to(commands: Commands) -> None:

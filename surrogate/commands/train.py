@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_set
-from surrogate.commands.options import add_data, add_device, speaks
+from surrogate.command_options import add_data, add_device, speaks
 
 PASSED_ON = ("device", "stop_after", "seconds", "tensorboard", "start_from")
 

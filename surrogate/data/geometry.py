@@ -155,6 +155,11 @@ class Geometry:
         of = self.pressed_surface
         return tuple(self.pressed[of == number] for number in range(int(of.max()) + 1))
 
+    @property
+    def no_pressure(self) -> NDArray[np.float64] | None:
+        """Pressures where forces act alone: 0 Pa on each of `surfaces`; None without any."""
+        return np.zeros(len(self.surfaces)) if self.surfaces else None
+
     @cached_property
     def surface_nodes(self) -> NDArray[np.int64]:
         """Numbers of the nodes of facets that belong to one cell."""

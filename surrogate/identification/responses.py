@@ -33,10 +33,10 @@ class Body(Protocol):
     def predict(self, forces: Any) -> Any:
         """Nodal forces in N to displacements in m, (n_nodes, d) or (N, n_nodes, d)."""
 
-    def certify(self, forces: Any, predicted: Any) -> Any:
+    def certify(self, forces: Any, predicted: Any, *, pressure: Any = None) -> Any:
         """Certificate of a displacement, whose `error` is in m."""
 
-    def correct(self, forces: Any) -> Any:
+    def correct(self, forces: Any, *, pressure: Any = None) -> Any:
         """Equilibrium under nodal forces in N, whose `displacement` is in m."""
 
 
@@ -110,7 +110,8 @@ class ExactResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
-        return np.asarray(self.body.correct(self.unknowns.forces(theta)).displacement)
+        forces, pressure = self.unknowns.forces(theta), self.body.geometry.no_pressure
+        return np.asarray(self.body.correct(forces, pressure=pressure).displacement)
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ; WorkError if the equilibrium is not stable."""

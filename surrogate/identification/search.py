@@ -123,7 +123,8 @@ class Search:
         if confirm:
             return Finished(self._fit(ExactResponse(*given), best.fit.theta), 0.0)
         forces = best.unknowns.forces(best.fit.theta)
-        certificate = self._body.certify(forces, best.fit.state)
+        pressure = self._body.geometry.no_pressure
+        certificate = self._body.certify(forces, best.fit.state, pressure=pressure)
         if not certificate.settled:
             raise WorkError(
                 "the error of the surrogate cannot be estimated for what is found, expected "

@@ -78,7 +78,7 @@ class Body(Protocol):
     def equilibrium(self) -> Equilibrium:
         """The equilibrium of the body."""
 
-    def predict(self, forces: Any, *, tolerance: Any = None) -> Any:
+    def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
         """Nodal forces in N to displacements in m, both (n_nodes, d)."""
 
 

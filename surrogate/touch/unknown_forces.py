@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 class Correctable(Body, Protocol):
     """A body whose predictions can be driven to its equilibrium."""
 
-    def correct(self, forces: Any) -> Any:
+    def correct(self, forces: Any, *, pressure: Any = None) -> Any:
         """Equilibrium under nodal forces in N, whose `displacement` is in m."""
 
 
@@ -73,10 +73,13 @@ def pushed(
 
 def what_is_shown(model: Correctable, correct: bool, tolerance: float | None) -> Predict | None:
     """What goes from forces in N to the displacements in m of a solution; None for predictions."""
+    pressure = model.geometry.no_pressure
     if correct:
-        return lambda force: np.asarray(model.correct(force).displacement)
+        return lambda force: np.asarray(model.correct(force, pressure=pressure).displacement)
     if tolerance is not None:
-        return lambda force: np.asarray(model.predict(force, tolerance=tolerance))
+        return lambda force: np.asarray(
+            model.predict(force, tolerance=tolerance, pressure=pressure)
+        )
     return None
 
 

@@ -58,8 +58,11 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["models", "runs"],
         ["descent"],
         ["inference", "certify", "touch"],
-        ["training", "planning", "measures", "figures", "evaluation", "page", "identification"],
-        ["commands", "command_line"],
+        [
+            *("training", "planning", "measures", "figures", "evaluation", "page"),
+            *("identification", "serving"),
+        ],
+        ["commands", "command_line", "command_options"],
     ],
 }
 

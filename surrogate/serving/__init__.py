@@ -1,0 +1,11 @@
+"""A server for other programs: grips, tools and loads on a body, by messages.
+
+===========  ====================================================================
+`session`    one client: its requests and the replies to them, without a network
+`server`     WebSocket connections of such clients
+===========  ====================================================================
+"""
+
+from surrogate.serving.session import Session
+
+__all__ = ["Session"]
