@@ -146,6 +146,23 @@ def test_refusals(beam: surrogate.Surrogate) -> None:
         beam.solve(tool=Sphere((2.0, 0.5), 0.3))  # no node of the surface is in it
 
 
+def test_body_whose_case_has_pressures() -> None:
+    """Tools and grips of a finger that may be inflated, and is not: driven by directions."""
+    finger = surrogate.load("finger3d")
+    x = finger.geometry.coordinates
+    corner, tip = x[(x[:, 0] + x[:, 2]).argmax()], x[finger.geometry.tip]
+    tool = Sphere((float(corner[0]), float(corner[1]), float(corner[2]) + 0.004), 0.005)
+    pushed = finger.solve(tool=tool, tolerance=2e-3)
+    assert pushed.descent is not None
+    assert pushed.descent.reached
+    assert pushed.contact is not None
+    assert pushed.contact.penetration < 2e-6
+    assert pushed.contact.reaction[2] < 0
+    place = ",".join(map(repr, map(float, tip)))
+    held = finger.solve(held={place: (None, None, -0.003)}, tolerance=2e-3)
+    assert held.displacement[finger.geometry.tip, 2] == pytest.approx(-0.003, rel=1e-3)
+
+
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "pushed.npz"
     assert main(["predict", "beam2d_any", "--tool", "sphere:3,1.2:0.3", "--out", str(path)]) == 0
