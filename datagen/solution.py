@@ -19,7 +19,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
-from datagen.solver.tool_contact import Contact, touched
+from datagen.solver.tool_contact import touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
@@ -35,7 +35,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
 from shared_schema.material import Volumetric
-from shared_schema.tools import Tool, parse_tool
+from shared_schema.tools import Contact, Tool, parse_tool
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

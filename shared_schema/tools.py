@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,26 +20,45 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 
-__all__ = ["Capsule", "Plane", "Sphere", "Tool", "contact_line", "parse_tool", "require_outside"]
+__all__ = [
+    "Capsule",
+    "Contact",
+    "Plane",
+    "Sphere",
+    "Tool",
+    "contact_line",
+    "parse_tool",
+    "require_outside",
+]
 
 Array = NDArray[np.float64]
 MOST = 1e6  # m: largest coordinate or radius
 
 
-class Contact(Protocol):
-    """What a tool does to a body."""
+@dataclass(frozen=True)
+class Contact:
+    """What a tool does to a body.
+
+    Attributes
+    ----------
+    force : array, (n_nodes, d)
+        Forces of the tool on the nodes in N.
+    penetration : float
+        Largest depth of a node inside the tool in m.
+    """
+
+    force: Array
+    penetration: float
 
     @property
     def reaction(self) -> Array:
-        """Resultant on the body in N, (d,)."""
+        """Resultant of the tool's forces on the body in N, (d,)."""
+        return np.asarray(self.force.sum(axis=0))
 
     @property
     def nodes(self) -> int:
         """Number of nodes that bear a force."""
-
-    @property
-    def penetration(self) -> float:
-        """Largest depth of a node in m."""
+        return int(self.force.any(axis=1).sum())
 
 
 def contact_line(contact: Contact, units: Units) -> str:

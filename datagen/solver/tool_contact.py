@@ -21,14 +21,13 @@ undeformed body overlaps it, so that nothing is touched at s = 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from shared_schema.tools import Tool, require_outside
+from shared_schema.tools import Contact, Tool, require_outside
 
 if TYPE_CHECKING:
     from datagen.solver.equilibrium import EquilibriumProblem
@@ -36,32 +35,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 STIFFNESS = 100.0  # k over the largest entry of the node's diagonal of K at rest
 COMPLEMENT = 0.1  # c over the same
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Contact in an equilibrium.
-
-    Attributes
-    ----------
-    force : array, (n_nodes, d)
-        Forces of the tool on the nodes in N.
-    penetration : float
-        Largest depth of a node inside the tool in m.
-    """
-
-    force: Array
-    penetration: float
-
-    @property
-    def reaction(self) -> Array:
-        """Their resultant in N, (d,)."""
-        return np.asarray(self.force.sum(axis=0))
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes that bear a force."""
-        return int(self.force.any(axis=1).sum())
 
 
 class ToolContact:

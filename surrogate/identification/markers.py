@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments.text_lines import text_lines
 from shared_schema.common.errors import InputError
 from shared_schema.points_in_cells import locate
 from surrogate.data.geometry import Geometry
@@ -17,7 +18,6 @@ from surrogate.data.geometry import Geometry
 Array = NDArray[np.float64]
 
 OFF = 0.5  # distance of a marker from the body that is an error, over the size of the cell there
-LARGEST_FILE = 10**8  # bytes
 MOST = 1e6  # m
 
 
@@ -89,12 +89,7 @@ def read_markers(path: Path, dimension: int) -> Markers:
         That names the file, and the line that is wrong.
     """
     expected = "X,Y,x,y" if dimension == 2 else "X,Y,Z,x,y,z"
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"--markers '{path}': expected at most {LARGEST_FILE} bytes")
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"--markers '{path}': cannot be read ({error})") from None
+    lines = text_lines(path, "--markers")
     rows = []
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.startswith("#"):

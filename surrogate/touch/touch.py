@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
-from shared_schema.tools import Tool, require_outside
+from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.touch.grip import Body, Predict
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
@@ -36,17 +36,13 @@ SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 
 
 @dataclass(frozen=True)
-class TouchFrame:
-    """A body that is pushed by a tool.
+class TouchFrame(Contact):
+    """A body that is pushed by a tool: its forces, without the load beside them, and more.
 
     Attributes
     ----------
     displacement : array, (n_nodes, d)
         In m.
-    force : array, (n_nodes, d)
-        Forces of the tool on the nodes in N, without the load beside them.
-    penetration : float
-        Largest depth of a node inside the tool in m.
     apart : float
         Largest distance in m to the surface of the tool of a node that bears a force.
     predictions : int
@@ -54,20 +50,8 @@ class TouchFrame:
     """
 
     displacement: Array
-    force: Array
-    penetration: float
     apart: float
     predictions: int
-
-    @property
-    def reaction(self) -> Array:
-        """Resultant of the tool's forces on the body in N, (d,)."""
-        return np.asarray(self.force.sum(axis=0))
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes that bear a force."""
-        return int(self.force.any(axis=1).sum())
 
 
 class Touch:

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments.text_lines import text_lines
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
@@ -45,7 +46,6 @@ from shared_schema.common.solution_file import read_field
 
 Array = NDArray[np.float64]
 Loads: TypeAlias = str | Sequence[str] | Array
-LARGEST_FILE = 1 << 26  # bytes of a .csv
 MOST = 1e12  # N or Pa in magnitude
 
 
@@ -271,12 +271,7 @@ class CommandLoads:
     def _csv_forces(self, path: Path, nearest: bool) -> Array:
         d = self.body.coordinates.shape[1]
         expected = "X,Y,FX,FY" if d == 2 else "X,Y,Z,FX,FY,FZ"
-        try:
-            if path.stat().st_size > LARGEST_FILE:
-                raise InputError(f"--forces '{path}': expected at most {LARGEST_FILE} bytes")
-            lines = path.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"--forces '{path}': cannot be read ({error})") from None
+        lines = text_lines(path, "--forces")
         texts = []
         for number, line in enumerate(lines, 1):
             if not line.strip() or line.startswith("#") or (number == 1 and _is_words(line)):
