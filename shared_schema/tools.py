@@ -92,6 +92,11 @@ class Tool(ABC):
     def dimension(self) -> int:
         """Number of space dimensions d."""
 
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Largest coordinate or length that describes it, in m."""
+
 
 @dataclass(frozen=True)
 class Plane(Tool):
@@ -117,6 +122,11 @@ class Plane(Tool):
     def dimension(self) -> int:
         """Number of space dimensions."""
         return len(self.point)
+
+    @property
+    def size(self) -> float:
+        """Largest coordinate of its point."""
+        return float(np.abs(self.point).max())
 
     @property
     def _unit(self) -> Array:
@@ -162,6 +172,11 @@ class Capsule(Tool):
     def dimension(self) -> int:
         """Number of space dimensions."""
         return len(self.begin)
+
+    @property
+    def size(self) -> float:
+        """Largest coordinate of its ends, or its radius."""
+        return max(float(np.abs((self.begin, self.end)).max()), self.radius)
 
     def gap(self, x: Array) -> Array:
         """Signed distance."""

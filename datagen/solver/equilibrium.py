@@ -247,7 +247,8 @@ class EquilibriumProblem:
         unknown = self._has_unknown_forces or forces == 0.0
         if self._settings.tolerance is not None and unknown:
             return self._settings.tolerance  # the forces of a grip are not known before
-        return self._tolerance.under(forces, self._round_off, displacement_norm)
+        tolerance = self._tolerance.under(forces, self._round_off, displacement_norm)
+        return tolerance if self.load.contact is None else tolerance + self.load.contact.round_off
 
     def solve(self, load_factor: float, direct: bool = False) -> NewtonResult:
         """Solve R(u) = f_int(u) − load_factor · f = 0 by Newton's method, starting from `u`.

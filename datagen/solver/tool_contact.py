@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 STIFFNESS = 100.0  # k over the largest entry of the node's diagonal of K at rest
 COMPLEMENT = 0.1  # c over the same
+ROUNDING = 0.5 * float(np.finfo(float).eps)
 
 
 class ToolContact:
@@ -76,7 +77,14 @@ class ToolContact:
         self._rows, self._columns = rows, columns
         self.multipliers = np.zeros(len(nodes))
         self.depth = max(0.0, -float(tool.gap(coordinates[nodes]).min()))
+        self._rounding = ROUNDING * max(tool.size, float(np.abs(coordinates).max()))
+        self._bears = np.zeros(len(nodes), dtype=bool)
         self._at: tuple[Array, Array, Array] | None = None  # positions, sizes, normals
+
+    @property
+    def round_off(self) -> float:
+        """What rounding of distances leaves of the last forces, in N: ε of lengths, times ‖k‖₂."""
+        return self._rounding * float(np.linalg.norm(self._k[self._bears]))
 
     def penetration(self, u: Array) -> float:
         """Largest depth of a node inside the tool, of a displacement (n_nodes, d), in m."""
@@ -94,7 +102,9 @@ class ToolContact:
             self.multipliers = np.where(sizes != 0, sizes - self._k * step, 0.0)
             self._at = None
         total = np.zeros(self._coordinates.shape)
-        total[self.nodes] = self._sizes(x, factor)[:, None] * self.tool.normal(x)
+        sizes = self._sizes(x, factor)
+        total[self.nodes] = sizes[:, None] * self.tool.normal(x)
+        self._bears = sizes != 0
         return total
 
     def add_tangent(self, matrix: PETSc.Mat, u: Array, factor: float) -> None:
