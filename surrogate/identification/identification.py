@@ -192,7 +192,7 @@ def described(
 ) -> Identification:
     """Make the result of the most likely candidates and the best one, finished."""
     theta, unknowns = best.fit.theta, likely[0].unknowns
-    covariance, variance = best.fit.covariance * 0, np.zeros(best.fit.state.shape)
+    covariance, variance = np.zeros((len(theta), len(theta))), np.zeros(best.fit.state.shape)
     place, spread = None, 0.0
     for candidate in likely:
         off = candidate.fit.theta - likely[0].fit.theta

@@ -72,7 +72,6 @@ class Fit:
         n − p; None if σ was given.
     state : array
         That of the model.
-    slopes : array, (m, d, p)
     """
 
     theta: Array
@@ -82,7 +81,6 @@ class Fit:
     lengths: Array
     freedom: int | None
     state: Array
-    slopes: Array
 
     def half_width(self, level: float) -> float:
         """Half width of the interval of a probability, over the standard deviation."""
@@ -139,7 +137,6 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
         np.linalg.norm(measured - value, axis=1),
         None if sigma is not None else freedom,
         state,
-        slopes,
     )
 
 

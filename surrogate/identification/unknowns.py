@@ -122,11 +122,6 @@ class Unknowns:
         softened = self.patterns * np.exp(-theta[-1])
         return np.concatenate([softened, -self.forces(theta)[None]])
 
-    def stiffness(self, theta: Array) -> float:
-        """E in Pa."""
-        factor = np.exp(theta[-1]) if self.has_modulus else 1.0
-        return float(self.young_modulus * factor)
-
     def at(self, node: int, text: str) -> Unknowns:
         """The same with forces on one more node, which come first."""
         d = self.known.shape[1]

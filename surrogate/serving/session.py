@@ -73,7 +73,8 @@ class Session:
         found: dict[str, Any] = {}
         try:
             message = read_message(text)
-            found |= {key: message[key] for key in ("id",) if key in message}
+            if "id" in message:
+                found["id"] = message["id"]
             found |= self._handlers[message["do"]](message)
         except InputError as error:
             found |= {"error": str(error), "kind": "input"}
