@@ -1,8 +1,9 @@
 """Pictures of pages for the documentation, at twice their size and smoothed down.
 
-    .venv-surrogate/bin/python -m tools.page_pictures RUN NAME --drag RIGHT UP
+    .venv-surrogate/bin/python -m tools.page_pictures RUN NAME --drag RIGHT UP [--push X,Y[,Z]]
 
-writes `docs/figures/page-NAME.jpg` and, of a narrow screen, `docs/figures/page-NAME-narrow.jpg`.
+writes `docs/figures/page-NAME.jpg` and, of a narrow screen, `docs/figures/page-NAME-narrow.jpg`:
+of the tip under a force, or of a sphere that is put on the body at a place, and dragged.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import io
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser
 
@@ -25,10 +27,16 @@ STEPS = 15  # of a drag
 
 
 def take(
-    browser: Browser, path: Path, size: tuple[int, int], node: int, drag: tuple[float, float]
+    browser: Browser,
+    path: Path,
+    size: tuple[int, int],
+    gesture: str,
+    node: int,
+    drag: tuple[float, float],
 ) -> Image.Image:
     """Take a picture of a page after a drag, in parts of its width."""
     page = OpenPage(browser, path, *size, scale=SCALE)
+    page.page.check(f"input[value={gesture}]")
     right, up = (part * size[0] for part in drag)
     page.drag(node, right, up, STEPS)
     page.certificate()
@@ -44,13 +52,19 @@ def main() -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("--drag", type=float, nargs=2, required=True, metavar=("RIGHT", "UP"))
+    parser.add_argument("--push", metavar="X,Y[,Z]")
     options = parser.parse_args()
-    node = load(options.run).geometry.tip
+    geometry = load(options.run).geometry
+    gesture, node = "force", geometry.tip
+    if options.push:
+        place = [float(part) for part in options.push.split(",")]
+        node = int(np.linalg.norm(geometry.coordinates - place, axis=1).argmin())
+        gesture = "push"
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         path = Path(folder) / "page.html"
         write_page(options.run, path)
         for suffix, size in SIZES.items():
-            picture = take(browser, path, size, node, options.drag)
+            picture = take(browser, path, size, gesture, node, options.drag)
             picture.save(FIGURES / f"page-{options.name}{suffix}.jpg", quality=QUALITY)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
@@ -23,6 +24,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
 from surrogate.inference.export import require_packages
 from surrogate.inference.loading import load
+from surrogate.inference.stiffness import modulus_at_rest
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.no_network import NoNetwork
 from surrogate.page.body import BAND, drawn, mechanics_of
@@ -36,6 +38,7 @@ from surrogate.series import SeriesResponse
 
 LARGEST = 25_000_000  # bytes of a page
 BASE64 = 4 / 3  # its characters a byte
+SPHERE = 0.07  # of the body's diagonal
 
 PAGES = Environment(
     loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined
@@ -108,6 +111,7 @@ def write_page(
     content = described(surrogate, run) | {"material": mechanics.material}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
     content |= {"certified": mechanics.certified, "series": order, "places": None}
+    content["radius"] = loads.radius or sphere_radius(geometry.coordinates)
     parts = {"style": bundle.style, "script": bundle.script}
     parts["runtime"] = "" if order else in_base64(bundle.runtime)
 
@@ -142,6 +146,20 @@ def write_page(
     return Written(size, network.passes, mechanics.certified)
 
 
+def young_modulus(surrogate: Surrogate) -> float | None:
+    """Young's modulus at rest in Pa; None for a body of several materials, or of one's own."""
+    try:
+        return modulus_at_rest(surrogate.description.data.material)
+    except InputError:
+        return None
+
+
+def sphere_radius(coordinates: NDArray[np.float64]) -> float:
+    """Radius in m of a sphere that pushes a body, of one digit."""
+    diagonal = float(np.linalg.norm(np.ptp(coordinates, axis=0)))
+    return float(f"{SPHERE * diagonal:.0e}")
+
+
 def series_order(surrogate: Surrogate) -> int:
     """Order of the load series that a page computes in place of a network; 0 for a network."""
     if not isinstance(surrogate.network.network, NoNetwork):
@@ -161,6 +179,7 @@ def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
         "cellType": surrogate.geometry.cell_type,
         "needsResponse": surrogate.network.linear is not None and series_order(surrogate) == 0,
         "deviations": deviations(surrogate),
+        "youngModulus": young_modulus(surrogate),
         "limit": list(data.info.force.max_abs),
         "loads": None if data.loads is None else data.loads.model_dump(),
     }

@@ -92,6 +92,7 @@ class Touch:
         self._body.forget()
         self._force: Array = np.zeros(self._at_rest.shape)
         self._acting, self._field = np.zeros(shape), np.zeros(shape)
+        self._shown_by: Predict | None = None
 
     @checked_arguments
     def move(
@@ -124,8 +125,17 @@ class Touch:
             given = CommandLoads(geometry.loaded_body)
             given.add_forces(load)
             acting = given.forces
-        search = Search(self, predict or self._model.predict, acting)
-        if predict is not None or not np.array_equal(acting, self._acting):
+        shows = predict or self._model.predict
+
+        def predicted(force: Array) -> Array:
+            total = acting.copy()
+            total[self.surface] += force
+            total[~geometry.free] = 0.0  # supports bear these
+            return np.asarray(shows(total))
+
+        search = Search(self._body, self._at_rest, self.surface, predicted)
+        search.force, search.field = self._force, self._field
+        if predict is not self._shown_by or not np.array_equal(acting, self._acting):
             search.predict(self._force)
         try:
             search.find(tool)
@@ -136,6 +146,7 @@ class Touch:
             search.predict(self._force)
             search.find(tool)
         self._force, self._field, self._acting = search.force, search.field, acting
+        self._shown_by = predict
         force = np.zeros(acting.shape)
         force[self.surface] = search.force
         gap = tool.gap(geometry.coordinates + search.field)
@@ -173,15 +184,17 @@ class Touch:
 
 
 class Search:
-    """A search for the forces of a tool, from those of the last frame.
+    """A search for the forces of a tool, from those of a body at rest or of the last frame.
 
     Parameters
     ----------
-    touch : Touch
-    predict : callable
-        Nodal forces in N to displacements in m, both (n_nodes, d).
-    acting : array, (n_nodes, d)
-        Forces beside those of the tool.
+    body : LinearBody
+    at_rest : array, (n, d)
+        Undeformed positions of the surface in m.
+    surface : array of int, (n,)
+        Its nodes.
+    predicted : callable
+        Forces of the tool on the surface in N, (n, d), to displacements in m, (n_nodes, d).
 
     Attributes
     ----------
@@ -192,21 +205,23 @@ class Search:
     predictions : int
     """
 
-    def __init__(self, touch: Touch, predict: Predict, acting: Array) -> None:
-        self._touch, self._predict, self._acting = touch, predict, acting
-        self.force, self.field, self.predictions = touch._force, touch._field, 0
+    force: Array
+    field: Array
+
+    def __init__(
+        self, body: LinearBody, at_rest: Array, surface: Numbers, predicted: Predict
+    ) -> None:
+        self._body, self._at_rest, self._surface = body, at_rest, surface
+        self._predicted, self.predictions = predicted, 0
 
     def predict(self, force: Array) -> None:
         """Predict the field under forces on the surface."""
-        total = self._acting.copy()
-        total[self._touch.surface] += force
-        total[~self._touch._geometry.free] = 0.0  # supports bear these
-        self.field = np.asarray(self._predict(total))
+        self.field = self._predicted(force)
         self.force, self.predictions = force, self.predictions + 1
 
     def positions(self) -> Array:
         """Positions of the surface in m."""
-        return np.asarray(self._touch._at_rest + self.field[self._touch.surface])
+        return np.asarray(self._at_rest + self.field[self._surface])
 
     def wrong(self, tool: Tool, back: float) -> float:
         """Largest depth of a node, or distance of one that bears a force, in m."""
@@ -234,7 +249,7 @@ class Search:
 
     def _converges(self, tool: Tool, back: float) -> bool:
         """Find the contact with a tool whose surface is withdrawn by a length in m."""
-        body, last, is_first = self._touch._body, self.predictions + MOST, True
+        body, last, is_first = self._body, self.predictions + MOST, True
         while True:
             wrong = self.wrong(tool, back)
             if wrong <= TOLERANCE * float(np.abs(self.field).max()):

@@ -74,6 +74,16 @@ def test_linear_body_learns(beam: surrogate.Surrogate) -> None:
         assert np.linalg.eigvalsh(matrix).min() > 0
 
 
+def test_frame_after_one_of_another_prediction(beam: surrogate.Surrogate) -> None:
+    """A frame shows what its own prediction shows, at the same forces too."""
+    touch = surrogate.Touch(beam)
+    softer = touch.move(DISC, predict=lambda force: 1.01 * beam.predict(force))
+    frame = touch.move(DISC)
+    expected = beam.predict(frame.force)
+    assert np.abs(frame.displacement - expected).max() < 1e-9
+    assert np.abs(softer.displacement - beam.predict(softer.force)).max() > 1e-4
+
+
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: type(tool).__name__)
 def test_contact(beam: surrogate.Surrogate, tool: Tool) -> None:
     """No node is inside, forces push out of the tool where there is no gap, and do what it does."""

@@ -31,6 +31,10 @@ interface Text {
   /** Whether the mechanics are those of the body, so that errors are estimated. */
   certified: boolean;
   passes: number | null;
+  /** Young's modulus at rest in Pa; null for a body of several materials, or of unknown ones. */
+  youngModulus: number | null;
+  /** Radius in m of the sphere that pushes the body, at first. */
+  radius: number;
   arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
 }
 

@@ -10,6 +10,7 @@ import { loadableNodes } from "./view/body_mesh";
 interface Card {
   element: HTMLElement;
   name: HTMLElement;
+  where: string;
   inputs: { field: HTMLInputElement; read: () => number }[];
 }
 
@@ -26,6 +27,7 @@ export class LoadCards {
   ) {
     const click = (): void => {
       state.loads.clear();
+      state.tool = null;
       changed();
     };
     this.clear = make("button", { type: "button", click }, "Remove all");
@@ -45,7 +47,7 @@ export class LoadCards {
       this.cards.delete(load);
     }
     this.none.hidden = all.length > 0;
-    this.clear.disabled = !this.state.isLoaded && all.length === 0;
+    this.clear.disabled = !this.state.isLoaded && all.length === 0 && !this.state.tool;
     const { largest, loadable } = this.state.content.trained;
     all.forEach((load, number) => {
       let card = this.cards.get(load);
@@ -54,7 +56,7 @@ export class LoadCards {
         this.cards.set(load, card);
         this.list.append(card.element);
       }
-      card.name.firstChild!.textContent = `${number + 1}: `;
+      card.name.textContent = `${number + 1}: ${card.where}${load.held ? ", held" : ""}`;
       card.element.classList.toggle("selected", load === selected);
       const beyond = isBeyond(load.force, largest);
       card.element.classList.toggle("beyond", beyond || !loadable[load.node]);
@@ -76,6 +78,7 @@ export class LoadCards {
       field.addEventListener("input", () => {
         if (!Number.isFinite(field.valueAsNumber)) return;
         loads.selected = load;
+        load.held = null;
         write(field.valueAsNumber);
         this.changed();
       });
@@ -119,12 +122,8 @@ export class LoadCards {
       loads.remove(load);
       this.changed();
     };
-    const name = make(
-      "button",
-      { type: "button", class: "name", click },
-      "",
-      `${content.patches ? "Patch about" : "Node"} ${at}`,
-    );
+    const where = `${content.patches ? "Patch about" : "Node"} ${at}`;
+    const name = make("button", { type: "button", class: "name", click });
     const cross = make(
       "button",
       { type: "button", class: "plain", click: remove, "aria-label": "Remove the load" },
@@ -136,7 +135,7 @@ export class LoadCards {
       make("div", { class: "head" }, name, cross),
       make("div", { class: "numbers" }, ...components, magnitude, ...(d === 2 ? [angle] : [])),
     );
-    return { element, name, inputs };
+    return { element, name, where, inputs };
   }
 
   /** A choice of nodes for those who do not use a pointer. */

@@ -1,6 +1,7 @@
 /** The loads on the body: forces at nodes or on patches about them, and a body force. */
 
 import type { Rows } from "./mechanics/messages";
+import type { Sphere } from "./touch/sphere";
 
 /** In place of a node, for the body force. */
 export const BODY = -1;
@@ -9,6 +10,20 @@ export interface Load {
   readonly node: number;
   /** d components: in N, of the body force in N/m³. */
   force: number[];
+  /** Displacement in m at which the node is held, by a force that is sought; null for a given force. */
+  held: number[] | null;
+}
+
+/** Force of a tool on a node in N. */
+export interface Contact {
+  readonly node: number;
+  readonly force: number[];
+}
+
+/** A load by what it acts on: a node, what is about it, or `BODY`; below that, a node alone. */
+export interface Part {
+  key: number;
+  force: readonly number[];
 }
 
 /** What loads act on. */
@@ -27,10 +42,12 @@ export class Loads {
   /** Forces at nodes or about them, at most one a node. */
   readonly all: Load[] = [];
   readonly body: Load;
+  /** Forces of the tool. */
+  contacts: Contact[] = [];
   selected: Load | null = null;
 
   constructor(private readonly on: LoadedBody) {
-    this.body = { node: BODY, force: new Array<number>(on.d).fill(0) };
+    this.body = { node: BODY, force: new Array<number>(on.d).fill(0), held: null };
   }
 
   /** The loads that are not zero, the body force among them. */
@@ -42,7 +59,7 @@ export class Loads {
   at(node: number): Load {
     let load = this.all.find((other) => other.node === node);
     if (!load) {
-      load = { node, force: new Array<number>(this.on.d).fill(0) };
+      load = { node, force: new Array<number>(this.on.d).fill(0), held: null };
       this.all.push(load);
     }
     this.selected = load;
@@ -58,13 +75,27 @@ export class Loads {
   clear(): void {
     this.all.length = 0;
     this.body.force.fill(0);
+    this.contacts = [];
     this.selected = null;
+  }
+
+  /** All that acts, the tool among it. */
+  parts(): Part[] {
+    return [
+      ...this.acting.map(({ node, force }) => ({ key: node, force })),
+      ...this.contacts.map(({ node, force }) => ({ key: this.alone(node), force })),
+    ];
+  }
+
+  /** What a force on a node alone acts on. */
+  alone(node: number): number {
+    return this.on.patches ? BODY - 1 - node : node;
   }
 
   /** Nodal forces in N, (nodes · d). */
   nodal(): Float64Array {
     const force = new Float64Array(this.on.nodes * this.on.d);
-    for (const load of this.acting) this.add(load, force);
+    for (const part of this.parts()) this.add(part, force);
     return force;
   }
 
@@ -77,28 +108,30 @@ export class Loads {
     return found;
   }
 
-  /** Nodal forces in N of unit components of a load. */
-  units({ node }: Load): Float64Array[] {
+  /** Nodal forces in N of the unit components of a load. */
+  units(key: number): Float64Array[] {
     const { nodes, d } = this.on;
     return Array.from({ length: d }, (_, component) => {
       const force = new Float64Array(nodes * d);
       const unit = Array.from({ length: d }, (_, i) => Number(i === component));
-      this.add({ node, force: unit }, force);
+      this.add({ key, force: unit }, force);
       return force;
     });
   }
 
   /** Add the nodal forces of a load. */
-  private add({ node, force }: Load, sum: Float64Array): void {
+  private add({ key, force }: Part, sum: Float64Array): void {
     const { nodes, patches, volumes } = this.on;
-    if (node === BODY) {
+    if (key === BODY) {
       for (let other = 0; other < nodes; other++) this.addAt(other, volumes![other], force, sum);
+    } else if (key < BODY) {
+      this.addAt(BODY - 1 - key, 1, force, sum);
     } else if (patches) {
-      for (let i = patches.starts[node]; i < patches.starts[node + 1]; i++) {
+      for (let i = patches.starts[key]; i < patches.starts[key + 1]; i++) {
         this.addAt(patches.nodes[i], patches.weights[i], force, sum);
       }
     } else {
-      this.addAt(node, 1, force, sum);
+      this.addAt(key, 1, force, sum);
     }
   }
 
@@ -114,6 +147,14 @@ export function size(vector: readonly number[]): number {
   return Math.hypot(...vector);
 }
 
+/** What a command says beside the loads. */
+export interface Beside {
+  tool: Sphere | null;
+  /** Young's modulus in Pa; null for that of the training. */
+  modulus: number | null;
+  tolerance: number | null;
+}
+
 /** The command that predicts the same. */
 export function predictCommand(
   run: string,
@@ -124,7 +165,7 @@ export function predictCommand(
     patch,
     passes,
   }: { coordinates: Float64Array; d: number; patch: number; passes: number | null },
-  tolerance: number | null,
+  { tool, modulus, tolerance }: Beside,
 ): string {
   const words = ["surrogate", "predict", quoted(run)];
   for (const { node, force } of loads.all) {
@@ -133,6 +174,8 @@ export function predictCommand(
     words.push(`--load="${place.join(",")}:${force.join(",")}"`);
   }
   if (size(loads.body.force) > 0) words.push(`--body-force="${loads.body.force.join(",")}"`);
+  if (tool) words.push(`--tool="sphere:${tool.centre.join(",")}:${tool.radius}"`);
+  if (modulus !== null) words.push(`--young-modulus ${modulus}`);
   if (passes !== null) words.push(`--passes ${passes}`);
   if (tolerance !== null) words.push(`--tolerance ${tolerance}`);
   return [...words, "--out prediction.npz"].join(" ");

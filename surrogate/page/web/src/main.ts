@@ -2,18 +2,22 @@
 
 import { bytes, readContent } from "./content";
 import type { Curve } from "./curve";
-import { size, type Load } from "./loads";
+import { size } from "./loads";
 import { Mechanics } from "./mechanics/mechanics";
 import { Network, type Fields } from "./network";
 import { Panel } from "./panel";
 import { listen } from "./pointer";
 import { asCsv, asNpz, asPng, download } from "./save";
 import { State } from "./state";
+import { Grips } from "./touch/grips";
+import { Touch } from "./touch/touch";
 import { useUnits } from "./units";
 import { Scene } from "./view/scene";
+import { movableSurface } from "./view/surface_nodes";
 
 const REST = 150; // ms without a change, after which a load on a large body rests
 const LARGE = 2000; // degrees of freedom
+const PREPARING = "Preparing: the body follows in a moment …";
 const PANEL = 80; // ms between two states of the panel: people read no faster
 
 /** What scripts may use, from the console or a talk's notes. */
@@ -33,7 +37,7 @@ interface Handle {
   measure: boolean;
 }
 
-/** Size of the body along each axis. */
+/** Extents of the body along each axis. */
 function extents({ coordinates, d }: { coordinates: Float64Array; d: number }): number[] {
   return Array.from({ length: d }, (_, axis) => {
     const x = coordinates.filter((_, i) => i % d === axis);
@@ -43,7 +47,8 @@ function extents({ coordinates, d }: { coordinates: Float64Array; d: number }): 
 
 async function start(): Promise<void> {
   const content = await readContent();
-  useUnits(content.units, Math.max(...extents(content)));
+  const extent = Math.max(...extents(content));
+  useUnits(content.units, extent);
   const state = new State(content);
   const root = document.getElementById("page")!;
   const panel = new Panel(root, state, {
@@ -80,6 +85,8 @@ async function start(): Promise<void> {
 
   /** The loads have changed, by an event at a time in ms. */
   const change = (time: number | null): void => {
+    grips.begin();
+    touch.begin();
     event = time === null ? null : { at: time, delivered: performance.now() };
     isStale = true;
     if (!isBusy) void predict();
@@ -117,47 +124,68 @@ async function start(): Promise<void> {
     }
   };
 
-  /** Predict the fields of the present loads; false while something is missing. */
+  /**
+   * Predict the fields of the present loads, and move the forces that are sought by a step; false
+   * while something is missing.
+   */
   const predictOnce = async (): Promise<boolean> => {
-    const { acting } = state.loads;
     state.certificate = null;
     mechanics?.forget();
     clearTimeout(timer);
-    if (acting.length === 0) {
-      state.fields = null;
-      return true;
-    }
-    const fields = content.series > 0 ? await seriesFields() : await networkFields(acting);
-    panel.tell(fields ? "" : "Preparing: the body follows in a moment …");
-    if (!fields) return false;
+    const fields = await presentFields();
+    panel.tell(fields || !state.isLoaded ? "" : PREPARING);
+    if (!fields && state.isLoaded) return false;
     state.fields = fields;
+    const gripped = await grips.step();
+    const outcome = gripped === "there" ? touch.step() : gripped;
+    isStale ||= outcome === "moves";
+    if (outcome === "missing") panel.tell(PREPARING);
+    if (outcome === "lost") panel.tell("No forces are found under which the body would be there.");
+    if (!fields) return outcome !== "missing";
     addToCurve();
-    timer = setTimeout(rest, (content.order?.length ?? 0) > LARGE ? REST : 0);
-    return true;
+    if (!isStale) timer = setTimeout(rest, (content.order?.length ?? 0) > LARGE ? REST : 0);
+    return outcome !== "missing";
+  };
+
+  /** Fields under the present loads; null for a body at rest, and while something is missing. */
+  const presentFields = async (): Promise<Fields | null> => {
+    if (!state.isLoaded) return null;
+    return content.series > 0 ? seriesFields() : networkFields();
   };
 
   /** Fields of the network; null while it or a response is missing. */
-  const networkFields = async (acting: readonly Load[]): Promise<Fields | null> => {
+  const networkFields = async (): Promise<Fields | null> => {
+    const { loads, stiffness } = state;
     if (content.places) {
-      return (await network?.predictSizes(state.loads.sizes(content.places))) ?? null;
+      const sizes = loads.sizes(content.places).map((size) => size / stiffness);
+      return (await network?.predictSizes(sizes)) ?? null;
     }
+    const parts = loads.parts();
     const length = content.nodes * content.d;
-    const response = content.needsResponse ? (mechanics?.response(acting, length) ?? null) : null;
+    const response = content.needsResponse ? (mechanics?.response(parts, length) ?? null) : null;
     if (network === null || (response === null && content.needsResponse)) {
-      for (const load of acting) request(load);
+      for (const { key } of parts) request(key);
       return null;
     }
-    return network.predict(Float32Array.from(state.loads.nodal()), response);
+    const softer = response?.map((value) => value / stiffness) ?? null;
+    return network.predict(Float32Array.from(state.equivalent()), softer);
   };
 
-  const request = (load: Load): void => {
-    mechanics?.request(load.node, () => state.loads.units(load));
+  const request = (key: number): void => {
+    mechanics?.request(key, () => state.loads.units(key));
   };
 
   const seriesFields = async (): Promise<Fields | null> => {
     if (mechanics === null) return null;
-    return { displacement: await mechanics.series(state.loads.nodal(), content.series) };
+    return { displacement: await mechanics.series(state.equivalent(), content.series) };
   };
+
+  const grips = new Grips(state, extent, presentFields);
+  const touch = new Touch(state, movableSurface(content), extent, (node) => {
+    const key = state.loads.alone(node);
+    request(key);
+    return mechanics?.columnsOf(key) ?? null;
+  });
 
   /** Of a load that rests: a series goes on to the equilibrium; then the error is estimated. */
   const rest = (): void => {
@@ -167,7 +195,7 @@ async function start(): Promise<void> {
       return;
     }
     const start = Float64Array.from(state.displacement);
-    mechanics.descent(state.loads.nodal(), start, (displacement) => {
+    mechanics.descent(state.equivalent(), start, (displacement) => {
       state.fields = { displacement };
       addToCurve();
       show();
@@ -177,7 +205,7 @@ async function start(): Promise<void> {
 
   const estimate = (): void => {
     if (!mechanics || !state.displacement) return;
-    const force = state.loads.nodal();
+    const force = state.equivalent();
     mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
       state.certificate = certificate;
       show();
@@ -206,7 +234,7 @@ async function start(): Promise<void> {
   listen(scene, state, {
     pressed: (load) => {
       panel.curve.clear();
-      if (content.needsResponse) request(load);
+      if (content.needsResponse) request(load.node);
     },
     moved: change,
     pointed: show,

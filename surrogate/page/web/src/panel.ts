@@ -3,6 +3,8 @@
 import { COLOUR_FIELDS, type FieldName } from "./colours";
 import { BodyForce } from "./body_force";
 import { Curve } from "./curve";
+import { Gestures } from "./gestures";
+import { Stiffness } from "./stiffness";
 import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
@@ -37,6 +39,8 @@ export class Panel {
   private readonly bar = make("div", { id: "bar" });
   private readonly cards: LoadCards;
   private readonly bodyForce: BodyForce | null;
+  private readonly gestures: Gestures;
+  private readonly stiffness: Stiffness | null;
   private readonly readout = make("dl");
   private readonly estimate = make("p", { id: "estimate" });
   private readonly command = make("code", { tabindex: "0", "aria-label": "command" });
@@ -54,14 +58,15 @@ export class Panel {
       "aria-label": "Force against displacement",
     });
     this.curve = new Curve(canvas);
-    this.cards = new LoadCards(state, () => {
+    const changed = (): void => {
       actions.changed("loads");
-    });
-    this.bodyForce =
-      content.density &&
-      new BodyForce(state, content.density, () => {
-        actions.changed("loads");
-      });
+    };
+    this.cards = new LoadCards(state, changed);
+    this.bodyForce = content.density && new BodyForce(state, content.density, changed);
+    this.gestures = new Gestures(state, changed);
+    this.stiffness = content.youngModulus
+      ? new Stiffness(state, content.youngModulus, changed)
+      : null;
     const section = (title: string, ...children: HTMLElement[]): HTMLElement =>
       make("section", {}, make("h2", {}, title), ...children);
     const passes = content.passes === null ? "" : `, ${content.passes} passes`;
@@ -77,8 +82,10 @@ export class Panel {
           make("h1", {}, content.case),
           make("p", {}, `${content.network}${passes}`),
         ),
+        section("A drag on the body", this.gestures.element),
         section("Loads", this.cards.element),
         ...(this.bodyForce ? [section("Body force", this.bodyForce.element)] : []),
+        ...(this.stiffness ? [section("Young's modulus", this.stiffness.element)] : []),
         section("Colours", this.choices()),
         ...(content.certified ? [section("Estimated error", this.estimate)] : []),
         section("At the node", this.readout),
@@ -106,14 +113,18 @@ export class Panel {
     }
     this.cards.update();
     this.bodyForce?.update();
+    this.gestures.update();
+    this.stiffness?.update();
     this.curve.draw();
     this.updateBar(largest);
     this.updateEstimate();
     this.updateReadout();
-    const { run, series, certified } = state.content;
+    const { run, series, certified, youngModulus } = state.content;
     const tolerance = series > 0 && certified ? TOLERANCE : null;
+    const { tool, stiffness } = state;
+    const modulus = youngModulus && stiffness !== 1 ? youngModulus * stiffness : null;
     this.command.textContent = state.isLoaded
-      ? predictCommand(run, state.loads, state.content, tolerance)
+      ? predictCommand(run, state.loads, state.content, { tool, modulus, tolerance })
       : "Set a load first.";
     const node = state.loads.selected?.node;
     const band = state.content.passes !== null || Object.keys(state.content.deviations).length > 0;

@@ -1,10 +1,11 @@
-/** Pointer and keys on the body: pressing on a node and dragging sets its force. */
+/** Pointer and keys on the body: a drag sets a force, takes hold of the body, or pushes it. */
 
-import type { Vector3 } from "three";
-import type { Load } from "./loads";
-import type { State } from "./state";
+import { Vector3 } from "three";
+import { size, type Load } from "./loads";
+import type { State, Tool } from "./state";
 import { loadableNodes } from "./view/body_mesh";
 import type { Scene } from "./view/scene";
+import { movableSurface, outwardsAt } from "./view/surface_nodes";
 
 const STEP = 0.05; // of the training's largest force, for a key
 
@@ -18,27 +19,34 @@ export interface Reactions {
   pointed: () => void;
 }
 
+/** A drag that is going on. */
+interface Drag {
+  pointer: number;
+  /** Where it moves, and where it began there. */
+  through: Vector3;
+  from: Vector3;
+  /** Follow the pointer, moved by so much in m. */
+  follow: (pull: Vector3) => void;
+  end: () => void;
+}
+
 /** Listen to pointer and keys. */
 export function listen(scene: Scene, state: State, reactions: Reactions): void {
   const { canvas } = scene;
-  let drag: { pointer: number; load: Load; from: Vector3; force: number[]; start: Vector3 } | null =
-    null;
+  const surface = movableSurface(state.content);
+  let drag: Drag | null = null;
 
   canvas.addEventListener(
     "pointerdown",
     (event) => {
       if (drag || event.button !== 0) return;
-      const node = scene.pick(event.offsetX, event.offsetY);
-      if (node === null) return;
+      const { offsetX: x, offsetY: y, pointerId: pointer } = event;
+      const begun = state.gesture === "push" ? dragTool(x, y) : dragNode(x, y);
+      if (!begun) return;
       event.stopImmediatePropagation();
-      canvas.setPointerCapture(event.pointerId);
+      canvas.setPointerCapture(pointer);
       canvas.classList.add("dragging");
-      const load = state.loads.at(node);
-      const start = scene.body.at(node);
-      const from = scene.inPlane(event.offsetX, event.offsetY, start);
-      drag = { pointer: event.pointerId, load, from, force: [...load.force], start };
-      state.node = node;
-      reactions.pressed(load);
+      drag = { ...begun, pointer, from: scene.inPlane(x, y, begun.through) };
       reactions.moved(event.timeStamp);
     },
     { capture: true },
@@ -46,10 +54,8 @@ export function listen(scene: Scene, state: State, reactions: Reactions): void {
 
   canvas.addEventListener("pointermove", (event) => {
     if (drag?.pointer === event.pointerId) {
-      const { load, from, force, start } = drag;
-      const pull = scene.inPlane(event.offsetX, event.offsetY, start).sub(from);
-      pull.multiplyScalar(scene.stiffness);
-      load.force = force.map((value, i) => value + pull.getComponent(i));
+      const { through, from, follow } = drag;
+      follow(scene.inPlane(event.offsetX, event.offsetY, through).sub(from));
       reactions.moved(event.timeStamp);
     } else if (!drag && event.buttons === 0) {
       point(scene.pick(event.offsetX, event.offsetY));
@@ -58,12 +64,67 @@ export function listen(scene: Scene, state: State, reactions: Reactions): void {
 
   const release = (event: PointerEvent): void => {
     if (drag?.pointer !== event.pointerId) return;
-    const { load } = drag;
+    const { end } = drag;
     drag = null;
     canvas.classList.remove("dragging");
-    if (load.force.every((value) => value === 0)) state.loads.remove(load);
+    end();
     reactions.moved(event.timeStamp);
   };
+
+  /** Begin to drag a node, by a force or a displacement. */
+  function dragNode(x: number, y: number): Omit<Drag, "pointer" | "from"> | null {
+    const node = scene.pick(x, y);
+    if (node === null) return null;
+    const load = state.loads.at(node);
+    const force = [...load.force];
+    const held = state.gesture === "hold" ? state.displacementAt(node) : null;
+    load.held = held && [...held];
+    state.node = node;
+    reactions.pressed(load);
+    return {
+      through: scene.body.at(node),
+      follow: (pull) => {
+        if (held) {
+          load.held = held.map((value, i) => value + pull.getComponent(i));
+        } else {
+          pull.multiplyScalar(scene.stiffness);
+          load.force = force.map((value, i) => value + pull.getComponent(i));
+        }
+      },
+      end: () => {
+        const isIdle = load.force.every((value) => value === 0);
+        if (isIdle && (!load.held || size(load.held) === 0)) state.loads.remove(load);
+      },
+    };
+  }
+
+  /** Begin to drag the sphere, which is put on the body where there is none under the pointer. */
+  function dragTool(x: number, y: number): Omit<Drag, "pointer" | "from"> | null {
+    const tool = state.tool && scene.meetsTool(x, y) ? state.tool : placeTool(x, y);
+    if (!tool) return null;
+    const start = [...tool.wanted];
+    return {
+      through: new Vector3().fromArray([...start, 0]),
+      follow: (pull) => {
+        tool.wanted = start.map((value, i) => value + pull.getComponent(i));
+      },
+      end: () => undefined,
+    };
+  }
+
+  /** Put the sphere outside of the body, at the node of its surface that a pointer means. */
+  function placeTool(x: number, y: number): Tool | null {
+    const meant = scene.pick(x, y);
+    if (meant === null) return null;
+    const at = (node: number): Vector3 => scene.body.at(node);
+    const away = (node: number): number => at(node).distanceToSquared(at(meant));
+    const node = surface.reduce((best, other) => (away(other) < away(best) ? other : best));
+    const out = outwardsAt(node, state.content, at).multiplyScalar(state.radius);
+    const centre = at(node).add(out).toArray().slice(0, state.content.d);
+    state.loads.contacts = [];
+    state.tool = { centre, wanted: [...centre], radius: state.radius };
+    return state.tool;
+  }
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);
   canvas.addEventListener("pointerleave", () => {
@@ -115,6 +176,7 @@ export function listen(scene: Scene, state: State, reactions: Reactions): void {
   function push(load: Load, axis: number, steps: number): void {
     const step = steps * STEP * Math.max(...state.content.largest);
     const direction = scene.axis(axis);
+    load.held = null;
     load.force = load.force.map((value, i) => value + step * direction.getComponent(i));
   }
 }

@@ -80,10 +80,14 @@ export function asPng(state: State, drawn: HTMLCanvasElement, largest: number): 
     context.fillText(text, 18, 54 + 20 * number);
   });
   const { all, body } = state.loads;
+  const others: string[] = [];
   if (size(body.force) > 0) {
-    const text = `Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`;
-    context.fillText(text, 18, 54 + 20 * all.length);
+    others.push(`Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`);
   }
+  if (state.tool) others.push(`Sphere: ${asForce(size(state.reaction()))}`);
+  others.forEach((text, row) => {
+    context.fillText(text, 18, 54 + 20 * (all.length + row));
+  });
   const values = state.values();
   if (values) {
     const { label, palette } = COLOUR_FIELDS[state.field];

@@ -5,7 +5,17 @@ import type { Content } from "./content";
 import { Loads, size } from "./loads";
 import type { Certificate } from "./mechanics/certificate";
 import type { Fields } from "./network";
+import type { Sphere } from "./touch/sphere";
 import { exceeded, type Kind } from "./training_range";
+
+/** What a drag on the body does: set a force, take hold of the body, push it with the sphere. */
+export type Gesture = "force" | "hold" | "push";
+
+/** A sphere on its way. */
+export interface Tool extends Sphere {
+  /** Where its centre shall be, d components in m. */
+  wanted: number[];
+}
 
 export class State {
   readonly loads: Loads;
@@ -14,11 +24,18 @@ export class State {
   /** Estimate of the error of `fields`; null while there is none. */
   certificate: Certificate | null = null;
   field: FieldName = "displacement";
+  gesture: Gesture = "force";
+  tool: Tool | null = null;
+  /** Radius in m of a sphere that is put on the body. */
+  radius: number;
+  /** Young's modulus over that of the training. */
+  stiffness = 1;
   /** Node under the pointer, or under the keyboard's cursor. */
   node: number | null = null;
 
   constructor(readonly content: Content) {
     this.loads = new Loads(content);
+    this.radius = content.radius;
   }
 
   /** Colour fields that this page can show. */
@@ -28,7 +45,20 @@ export class State {
   }
 
   get isLoaded(): boolean {
-    return this.loads.acting.length > 0;
+    return this.loads.parts().length > 0;
+  }
+
+  /** Resultant in N of the forces of the tool on the body, d components. */
+  reaction(): number[] {
+    const { contacts } = this.loads;
+    return Array.from({ length: this.content.d }, (_, i) =>
+      contacts.reduce((sum, { force }) => sum + force[i], 0),
+    );
+  }
+
+  /** Nodal forces in N under which the body of the training moves as this one does. */
+  equivalent(): Float64Array {
+    return this.loads.nodal().map((force) => force / this.stiffness);
   }
 
   get displacement(): Float32Array | null {
@@ -73,6 +103,6 @@ export class State {
 
   /** How the loads leave the training data. */
   warnings(): Map<Kind, string> {
-    return exceeded(this.loads.nodal(), this.content.trained);
+    return exceeded(this.equivalent(), this.content.trained);
   }
 }

@@ -17,6 +17,12 @@ const CORNERS: Record<CellType, number[][]> = {
     [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1],
   ],
 };
+
+/** Number of corners of a cell. */
+export function cornersOf(cellType: CellType): number {
+  return CORNERS[cellType].length;
+}
+
 const GAUSS = [0.5 - 0.5 / Math.sqrt(3), 0.5 + 0.5 / Math.sqrt(3)];
 
 /** Gradients ∂N_b/∂x_j in 1/m, (cells, points, corners, d), and volumes in m^d, (cells, points). */

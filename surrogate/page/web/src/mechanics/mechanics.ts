@@ -1,6 +1,7 @@
 /** The page's side of its two workers: one answers at once, one may be long at an estimate. */
 
 import script from "worker-script";
+import type { Part } from "../loads";
 import type { Certificate } from "./certificate";
 import type { Body, Reply, Request } from "./messages";
 
@@ -16,7 +17,7 @@ export class Mechanics {
 
   /**
    * @param body - what to compute with
-   * @param onColumns - called when columns of a node have arrived
+   * @param onColumns - called when responses to a load have arrived
    */
   constructor(body: Body, onColumns: () => void) {
     const url = URL.createObjectURL(new Blob([script], { type: "text/javascript" }));
@@ -27,7 +28,7 @@ export class Mechanics {
       if (data.kind === "descent" && data.number === this.number)
         this.receiveDescent(data.displacement);
       if (data.kind !== "columns") return;
-      this.columns.set(data.node, data.columns);
+      this.columns.set(data.key, data.columns);
       onColumns();
     };
     this.estimating.onmessage = ({ data }: MessageEvent<Reply>) => {
@@ -58,20 +59,22 @@ export class Mechanics {
   }
 
   /** Ask for the responses to the unit components of a load, once. */
-  request(node: number, forces: () => Float64Array[]): void {
-    if (this.requested.has(node)) return;
-    this.requested.add(node);
-    this.send(this.responding, { kind: "columns", node, forces: forces() });
+  request(key: number, forces: () => Float64Array[]): void {
+    if (this.requested.has(key)) return;
+    this.requested.add(key);
+    this.send(this.responding, { kind: "columns", key, forces: forces() });
   }
 
-  /** The linear response in m to forces at some nodes; null until all of their columns are there. */
-  response(
-    loads: readonly { node: number; force: readonly number[] }[],
-    size: number,
-  ): Float64Array | null {
+  /** Responses in m to the unit components of a load; null until they are there. */
+  columnsOf(key: number): Float64Array[] | null {
+    return this.columns.get(key) ?? null;
+  }
+
+  /** The linear response in m to some loads; null until all of their columns are there. */
+  response(loads: readonly Part[], size: number): Float64Array | null {
     const sum = new Float64Array(size);
-    for (const { node, force } of loads) {
-      const columns = this.columns.get(node);
+    for (const { key, force } of loads) {
+      const columns = this.columns.get(key);
       if (!columns) return null;
       columns.forEach((column, component) => {
         const newtons = force[component];

@@ -24,13 +24,13 @@ export interface Body {
 
 export type Request =
   | { kind: "body"; body: Body }
-  | { kind: "columns"; node: number; forces: Float64Array[] }
+  | { kind: "columns"; key: number; forces: Float64Array[] }
   | { kind: "series"; force: Float64Array; order: number }
   | { kind: "descent"; force: Float64Array; displacement: Float64Array; number: number }
   | { kind: "certificate"; force: Float64Array; displacement: Float64Array; number: number };
 
 export type Reply =
-  | { kind: "columns"; node: number; columns: Float64Array[] }
+  | { kind: "columns"; key: number; columns: Float64Array[] }
   | { kind: "series"; displacement: Float32Array }
   | { kind: "descent"; number: number; displacement: Float32Array }
   | { kind: "certificate"; number: number; certificate: Certificate | null };

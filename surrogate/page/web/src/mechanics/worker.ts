@@ -62,7 +62,7 @@ self.onmessage = async ({ data }: MessageEvent<Request>) => {
     const solid = new Solid(body.coordinates, body.cells, body.cellType, body.material);
     equilibrium = new Equilibrium(solid, body.order, body.coordinates.length);
   } else if (data.kind === "columns") {
-    reply({ kind: "columns", node: data.node, columns: columns(data.forces) });
+    reply({ kind: "columns", key: data.key, columns: columns(data.forces) });
   } else if (data.kind === "series") {
     const displacement = loadSeries(equilibrium, data.force, data.order);
     reply({ kind: "series", displacement: Float32Array.from(displacement) });

@@ -58,7 +58,8 @@ export class Arrows {
       (arrow.shaft.material as ShaderMaterial).uniforms.colour.value = rgb(colour);
       const tip = at(load.node).add(vector);
       const { x, y } = project(tip);
-      arrow.label.textContent = `${number + 1}: ${asForce(size(load.force))}`;
+      const held = load.held ? ", held" : "";
+      arrow.label.textContent = `${number + 1}: ${asForce(size(load.force))}${held}`;
       arrow.label.classList.toggle("selected", load === selected);
       const { clientWidth, clientHeight } = this.overlay;
       const width = arrow.label.offsetWidth + 8;

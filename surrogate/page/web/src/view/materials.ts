@@ -28,6 +28,20 @@ export function surfaceMaterial(d: number): ShaderMaterial {
   });
 }
 
+/** A surface of one colour, shaded as the body is. */
+export function shadedMaterial(colour: number, d: number): ShaderMaterial {
+  const shade = d === 2 ? "1.0" : "0.45 + 0.55 * abs(normalize(normalMatrix * normal).z)";
+  const material = plainMaterial(colour, 1);
+  material.transparent = false;
+  material.vertexShader = `
+    uniform vec3 colour;
+    varying vec3 tint;
+    void main() { tint = colour * (${shade}); ${PLACE} }
+  `;
+  material.fragmentShader = OPAQUE;
+  return material;
+}
+
 /** Lines or faces of one colour. */
 export function plainMaterial(colour: number, opacity: number): ShaderMaterial {
   return new ShaderMaterial({

@@ -18,6 +18,7 @@ import type { State } from "../state";
 import { isBeyond } from "../training_range";
 import { ceiling } from "../units";
 import { Arrows } from "./arrows";
+import { Ball } from "./ball";
 import { BodyMesh } from "./body_mesh";
 import { supportMarks } from "./supports";
 
@@ -37,6 +38,7 @@ export class Scene {
   private readonly camera: OrthographicCamera | PerspectiveCamera;
   private readonly controls: OrbitControls;
   private readonly arrows: Arrows;
+  private readonly ball: Ball;
   private readonly raycaster = new Raycaster();
   private readonly centre: Vector3;
   private readonly extent: Vector3;
@@ -60,9 +62,11 @@ export class Scene {
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
     this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
+    this.ball = new Ball(content.d);
     this.pickable =
       content.places ?? [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
-    this.three.add(this.body.group, supportMarks(content, this.diagonal), this.arrows.group);
+    const marks = supportMarks(content, this.diagonal);
+    this.three.add(this.body.group, marks, this.ball.mesh, this.arrows.group);
 
     const far = 50 * this.diagonal;
     this.camera =
@@ -142,6 +146,7 @@ export class Scene {
     body.move(state.displacement);
     body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
     body.mark(state.node);
+    this.ball.show(state.tool);
     this.draw();
   }
 
@@ -172,6 +177,13 @@ export class Scene {
       x: ((1 + x) / 2) * this.place.clientWidth,
       y: ((1 - y) / 2) * this.place.clientHeight,
     };
+  }
+
+  /** Whether a pointer is on the sphere. */
+  meetsTool(x: number, y: number): boolean {
+    this.aim(x, y);
+    const met = this.raycaster.intersectObjects([this.ball.mesh, this.body.surface]);
+    return this.ball.mesh.visible && met.length > 0 && met[0].object === this.ball.mesh;
   }
 
   /** The node that a pointer means: near it if it was loaded in training, else the nearest of the face. */
