@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from surrogate.inference.fresh_loads import drawn_loads
     from surrogate.inference.given_load import separated
     from surrogate.inference.loading import load
+    from surrogate.inference.modal_cubature import balance, fit_balance
     from surrogate.inference.proposal import farthest
     from surrogate.inference.surrogate import Surrogate
     from surrogate.inference.training_range import OutsideTrainingWarning
@@ -39,8 +40,10 @@ __all__ = [
     "NodalFunction",
     "OutsideTrainingWarning",
     "Surrogate",
+    "balance",
     "drawn_loads",
     "farthest",
+    "fit_balance",
     "fit_fast_certificate",
     "fit_on_samples",
     "fixed_directions",

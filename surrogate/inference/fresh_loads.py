@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from surrogate.data.case_loads import trained_loads
 from surrogate.data.load_families import TRAINED, random_loads
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics import FollowerPressure
@@ -20,8 +21,9 @@ def drawn_loads(
 ) -> Array:
     """Draw load cases.
 
-    The pressures of a case are drawn from its ranges, and the forces beside them from its family of
-    random nodes: the forces of its samples hold both.
+    Body forces and patches of traction are drawn as the case has them. The pressures of a case are
+    drawn from its ranges, and the forces beside them from its family of random nodes: the forces of
+    its samples hold both.
 
     Parameters
     ----------
@@ -45,8 +47,8 @@ def drawn_loads(
     """
     body, data = surrogate.geometry, surrogate.description.data
     if not body.surfaces:
-        drawn = random_loads(family, body, data.info.force.max_abs, data.load_numbers)
-        return drawn.draw(count, random)
+        limit, numbers = data.info.force.max_abs, data.load_numbers
+        return trained_loads(body, data.case, limit, numbers, family).draw(count, random)
     load = data.case["load"]
     families = [load] if isinstance(load, Mapping) else load
     ranges = [given["range"] for given in families if given["family"] == "pressure"]

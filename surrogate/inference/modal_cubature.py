@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, as_tuple
-from surrogate.data.load_families import random_loads
+from surrogate.data.case_loads import trained_loads
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.modal_equilibrium import (
     BalancedCoefficients,
@@ -68,7 +68,8 @@ def fit_balance(
     every = every._replace(weights=every.weights * volumes.sum() / every.weights.sum())
     body = _equilibrium(surrogate, modes, every)
     data = surrogate.description.data
-    family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
+    limit, numbers = data.info.force.max_abs, data.load_numbers
+    family = trained_loads(surrogate.geometry, data.case, limit, numbers)
     columns, totals, flat = [], [], modes.reshape(len(modes), -1)
     each = max(1, EQUATIONS // loads)
     for _ in range(loads):

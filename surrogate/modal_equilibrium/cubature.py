@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
-AT_ONCE = 10  # points that are added between two solves
+FEWEST, SHARE = 10, 0.05  # points that are added between two solves, and part of all
 STUCK = 15  # solves without a further point, after which there is none
 
 
@@ -59,11 +59,12 @@ def fit_cubature(columns: Array, total: Array, count: int) -> tuple[NDArray[np.i
     """
     lengths = np.linalg.norm(columns, axis=0)
     lengths[lengths == 0] = np.inf
+    at_once = max(FEWEST, int(SHARE * count))
     chosen, factors, left, stuck = np.empty(0, np.int64), np.empty(0), total, 0
     while len(chosen) < count and stuck < STUCK and len(chosen) < columns.shape[1]:
         gain = columns.T @ left / lengths
         gain[chosen] = -np.inf
-        more = np.argsort(-gain)[: min(1 if stuck else AT_ONCE, count - len(chosen))]
+        more = np.argsort(-gain)[: min(1 if stuck else at_once, count - len(chosen))]
         tried = np.concatenate([chosen, more[gain[more] > 0]])
         if len(tried) == len(chosen):
             break

@@ -27,7 +27,7 @@ from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.data.load_families import RandomLoads, random_loads
+from surrogate.data.case_loads import Loads, trained_loads
 from surrogate.device import choose_device
 from surrogate.hardware import hardware
 from surrogate.inference.loading import load
@@ -115,9 +115,8 @@ def descend(
 ) -> list[dict[str, float]]:
     """Train a network in place; return the lines of measures, one for every `EPOCH` steps."""
     data = surrogate.description.data
-    family = random_loads(
-        refinement.family, surrogate.geometry, data.info.force.max_abs, data.load_numbers
-    )
+    limit, numbers = data.info.force.max_abs, data.load_numbers
+    family = trained_loads(surrogate.geometry, data.case, limit, numbers, refinement.family)
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
     descent = Descent(surrogate.balanced(), family, refinement)
@@ -156,13 +155,13 @@ class Descent:
     Parameters
     ----------
     equilibrium : Equilibrium
-    family : RandomLoads
+    family : Loads
     refinement : Refinement
         Its seed gives the loads of every step.
     """
 
     def __init__(
-        self, equilibrium: Equilibrium, family: RandomLoads, refinement: Refinement
+        self, equilibrium: Equilibrium, family: Loads, refinement: Refinement
     ) -> None:
         self.equilibrium, self.family, self.seed = equilibrium, family, refinement.seed
 

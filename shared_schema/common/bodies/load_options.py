@@ -23,7 +23,7 @@ def add_held(parser: argparse.ArgumentParser) -> None:
 
 def add_tool(parser: argparse.ArgumentParser) -> None:
     """Add ``--tool``."""
-    forms = "sphere:X,Y[,Z]:R|capsule:X,Y[,Z]:X,Y[,Z]:R|plane:X,Y[,Z]:NX,NY[,NZ]"
+    forms = "sphere:X,Y[,Z]:R|capsule:X,Y[,Z]:X,Y[,Z]:R|plane:X,Y[,Z]:NX,NY[,NZ]|mesh:FILE"
     parser.add_argument(
         "--tool",
         metavar=forms,

@@ -19,7 +19,8 @@ from datagen.solver.tool_contact import touched
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.material import NeoHookean
-from shared_schema.tools import Capsule, Plane, Sphere, Tool, parse_tool
+from shared_schema.tools import Capsule, Mesh, Plane, Sphere, Tool, parse_tool
+from tests.closed_surfaces import ball, surface_file
 from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
 
@@ -49,14 +50,17 @@ def test_derivatives_of_distances(tool: Tool) -> None:
         assert curvature[smooth, :, axis] == pytest.approx(change[smooth], abs=1e-4)
 
 
-def pressed_box(d: int, depth: float) -> tuple[EquilibriumProblem, np.ndarray]:
+def pressed_box(
+    d: int, depth: float, tool: Tool | None = None
+) -> tuple[EquilibriumProblem, np.ndarray]:
     """A unit box on rollers under a plane that has gone down by a depth; forces of the plane."""
     mesh = make_mesh(Box(lower=(0,) * d, upper=(1,) * d, elements=(3, 2, 2)[:d]), MPI.COMM_SELF)
     settings = SolverSettings()
     problem = EquilibriumProblem(mesh, MATERIAL, mesh.coordinates == 0, settings)
     top, down = np.eye(d)[-1] * (1 - depth), -np.eye(d)[-1]
+    tool = tool or Plane(tuple(top), tuple(down))
     surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
-    problem.load.contact = touched(problem, Plane(tuple(top), tuple(down)), surface)
+    problem.load.contact = touched(problem, tool, surface)
     report = solve_load_case(problem, np.empty(0, dtype=np.int64), np.empty((0, d)), settings)
     assert report.solved
     found = problem.load.contact.found(problem.displacement())
@@ -108,6 +112,28 @@ def test_flat_punch(d: int) -> None:
     assert forces[top, -1] == pytest.approx(shares[top] * stress(a, b), rel=1e-6)
     assert np.abs(forces[~top]).max() == 0
     assert np.abs(forces[:, :-1]).max() == 0
+
+
+def test_flat_face_of_a_surface_is_a_plane(tmp_path: Path) -> None:
+    """A cube of 3 m, as a file of triangles that are rounded by 0.02 m, above the unit box."""
+    path = surface_file(tmp_path / "cube.stl")
+    cube = Mesh(path, (-1.0, -1.0, 0.82), scale=3.0, rounding=0.02)
+    of_cube, forces = pressed_box(3, 0.2, cube)
+    of_plane, expected = pressed_box(3, 0.2)
+    assert of_cube.displacement() == pytest.approx(of_plane.displacement(), abs=1e-9)
+    assert forces == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_ball_of_triangles_is_a_sphere(tmp_path: Path) -> None:
+    path = surface_file(tmp_path / "ball.stl", *ball(3000))
+    found = solve("beam3d", tool=Mesh(path, (3.0, 0.5, 1.2), scale=0.29, rounding=0.01)).contact
+    expected = solve("beam3d", tool=Sphere((3.0, 0.5, 1.2), 0.3)).contact
+    assert found is not None
+    assert expected is not None
+    assert found.nodes == expected.nodes
+    assert found.penetration < 1e-9
+    size = float(np.linalg.norm(expected.reaction))
+    assert found.reaction == pytest.approx(expected.reaction, abs=0.03 * size)
 
 
 @pytest.mark.parametrize(

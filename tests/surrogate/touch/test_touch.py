@@ -11,11 +11,12 @@ import pytest
 
 import surrogate
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.tools import Capsule, Plane, Sphere, Tool
+from shared_schema.tools import Capsule, Mesh, Plane, Sphere, Tool
 from surrogate.command_line import main
 from surrogate.touch.complementarity import solve_complementarity
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.touch import TOLERANCE
+from tests.closed_surfaces import ball, surface_file
 
 DISC = Sphere((3.0, 1.2), 0.3)  # 0.1 m into the upper face of a beam of 4 × 1 m
 TOOLS = [
@@ -82,6 +83,17 @@ def test_frame_after_one_of_another_prediction(beam: surrogate.Surrogate) -> Non
     expected = beam.predict(frame.force)
     assert np.abs(frame.displacement - expected).max() < 1e-9
     assert np.abs(softer.displacement - beam.predict(softer.force)).max() > 1e-4
+
+
+def test_ball_of_triangles_is_a_sphere(tmp_path: Path) -> None:
+    """In space: the same forces within the tilt of the triangles."""
+    path = surface_file(tmp_path / "ball.stl", *ball(3000))
+    body, place = surrogate.load("beam3d_any_reduced"), (3.0, 0.5, 1.2)
+    frame = surrogate.Touch(body).move(Mesh(path, place, scale=0.29, rounding=0.01))
+    expected = surrogate.Touch(body).move(Sphere(place, 0.3))
+    size = np.linalg.norm(expected.reaction)
+    assert np.linalg.norm(frame.reaction - expected.reaction) < 0.03 * size
+    assert frame.penetration < 2 * TOLERANCE * np.abs(frame.displacement).max()
 
 
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: type(tool).__name__)

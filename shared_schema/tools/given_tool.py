@@ -1,0 +1,42 @@
+"""Tools as commands take them."""
+
+from __future__ import annotations
+
+from shared_schema.common.errors import InputError
+from shared_schema.tools.closed_surface import Mesh
+from shared_schema.tools.shapes import Capsule, Plane, Sphere
+from shared_schema.tools.tool import Tool
+
+
+def parse_tool(text: str, dimension: int) -> Tool:
+    """Read a tool from a text, such as ``sphere:2,1.1,0.5:0.2``.
+
+    Raises
+    ------
+    InputError
+        If it is none, or not of the body's dimension.
+    """
+    kind, *parts = text.split(":")
+    path = parts.pop(0) if kind == "mesh" and parts else ""
+    forms = ", ".join((Sphere.form, Capsule.form, Plane.form, Mesh.form))
+    try:
+        numbers = [tuple(float(value) for value in part.split(",")) for part in parts]
+    except ValueError:
+        kind, numbers = "", []
+    tool: Tool
+    try:
+        if kind == "sphere" and [len(each) for each in numbers[1:]] == [1]:
+            tool = Sphere(numbers[0], numbers[1][0])
+        elif kind == "capsule" and [len(each) for each in numbers[2:]] == [1]:
+            tool = Capsule(numbers[0], numbers[1], numbers[2][0])
+        elif kind == "plane" and len(numbers) == 2:
+            tool = Plane(*numbers)
+        elif kind == "mesh" and path and [len(each) for each in numbers] == [3, 3, 1][: len(numbers)]:
+            tool = Mesh(path, *numbers[:2], *(each[0] for each in numbers[2:]))
+        else:
+            raise InputError(f"expected one of {forms}")
+    except InputError as error:
+        raise InputError(f"--tool {text}: {error}") from None
+    if tool.dimension != dimension:
+        raise InputError(f"--tool {text}: expected points of {dimension} components")
+    return tool
