@@ -19,7 +19,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
-from datagen.solver.tool_contact import touched
+from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-INSIDE = 1e-6  # of the body's size: depth of a node in a tool that is an error
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)

@@ -4,7 +4,7 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
 ``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
 ``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
-``surface`` (of the body's surface under pressure).
+``surface`` (of the body's surface under pressure); ``pose`` (centre and radius of a ball).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -161,6 +161,22 @@ NODAL = (
         ("sample", "surface"),
         "Pa",
         "pressure on each surface; `force` includes its forces on the undeformed body",
+        optional=True,
+    ),
+    ArrayLayout(
+        "samples/tool",
+        "float64",
+        ("sample", "pose"),
+        "m",
+        "centre and radius of the rigid ball that pushes the body; `force` includes its forces",
+        optional=True,
+    ),
+    ArrayLayout(
+        "samples/penetration",
+        "float64",
+        ("sample",),
+        "m",
+        "largest depth of a node inside the ball",
         optional=True,
     ),
     STABLE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,13 @@ class PlacedBody:
         """Nodes that the load families may load, (n_nodes,)."""
         loadable = np.zeros(len(self.held), dtype=bool)
         for part in self.loads.parts:
-            loadable[part.loadable.nodes] = True
-        return loadable
+            loadable[self.surface if part.family.touches else part.loadable.nodes] = True
+        return loadable & ~self.clamped
+
+    @cached_property
+    def surface(self) -> NDArray[np.int64]:
+        """Nodes of the surface."""
+        return np.unique(boundary_facets(self.mesh.cells, self.mesh.cell_type))
 
     def warning(self) -> str | None:
         """What the numbers of this body are not good for, if there is something."""
@@ -161,6 +167,7 @@ def _loadable(
         mesh.cells,
         mesh.cell_type,
         np.flatnonzero(region),
+        np.flatnonzero(clamped),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,12 @@ from datagen.cases.case import Case
 from datagen.loads import Load
 from datagen.ranks import on_rank_zero
 from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.displacement_size import size_warning
+from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE, Arrays
+from shared_schema.tools import Contact, Sphere
 
 Forces = tuple[NDArray[np.int64], NDArray[np.float64]]  # loaded nodes, and forces in N
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
@@ -30,6 +33,7 @@ class Solved:
     number: int
     load: Load
     reactions: NDArray[np.float64] | None
+    contact: Contact | None
     displacement: NDArray[np.float64]
     counts: tuple[int, ...]
     residual_norm: float
@@ -44,6 +48,7 @@ class Failed:
     number: int
     load: Load
     reactions: NDArray[np.float64] | None
+    contact: Contact | None
     load_factor: float
     reason: str
 
@@ -100,22 +105,39 @@ class ShardJob:
         number, loads = self.number, self.body.loads
         load = on_rank_zero(self.body.mesh.domain.comm, lambda: loads[number])
         began = time.perf_counter()
+        self._put(load.tool)
         report = solve_load_case(
             problem, load.nodes, load.forces, case.solver, load.pressures, load.displacement
         )
         report = with_stability(problem, report, case.solver)
         elapsed = time.perf_counter() - began
         reactions = None if load.is_dead else problem.reactions()
+        displacement, touch = problem.displacement(), problem.load.contact
+        contact = None if touch is None else touch.found(displacement)
+        if contact is not None and contact.penetration > INSIDE * np.ptp(
+            self.body.mesh.coordinates
+        ):
+            report = replace(report, solved=False, explanation="a node is inside the tool")
+        acted = number, load, reactions, contact
         if report.solved:
             counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
-            displacement = problem.displacement()
             found = counts, report.residual_norm, report.stable, elapsed
-            self.solved.append(Solved(number, load, reactions, displacement, *found))
+            self.solved.append(Solved(*acted, displacement, *found))
         else:
-            self.failed.append(
-                Failed(number, load, reactions, report.load_factor, report.explanation)
-            )
+            self.failed.append(Failed(*acted, report.load_factor, report.explanation))
         return report.solved
+
+    def _put(self, tool: Sphere | None) -> None:
+        """Put the tool where it shall be, or away (collective)."""
+        problem = self.body.problem
+        problem.load.contact = None
+        if tool is None:
+            return
+        problem.reset()
+        try:
+            problem.load.contact = touched(problem, tool, self.body.surface)
+        except InputError as error:
+            raise InputError(f"sample {self.number}: {error}") from None
 
     def size_warning(self) -> str | None:
         """What is unusual about the size of the displacements so far, if anything is."""
@@ -148,6 +170,7 @@ class ShardJob:
             "failed/load_factor": np.array([f.load_factor for f in failed], dtype=np.float64),
             "failed/reason": np.array([f.reason for f in failed], dtype=object),
             **self._pressures(),
+            **self._poses(),
         }
 
     def _recorded(self, result: Solved | Failed) -> Forces:
@@ -155,7 +178,21 @@ class ShardJob:
         load = result.load
         if result.reactions is None:
             return load.nodes, load.forces
-        return self.body.loads.recorded(load, result.reactions)
+        pushes = 0.0 if result.contact is None else result.contact.force
+        return self.body.loads.recorded(load, result.reactions, pushes)
+
+    def _poses(self) -> dict[str, Any]:
+        """Poses of the tool, if the case has one, and how deep a node is inside of it."""
+        if not any(part.family.touches for part in self.body.loads.parts):
+            return {}
+        tools = [s.load.tool for s in self.solved]
+        poses = [(*tool.begin, tool.radius) for tool in tools if tool is not None]
+        depths = [s.contact.penetration for s in self.solved if s.contact is not None]
+        width = self.body.mesh.coordinates.shape[1] + 1
+        return {
+            "samples/tool": np.array(poses, dtype=np.float64).reshape(-1, width),
+            "samples/penetration": np.array(depths, dtype=np.float64),
+        }
 
     def _pressures(self) -> dict[str, Any]:
         """Pressures of the samples, if the case has some."""

@@ -18,6 +18,7 @@ from datagen.own_class import described, source_of
 from datagen.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.tools import Sphere
 
 Result = TypeVar("Result")
 
@@ -112,13 +113,16 @@ class DrawnLoads:
                 f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
             )
         self._require_driven_as_said(load, what)
+        if isinstance(load.tool, Sphere) != self.family.touches:
+            said = "a sphere" if self.family.touches else "none"
+            raise self._wrong(f"{what}: tool is {load.tool!r:.80}, expected {said}")
         nodes, forces = sum_per_node(nodes, forces)
         if len(nodes) > self.most:
             raise self._wrong(
                 f"{what}: {len(nodes)} nodes are loaded, expected at most {self.most} "
                 "(loads_per_sample)"
             )
-        return LoadCase(nodes, forces, load.pressure, load.displacement)
+        return LoadCase(nodes, forces, load.pressure, load.displacement, load.tool)
 
     def _require_driven_as_said(self, load: LoadCase, what: str) -> None:
         """Raise InputError unless pressure and displacement are those of such a family."""

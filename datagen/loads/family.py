@@ -26,6 +26,7 @@ from datagen.own_class import import_named
 from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.configuration import Frozen, absent, first_problem
+from shared_schema.tools import Sphere
 
 SHIPPED = {
     "random_node": "datagen.loads.random_node:RandomNode",
@@ -38,6 +39,7 @@ SHIPPED = {
     "body_force": "datagen.loads.body_force:BodyForce",
     "pressure": "datagen.loads.pressure:Pressure",
     "displacement": "datagen.loads.displacement:Displacement",
+    "tool": "datagen.loads.tool:ToolPress",
 }
 
 
@@ -75,6 +77,8 @@ class LoadableNodes:
         meshio's name.
     region : array of int, (n_region,), optional
         Numbers of all nodes of the region, clamped ones included; by default `nodes`.
+    clamped : array of int, (n_clamped,), optional
+        Numbers of all nodes that do not move at all; by default there are none.
     """
 
     nodes: NDArray[np.int64]
@@ -82,6 +86,7 @@ class LoadableNodes:
     cells: NDArray[np.int64]
     cell_type: str
     region: NDArray[np.int64] | None = None
+    clamped: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -125,12 +130,15 @@ class LoadCase:
         Pressure in Pa that follows the facets of the region, of a family that `presses`.
     displacement : array, (d,), optional
         Displacement in m of all nodes of the region, of a family that `moves` them.
+    tool : Sphere, optional
+        Rigid ball that the body keeps out of, of a family that `touches` it.
     """
 
     nodes: NDArray[np.int64]
     forces: NDArray[np.float64]
     pressure: float | None = None
     displacement: NDArray[np.float64] | None = None
+    tool: Sphere | None = None
 
 
 class LoadFamily(Frozen, ABC):
@@ -150,6 +158,7 @@ class LoadFamily(Frozen, ABC):
 
     integrates: ClassVar[bool] = False
     presses: ClassVar[bool] = False
+    touches: ClassVar[bool] = False
 
     family: str
     region: Region = Region()

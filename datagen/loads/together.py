@@ -15,6 +15,7 @@ from datagen.quantities import LARGEST_SEED
 from shared_schema.common.bodies.facet_quadrature import pressure_forces
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
+from shared_schema.tools import Sphere
 
 Array = NDArray[np.float64]
 
@@ -33,17 +34,20 @@ class Load:
         Pressure on each surface in Pa.
     displacement : array, (n_nodes, d), or None
         Prescribed displacements in m; 0 where none is prescribed.
+    tool : Sphere or None
+        Rigid ball that the body keeps out of.
     """
 
     nodes: NDArray[np.int64]
     forces: Array
     pressures: Array
     displacement: Array | None = None
+    tool: Sphere | None = None
 
     @property
     def is_dead(self) -> bool:
         """True if the load consists of dead forces only."""
-        return self.displacement is None and not self.pressures.any()
+        return self.displacement is None and self.tool is None and not self.pressures.any()
 
 
 @dataclass(frozen=True)
@@ -97,13 +101,15 @@ class LoadsTogether:
         return min(sum(part.most for part in self.parts), len(self.held))
 
     def check(self) -> None:
-        """Raise InputError unless every family fits the mesh, and no two move the same node."""
+        """Raise InputError unless every family fits the mesh, and no two drive the same nodes."""
         for part in self.parts:
             part.check()
         movers = [part for part in self.parts if any(part.family.moves(self.held.shape[1]))]
         nodes = np.concatenate([np.empty(0, dtype=int), *(part.loadable.nodes for part in movers)])
         if len(np.unique(nodes)) != len(nodes):
             raise InputError("key 'load': two families prescribe the displacement of one node")
+        if sum(part.family.touches for part in self.parts) > 1:
+            raise InputError("key 'load': two families with a tool, expected one at most")
 
     def __getitem__(self, number: int) -> Load:
         """Draw the load of one sample; InputError as `DrawnLoads` raises it."""
@@ -127,19 +133,25 @@ class LoadsTogether:
                 if each.displacement is not None:
                     displacement[part.loadable.nodes] = each.displacement
             displacement[~self.moved] = 0.0
-        return Load(nodes, forces, pressures, displacement)
+        tool = next((each.tool for each in drawn if each.tool is not None), None)
+        return Load(nodes, forces, pressures, displacement, tool)
 
-    def recorded(self, load: Load, reactions: Array) -> tuple[NDArray[np.int64], Array]:
+    def recorded(
+        self, load: Load, reactions: Array, pushes: Array | float = 0.0
+    ) -> tuple[NDArray[np.int64], Array]:
         """Nodal forces that stand for a load in a dataset.
 
-        They are the dead forces, the forces of the pressures on the undeformed body, and the
-        reactions where displacements are prescribed. None acts on a held component.
+        They are the dead forces, the forces of the pressures on the undeformed body, the reactions
+        where displacements are prescribed, and the forces of the tool. None acts on a held
+        component.
 
         Parameters
         ----------
         load : Load
         reactions : array, (n_nodes, d)
             Reactions of the equilibrium in N.
+        pushes : array, (n_nodes, d)
+            Forces of the tool in N.
 
         Returns
         -------
@@ -153,7 +165,7 @@ class LoadsTogether:
         total = scatter_forces(load.nodes, load.forces, len(coordinates))
         for facets, pressure in zip(self.surfaces, load.pressures, strict=True):
             total += pressure_forces(coordinates, facets, pressure)
-        total += np.where(self.moved, reactions, 0.0)
+        total += np.where(self.moved, reactions, 0.0) + pushes
         total[self.held] = 0.0
         nodes = np.flatnonzero(total.any(axis=1))
         return nodes, total[nodes]

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 STIFFNESS = 100.0  # k over the largest entry of the node's diagonal of K at rest
 COMPLEMENT = 0.1  # c over the same
+INSIDE = 1e-6  # of the body's size: depth of a node that is an error
 ROUNDING = 0.5 * float(np.finfo(float).eps)
 
 

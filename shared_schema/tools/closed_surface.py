@@ -2,10 +2,10 @@ r"""A rigid body with any closed surface of triangles, such as an STL file, at a
 
 .. math:: g(x) = ± |x - p(x)| - r
 
-with the nearest point p of the surface. The sign is that of :math:`(x - p) · N` with the normal N of
-the face, edge or corner that p lies on: the sum of the normals of its faces, for a corner weighted
-with their angles (Bærentzen and Aanæs 2005, *IEEE Trans. Vis. Comput. Graph.* 11). The surface is
-rounded by r, so that its edges have a normal that turns smoothly.
+with the nearest point p of the surface. The sign is that of :math:`(x - p) · N` with the normal N
+of the face, edge or corner that p lies on: the sum of the normals of its faces, for a corner
+weighted with their angles (Bærentzen and Aanæs 2005, *IEEE Trans. Vis. Comput. Graph.* 11). The
+surface is rounded by r, so that its edges have a normal that turns smoothly.
 """
 
 from __future__ import annotations
@@ -73,7 +73,9 @@ class Mesh(Tool):
         if rounding is None:
             rounding = ROUNDED * self._surface.extent
         if not 0 <= rounding <= MOST:
-            raise InputError(f"mesh: rounding {rounding:g}: expected 0 m at least, at most {MOST:g}")
+            raise InputError(
+                f"mesh: rounding {rounding:g}: expected 0 m at least, at most {MOST:g}"
+            )
         self.rounding = rounding
         self._move(place, turn)
 
@@ -278,7 +280,9 @@ def require_closed(ends: Numbers) -> None:
 
 
 def from_triangles(x: Array, points: Array) -> tuple[Array, Numbers]:
-    """From the nearest points of triangles to positions (Ericson 2005, *Real-Time Collision Detection*).
+    """From the nearest points of triangles to positions.
+
+    The parts of a triangle are those of Ericson 2005, *Real-Time Collision Detection*.
 
     Parameters
     ----------

@@ -7,6 +7,8 @@ from shared_schema.tools.closed_surface import Mesh
 from shared_schema.tools.shapes import Capsule, Plane, Sphere
 from shared_schema.tools.tool import Tool
 
+AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0,))  # place, turn and scale of a mesh
+
 
 def parse_tool(text: str, dimension: int) -> Tool:
     """Read a tool from a text, such as ``sphere:2,1.1,0.5:0.2``.
@@ -31,8 +33,11 @@ def parse_tool(text: str, dimension: int) -> Tool:
             tool = Capsule(numbers[0], numbers[1], numbers[2][0])
         elif kind == "plane" and len(numbers) == 2:
             tool = Plane(*numbers)
-        elif kind == "mesh" and path and [len(each) for each in numbers] == [3, 3, 1][: len(numbers)]:
-            tool = Mesh(path, *numbers[:2], *(each[0] for each in numbers[2:]))
+        elif (
+            kind == "mesh" and path and [len(each) for each in numbers] == [3, 3, 1][: len(numbers)]
+        ):
+            place, turn, (scale,) = [*numbers, *AT_REST[len(numbers) :]]
+            tool = Mesh(path, place, turn, scale)
         else:
             raise InputError(f"expected one of {forms}")
     except InputError as error:

@@ -160,9 +160,7 @@ class Descent:
         Its seed gives the loads of every step.
     """
 
-    def __init__(
-        self, equilibrium: Equilibrium, family: Loads, refinement: Refinement
-    ) -> None:
+    def __init__(self, equilibrium: Equilibrium, family: Loads, refinement: Refinement) -> None:
         self.equilibrium, self.family, self.seed = equilibrium, family, refinement.seed
 
     def differentiate(self, surrogate: Surrogate, step: int, count: int) -> float:

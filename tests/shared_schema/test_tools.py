@@ -12,6 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.tools import Mesh, Sphere, parse_tool
 from tests.closed_surfaces import CUBE, FACES, ball, surface_file
 
+
 @pytest.fixture
 def cube(tmp_path: Path) -> Mesh:
     return Mesh(surface_file(tmp_path / "cube.stl"), rounding=0.0)

@@ -26,7 +26,7 @@ def loads_of(*families: dict[str, Any]) -> Any:
 
 
 def test_body_force() -> None:
-    """Nodal forces are uniform densities times nodal volumes, evenly drawn; supports bear theirs."""
+    """Nodal forces are uniform densities times nodal volumes; supports bear what acts on them."""
     forces = loads_of(WEIGHT).draw(400, np.random.default_rng(1))
     free = ~BOX.clamped
     assert not forces[:, BOX.clamped].any()

@@ -1,0 +1,117 @@
+r"""A rigid ball that is pressed into the surface at a random place, a disc in the plane.
+
+Its centre is :math:`c = X_a + (R - δ) \, m` with a random node a of the region, the radius R, the
+depth δ by which it overlaps the undeformed body there, and a direction m about the outward normal
+of the surface. The body keeps out of it, without friction (`datagen.solver.tool_contact`). A
+dataset holds the forces of the contact as nodal forces: as dead loads they give the same
+displacement.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from datagen.loads.displacement import LengthRange
+from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
+from datagen.mesh.regions import Region
+from datagen.quantities import Size
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.tools import Sphere
+
+Array = NDArray[np.float64]
+POSES = 100  # tried, until one does not overlap the supports
+
+
+class ToolPress(LoadFamily):
+    """A ball pressed into the surface.
+
+    Attributes
+    ----------
+    region : Region
+        Where the ball comes down; the whole surface by default.
+    radius : float or tuple of 2 floats
+        R in m, or (low, high) that it is drawn from.
+    depth : tuple of 2 floats
+        (low, high) of δ in m.
+    tilt : float
+        Largest angle in degrees between m and the normal; 0 by default.
+    """
+
+    touches: ClassVar[bool] = True
+
+    region: Region = Region(boundary=True)
+    radius: Size | tuple[Size, Size]
+    depth: LengthRange
+    tilt: float = Field(0.0, ge=0, lt=90)
+
+    @field_validator("radius")
+    @classmethod
+    def _ascends(cls, value: float | tuple[float, float]) -> float | tuple[float, float]:
+        return ascending(value) if isinstance(value, tuple) else value
+
+    @field_validator("depth")
+    @classmethod
+    def _presses(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if value[0] < 0:
+            raise ValueError("expected depths of 0 m at least")
+        return value
+
+    def check(self, loadable: LoadableNodes) -> None:
+        """Raise ValueError unless the region has nodes of the surface, and a pose is found."""
+        if not np.isin(loadable.nodes, surface_of(loadable)).any():
+            raise ValueError("key 'region': no node of it is on the surface")
+
+    def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
+        """Draw node, radius, depth and direction, until the ball does not overlap the supports."""
+        random, d = generator(seed, number), loadable.dimension
+        x, surface = loadable.coordinates, surface_of(loadable)
+        normals = nodal_normals(loadable)
+        places = np.intersect1d(loadable.nodes, surface)
+        clamped = np.empty(0, np.int64) if loadable.clamped is None else loadable.clamped
+        nothing = np.empty(0, dtype=np.int64), np.empty((0, d))
+        for _ in range(POSES):
+            node = random.choice(places)
+            radius = float(random.uniform(*np.broadcast_to(self.radius, 2)))
+            depth = random.uniform(*self.depth)
+            away = turned(normals[node], np.deg2rad(random.uniform(0, self.tilt)), random)
+            ball = Sphere(tuple(map(float, x[node] + (radius - depth) * away)), radius)
+            if ball.gap(x[clamped]).min(initial=np.inf) > 0 and ball.gap(x).max() > 0:
+                return LoadCase(*nothing, tool=ball)
+        raise ValueError(f"{POSES} balls overlap the supports, expected a region away from them")
+
+    def loads_per_sample(self, loadable: LoadableNodes) -> int:
+        """Number of nodes of the surface, all of which the ball may touch."""
+        return len(surface_of(loadable))
+
+
+def surface_of(loadable: LoadableNodes) -> NDArray[np.int64]:
+    """Nodes of the surface."""
+    return np.unique(outward_facets(loadable.coordinates, loadable.cells, loadable.cell_type))
+
+
+def nodal_normals(loadable: LoadableNodes) -> Array:
+    """Mean outward unit normals of the facets at every node, (n_nodes, d); 0 inside."""
+    x, d = loadable.coordinates, loadable.dimension
+    facets = outward_facets(x, loadable.cells, loadable.cell_type)
+    if d == 2:
+        along = x[facets[:, 1]] - x[facets[:, 0]]
+        normals = np.column_stack([along[:, 1], -along[:, 0]])
+    else:
+        across = x[facets[:, [2, -1]]] - x[facets[:, [0, 1]]]  # diagonals; two sides of a triangle
+        normals = np.cross(across[:, 0], across[:, 1])
+    total = np.zeros(x.shape)
+    np.add.at(total, facets, normals[:, None])
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return total / np.where(length > 0, length, 1.0)
+
+
+def turned(direction: Array, angle: float, random: np.random.Generator) -> Array:
+    """Turn a unit vector by an angle in radians, in a random plane."""
+    across = random.normal(size=direction.shape)
+    across -= (across @ direction) * direction
+    across /= np.linalg.norm(across)
+    return np.asarray(np.cos(angle) * direction + np.sin(angle) * across)
