@@ -7,7 +7,7 @@ from shared_schema.tools.closed_surface import Mesh
 from shared_schema.tools.shapes import Capsule, Plane, Sphere
 from shared_schema.tools.tool import Tool
 
-AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0,))  # place, turn and scale of a mesh
+Numbers = tuple[float, ...]
 
 
 def parse_tool(text: str, dimension: int) -> Tool:
@@ -33,11 +33,8 @@ def parse_tool(text: str, dimension: int) -> Tool:
             tool = Capsule(numbers[0], numbers[1], numbers[2][0])
         elif kind == "plane" and len(numbers) == 2:
             tool = Plane(*numbers)
-        elif (
-            kind == "mesh" and path and [len(each) for each in numbers] == [3, 3, 1][: len(numbers)]
-        ):
-            place, turn, (scale,) = [*numbers, *AT_REST[len(numbers) :]]
-            tool = Mesh(path, place, turn, scale)
+        elif kind == "mesh":
+            tool = _mesh(path, numbers)
         else:
             raise InputError(f"expected one of {forms}")
     except InputError as error:
@@ -45,3 +42,11 @@ def parse_tool(text: str, dimension: int) -> Tool:
     if tool.dimension != dimension:
         raise InputError(f"--tool {text}: expected points of {dimension} components")
     return tool
+
+
+def _mesh(path: str, numbers: list[Numbers]) -> Mesh:
+    """The mesh of a file, with its place, turn and scale, as far as they are given."""
+    if not path or [len(each) for each in numbers] != [3, 3, 1][: len(numbers)]:
+        raise InputError(f"expected {Mesh.form}")
+    poses = [*numbers[:2], (0.0,) * 3, (0.0,) * 3]
+    return Mesh(path, poses[0], poses[1], numbers[2][0] if numbers[2:] else 1.0)
