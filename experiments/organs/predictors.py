@@ -75,5 +75,6 @@ def predictors(resources: Resources) -> Iterator[Predictor]:
             yield Predictor(run, BODIES[case], WITH_DIRECTIONS, surrogate, TOLERANCE)
         if kind == "reduced" and case in BALANCED:
             balanced = load(resources.trained(run).folder, resources.device.type)
-            balance(balanced, fit_balance(balanced, BALANCED[case]))
+            points = BALANCED[case]
+            balance(balanced, fit_balance(balanced, points, loads=points))
             yield Predictor(run, BODIES[case], f"{KINDS[kind]}, {LEAST_ENERGY}", balanced)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 POINTS, LOADS = 200, 150
 CANDIDATES = 6000  # quadrature points that a cubature chooses from, at most
-EQUATIONS = 2400  # of the fit, together
+EQUATIONS = 12  # of the fit, of every point
 AT_ONCE = 8  # loads
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def fit_balance(
     limit, numbers = data.info.force.max_abs, data.load_numbers
     family = trained_loads(surrogate.geometry, data.case, limit, numbers)
     columns, totals, flat = [], [], modes.reshape(len(modes), -1)
-    each = max(1, EQUATIONS // loads)
+    each = max(1, EQUATIONS * points // loads)
     for _ in range(loads):
         force, coefficients = _predicted(surrogate, family.draw(1, rng))
         a = body.linear(force) + coefficients
