@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from shared_schema.common.bodies.reference_cells import shape_gradients, shape_values
+from shared_schema.point_tree import PointTree
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def locate(
     """
     corners = coordinates[cells]
     size = np.ptp(corners, axis=1).max(axis=1)
-    tree = cKDTree(corners.mean(axis=1))
+    tree = PointTree(corners.mean(axis=1))
     count = min(CANDIDATES, len(cells))
     candidates = np.asarray(tree.query(positions, k=count)[1]).reshape(len(positions), count)
     best = np.full(len(positions), np.inf)

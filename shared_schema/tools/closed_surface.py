@@ -17,10 +17,10 @@ from typing import ClassVar
 import meshio
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from shared_schema.common.errors import InputError
+from shared_schema.point_tree import PointTree
 from shared_schema.tools.tool import MOST, Tool, require_points
 
 Array = NDArray[np.float64]
@@ -197,7 +197,7 @@ class Surface:
         self._normals = np.concatenate([faces[:, None], edges, at_corners[triangles]], axis=1)
         centres = points.mean(axis=1)
         self._reach = float(np.linalg.norm(points - centres[:, None], axis=2).max())
-        self._of_corners, self._of_centres = KDTree(self.corners), KDTree(centres)
+        self._of_corners, self._of_centres = PointTree(self.corners), PointTree(centres)
 
     @classmethod
     def read(cls, path: Path, scale: float) -> Surface:

@@ -15,10 +15,10 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
+from shared_schema.point_tree import PointTree
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 
@@ -52,7 +52,7 @@ def mirror_images(geometry: Geometry, axis: str, key: str) -> NDArray[np.int64]:
     k, x = AXES.index(axis), geometry.coordinates
     mirrored = x.copy()
     mirrored[:, k] = x[:, k].min() + x[:, k].max() - x[:, k]
-    distance, image = KDTree(x).query(mirrored)
+    distance, image = PointTree(x).query(mirrored)
     if distance.max() > TOLERANCE * np.ptp(x, axis=0).max():
         worst = ", ".join(f"{value:.4g}" for value in x[distance.argmax()])
         raise InputError(f"{wrong} the node at ({worst}) has no mirror image")

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from shared_schema.common.errors import WorkError
+from shared_schema.point_tree import PointTree
 from surrogate.identification.least_squares import FLOOR, WILD, Fit, cauchy
 from surrogate.identification.responses import Body
 
@@ -64,7 +64,8 @@ class Places:
         others = np.broadcast_to(beside, (len(self.nodes), *beside.shape))
         self._matrix = np.concatenate([of_nodes, others], axis=-1)  # (n, m, d, d + K)
         self._sigma, self._dimension = sigma, d
-        self._tree = cKDTree(geometry.coordinates[self.nodes])
+        self._places = geometry.coordinates[self.nodes]
+        self._tree = PointTree(self._places)
 
     def strengths(self, number: int) -> Array:
         """Largest displacement of a marker by each force of 1 N, (d + K,), in m."""
@@ -77,7 +78,7 @@ class Places:
     def around(self, number: int) -> list[int]:
         """Numbers of neighbours."""
         count = min(NEIGHBOURS + 1, len(self.nodes))
-        near = self._tree.query(self._tree.data[number], k=count)[1]
+        near = self._tree.query(self._places[number], count)[1]
         return list(map(int, np.atleast_1d(near)))
 
     def ranked(self, moved: Array) -> tuple[list[int], Array]:

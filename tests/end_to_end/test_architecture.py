@@ -34,7 +34,7 @@ FORBIDDEN = {
 LAYERS = {  # packages and root modules; imports go downwards, or anywhere inside one layer
     "shared_schema": [
         ["common"],
-        ["material", "tools", "points_in_cells", "layout", "unfinished", "manifest"],
+        ["material", "tools", "point_tree", "points_in_cells", "layout", "unfinished", "manifest"],
         ["shard", "content_problems"],
         ["grid", "stiffness", "load_cases"],
         ["checker", "dataset_reader"],
