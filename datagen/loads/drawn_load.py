@@ -113,9 +113,6 @@ class DrawnLoads:
                 f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
             )
         self._require_driven_as_said(load, what)
-        if isinstance(load.tool, Sphere) != self.family.touches:
-            said = "a sphere" if self.family.touches else "none"
-            raise self._wrong(f"{what}: tool is {load.tool!r:.80}, expected {said}")
         nodes, forces = sum_per_node(nodes, forces)
         if len(nodes) > self.most:
             raise self._wrong(
@@ -125,7 +122,7 @@ class DrawnLoads:
         return LoadCase(nodes, forces, load.pressure, load.displacement, load.tool)
 
     def _require_driven_as_said(self, load: LoadCase, what: str) -> None:
-        """Raise InputError unless pressure and displacement are those of such a family."""
+        """Raise InputError unless pressure, displacement and tool are those of such a family."""
         d, presses = self.loadable.dimension, self.family.presses
         moves = self._called("moves", lambda: self.family.moves(d))
         for name, value, expected, largest in (
@@ -142,6 +139,9 @@ class DrawnLoads:
             ):
                 said = "none" if expected is None else f"finite numbers of shape {expected}"
                 raise self._wrong(f"{what}: {name} is {value!r:.80}, expected {said}")
+        if isinstance(load.tool, Sphere) != self.family.touches:
+            said = "a sphere" if self.family.touches else "none"
+            raise self._wrong(f"{what}: tool is {load.tool!r:.80}, expected {said}")
 
     def _called(self, what: str, call: Callable[[], Result]) -> Result:
         """Result of the family's method; InputError if it raises an error."""

@@ -97,11 +97,15 @@ class LoadableNodes:
         return int(self.coordinates.shape[1])
 
     @cached_property
+    def surface(self) -> NDArray[np.int64]:
+        """Facets of the whole surface, seen from outside."""
+        return outward_facets(self.coordinates, self.cells, self.cell_type)
+
+    @cached_property
     def facets(self) -> NDArray[np.int64]:
         """Facets of the surface whose nodes all lie in the region, seen from outside."""
-        facets = outward_facets(self.coordinates, self.cells, self.cell_type)
         members = self.nodes if self.region is None else self.region
-        return facets[np.isin(facets, members).all(axis=1)]
+        return self.surface[np.isin(self.surface, members).all(axis=1)]
 
     def require_facets(self) -> None:
         """Raise ValueError unless every node of the region belongs to a facet of the region."""

@@ -19,7 +19,7 @@ from datagen.loads.displacement import LengthRange
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
 from datagen.mesh.regions import Region
 from datagen.quantities import Size
-from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.facet_quadrature import area_vectors
 from shared_schema.tools import Sphere
 
 Array = NDArray[np.float64]
@@ -62,22 +62,23 @@ class ToolPress(LoadFamily):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless the region has nodes of the surface, and a pose is found."""
-        if not np.isin(loadable.nodes, surface_of(loadable)).any():
+        if not np.isin(loadable.nodes, loadable.surface).any():
             raise ValueError("key 'region': no node of it is on the surface")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Draw node, radius, depth and direction, until the ball does not overlap the supports."""
         random, d = generator(seed, number), loadable.dimension
-        x, surface = loadable.coordinates, surface_of(loadable)
-        normals = nodal_normals(loadable)
-        places = np.intersect1d(loadable.nodes, surface)
+        x = loadable.coordinates
+        outwards = area_vectors(x, loadable.surface)
+        places = np.intersect1d(loadable.nodes, loadable.surface)
         clamped = np.empty(0, np.int64) if loadable.clamped is None else loadable.clamped
         nothing = np.empty(0, dtype=np.int64), np.empty((0, d))
         for _ in range(POSES):
             node = random.choice(places)
             radius = float(random.uniform(*np.broadcast_to(self.radius, 2)))
             depth = random.uniform(*self.depth)
-            away = turned(normals[node], np.deg2rad(random.uniform(0, self.tilt)), random)
+            normal = outwards[node] / np.linalg.norm(outwards[node])
+            away = turned(normal, np.deg2rad(random.uniform(0, self.tilt)), random)
             ball = Sphere(tuple(map(float, x[node] + (radius - depth) * away)), radius)
             if ball.gap(x[clamped]).min(initial=np.inf) > 0 and ball.gap(x).max() > 0:
                 return LoadCase(*nothing, tool=ball)
@@ -85,28 +86,7 @@ class ToolPress(LoadFamily):
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Number of nodes of the surface, all of which the ball may touch."""
-        return len(surface_of(loadable))
-
-
-def surface_of(loadable: LoadableNodes) -> NDArray[np.int64]:
-    """Nodes of the surface."""
-    return np.unique(outward_facets(loadable.coordinates, loadable.cells, loadable.cell_type))
-
-
-def nodal_normals(loadable: LoadableNodes) -> Array:
-    """Mean outward unit normals of the facets at every node, (n_nodes, d); 0 inside."""
-    x, d = loadable.coordinates, loadable.dimension
-    facets = outward_facets(x, loadable.cells, loadable.cell_type)
-    if d == 2:
-        along = x[facets[:, 1]] - x[facets[:, 0]]
-        normals = np.column_stack([along[:, 1], -along[:, 0]])
-    else:
-        across = x[facets[:, [2, -1]]] - x[facets[:, [0, 1]]]  # diagonals; two sides of a triangle
-        normals = np.cross(across[:, 0], across[:, 1])
-    total = np.zeros(x.shape)
-    np.add.at(total, facets, normals[:, None])
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return total / np.where(length > 0, length, 1.0)
+        return len(np.unique(loadable.surface))
 
 
 def turned(direction: Array, angle: float, random: np.random.Generator) -> Array:

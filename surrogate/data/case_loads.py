@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -44,27 +45,34 @@ class CaseLoads:
     geometry: Geometry
     families: Sequence[Mapping[str, Any]]
 
+    @cached_property
+    def _volumes(self) -> Array:
+        """What of the body belongs to each node, (n_nodes,) in m³."""
+        return nodal_volumes(self.geometry.coordinates, self.geometry.cells)
+
+    @cached_property
+    def _surface(self) -> SurfacePatches:
+        """Facets of the surface all of whose nodes can move."""
+        body = self.geometry
+        facets = boundary_facets(body.cells, body.cell_type)
+        return SurfacePatches.of(body.coordinates, facets[~body.clamped[facets].any(axis=1)])
+
     def draw(self, count: int, random: np.random.Generator) -> Array:
         """Draw nodal forces in N, (count, n_nodes, d)."""
-        body = self.geometry
-        x, moves = body.coordinates, ~body.clamped
-        volumes = nodal_volumes(x, body.cells)
-        facets = boundary_facets(body.cells, body.cell_type)
-        facets = facets[moves[facets].all(axis=1)]
-        surface, centres = SurfacePatches.of(x, facets), np.unique(facets)
+        x, centres = self.geometry.coordinates, np.unique(self._surface.facets)
         forces = np.zeros((count, *x.shape))
         for force in forces:
             for family in self.families:
                 low, high = family["range"]
                 if family["family"] == "body_force":
-                    force += np.outer(volumes, random.uniform(low, high, x.shape[1]))
+                    force += np.outer(self._volumes, random.uniform(low, high, x.shape[1]))
                     continue
                 fewest, most = family.get("count", (1, 1))
                 for _ in range(int(random.integers(fewest, most + 1))):
                     radius = random.uniform(*np.broadcast_to(family["radius"], 2))
-                    weights = surface.weights(x[random.choice(centres)], radius)
+                    weights = self._surface.weights(x[random.choice(centres)], radius)
                     force += np.outer(weights, random.uniform(low, high, x.shape[1]))
-        return forces * body.free
+        return forces * self.geometry.free
 
 
 def trained_loads(
@@ -90,14 +98,19 @@ def trained_loads(
     InputError
         If the family is wrong.
     """
-    load = case.get("load", [])
-    families = [load] if isinstance(load, Mapping) else list(load)
-    own = [_region(of) in EVERYWHERE.get(of["family"], ()) for of in families]
+    families = families_of(case)
+    own = [region_of(of) in EVERYWHERE.get(of["family"], ()) for of in families]
     if family == TRAINED and families and all(own):
         return CaseLoads(geometry, families)
     return random_loads(family, geometry, limit, numbers)
 
 
-def _region(family: Mapping[str, Any]) -> dict[str, Any]:
+def families_of(case: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Load families of a case; none if there is no case."""
+    load = case.get("load", [])
+    return [load] if isinstance(load, Mapping) else list(load)
+
+
+def region_of(family: Mapping[str, Any]) -> dict[str, Any]:
     """What a family's region asks for."""
     return {key: value for key, value in (family.get("region") or {}).items() if value}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from surrogate.data.case_loads import trained_loads
+from surrogate.data.case_loads import families_of, trained_loads
 from surrogate.data.load_families import TRAINED, random_loads
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics import FollowerPressure
@@ -49,8 +47,7 @@ def drawn_loads(
     if not body.surfaces:
         limit, numbers = data.info.force.max_abs, data.load_numbers
         return trained_loads(body, data.case, limit, numbers, family).draw(count, random)
-    load = data.case["load"]
-    families = [load] if isinstance(load, Mapping) else load
+    families = families_of(data.case)
     ranges = [given["range"] for given in families if given["family"] == "pressure"]
     forces = np.zeros((count, *body.coordinates.shape))
     for given in families:

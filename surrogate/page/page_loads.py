@@ -14,6 +14,7 @@ from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError
+from surrogate.data.case_loads import families_of, region_of
 from surrogate.data.geometry import Geometry
 from surrogate.inference.surrogate import Surrogate
 
@@ -62,7 +63,7 @@ def page_loads(surrogate: Surrogate, radius: float | None = None) -> PageLoads:
     geometry, families = surrogate.geometry, families_of(surrogate.description.data.case)
     d = geometry.dimension
     patches = [f for f in families if f["family"] == "traction_patch"]
-    weights = [f for f in families if f["family"] == "body_force" and _is_everywhere(f)]
+    weights = [f for f in families if f["family"] == "body_force" and not region_of(f)]
     if radius is None:
         radius = _radius(geometry, patches, alone=bool(weights) and len(weights) == len(families))
     largest = surrogate.description.data.info.force.max_abs
@@ -103,12 +104,6 @@ def volumes_of(geometry: Geometry) -> NDArray[np.float64]:
     return nodal_volumes(geometry.coordinates, geometry.cells)
 
 
-def families_of(case: Mapping[str, Any]) -> Families:
-    """Load families of a case; none if there is no case."""
-    families = case.get("load", [])
-    return list(families) if isinstance(families, list | tuple) else [families]
-
-
 def patches_of(geometry: Geometry, radius: float, nodes: Integers) -> csr_array:
     """Weights of the nodes that forces about some nodes reach: (n, n_nodes), rows of sum 1.
 
@@ -132,12 +127,6 @@ def patches_of(geometry: Geometry, radius: float, nodes: Integers) -> csr_array:
             row[node] = 1.0
         rows.append(coo_array(row[None] / row.sum()))
     return csr_array(vstack(rows))
-
-
-def _is_everywhere(family: Mapping[str, Any]) -> bool:
-    """True if a family is not restricted to a region."""
-    region = family.get("region") or {}
-    return not any(region.values())
 
 
 def _largest(families: Families) -> float:

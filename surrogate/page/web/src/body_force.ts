@@ -2,7 +2,7 @@
 
 import { make } from "./elements";
 import type { State } from "./state";
-import { forceUnit, lengthUnit } from "./units";
+import { forceUnit, lengthUnit, typed } from "./units";
 
 const STEPS = 100; // of a slider, to each side
 
@@ -40,7 +40,7 @@ export class BodyForce {
   /** Show the body force. */
   update(): void {
     this.inputs.flat().forEach((input, place) => {
-      const value = String(Number(this.state.loads.body.force[place >> 1].toPrecision(4)));
+      const value = typed(this.state.loads.body.force[place >> 1]);
       if (document.activeElement !== input) input.value = value;
     });
   }

@@ -35,14 +35,10 @@ export class Gestures {
       const { valueAsNumber } = this.radius;
       if (!(valueAsNumber > 0) || !Number.isFinite(valueAsNumber)) return;
       state.radius = valueAsNumber;
-      if (!state.tool) return;
-      state.tool = null;
-      state.loads.contacts = [];
-      changed();
+      if (state.tool) remove();
     };
     const remove = (): void => {
-      state.tool = null;
-      state.loads.contacts = [];
+      state.put(null);
       changed();
     };
     this.radius = make("input", { type: "number", step: "any", min: "0", input: resize });

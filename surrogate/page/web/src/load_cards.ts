@@ -4,7 +4,7 @@ import { make } from "./elements";
 import { size, type Load } from "./loads";
 import type { State } from "./state";
 import { isBeyond } from "./training_range";
-import { forceUnit, place } from "./units";
+import { forceUnit, place, typed } from "./units";
 import { loadableNodes } from "./view/body_mesh";
 
 interface Card {
@@ -27,7 +27,7 @@ export class LoadCards {
   ) {
     const click = (): void => {
       state.loads.clear();
-      state.tool = null;
+      state.put(null);
       changed();
     };
     this.clear = make("button", { type: "button", click }, "Remove all");
@@ -61,7 +61,7 @@ export class LoadCards {
       const beyond = isBeyond(load.force, largest);
       card.element.classList.toggle("beyond", beyond || !loadable[load.node]);
       for (const { field, read } of card.inputs) {
-        if (document.activeElement !== field) field.value = String(Number(read().toPrecision(4)));
+        if (document.activeElement !== field) field.value = typed(read());
       }
     });
   }

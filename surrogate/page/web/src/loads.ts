@@ -75,7 +75,6 @@ export class Loads {
   clear(): void {
     this.all.length = 0;
     this.body.force.fill(0);
-    this.contacts = [];
     this.selected = null;
   }
 

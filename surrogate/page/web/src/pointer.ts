@@ -121,9 +121,9 @@ export function listen(scene: Scene, state: State, reactions: Reactions): void {
     const node = surface.reduce((best, other) => (away(other) < away(best) ? other : best));
     const out = outwardsAt(node, state.content, at).multiplyScalar(state.radius);
     const centre = at(node).add(out).toArray().slice(0, state.content.d);
-    state.loads.contacts = [];
-    state.tool = { centre, wanted: [...centre], radius: state.radius };
-    return state.tool;
+    const tool = { centre, wanted: [...centre], radius: state.radius };
+    state.put(tool);
+    return tool;
   }
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);

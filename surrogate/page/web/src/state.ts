@@ -48,6 +48,12 @@ export class State {
     return this.loads.parts().length > 0;
   }
 
+  /** Put a tool on the body, where it bears no force yet, or take it away. */
+  put(tool: Tool | null): void {
+    this.tool = tool;
+    this.loads.contacts = [];
+  }
+
   /** Resultant in N of the forces of the tool on the body, d components. */
   reaction(): number[] {
     const { contacts } = this.loads;

@@ -2,7 +2,7 @@
 
 import { make } from "./elements";
 import type { State } from "./state";
-import { digits } from "./units";
+import { digits, typed } from "./units";
 
 const DECADES = 1; // of a slider, to each side
 const STEP = 0.01; // of a decade
@@ -21,7 +21,7 @@ export class Stiffness {
     const ends = { min: String(-DECADES), max: String(DECADES), step: String(STEP) };
     const slide = (): void => {
       const decades = this.slider.valueAsNumber;
-      state.stiffness = decades === 0 ? 1 : Number(digits10(10 ** decades * modulus)) / modulus;
+      state.stiffness = decades === 0 ? 1 : Number(typed(10 ** decades * modulus)) / modulus;
       changed();
     };
     const type = (): void => {
@@ -44,12 +44,7 @@ export class Stiffness {
     const { stiffness } = this.state;
     if (document.activeElement !== this.slider) this.slider.value = String(Math.log10(stiffness));
     if (document.activeElement !== this.number) {
-      this.number.value = digits10(this.modulus * stiffness);
+      this.number.value = typed(this.modulus * stiffness);
     }
   }
-}
-
-/** A number with four significant digits. */
-function digits10(value: number): string {
-  return String(Number(value.toPrecision(4)));
 }

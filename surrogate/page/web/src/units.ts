@@ -39,6 +39,11 @@ export function digits(value: number, count = 3): string {
   return Number(value.toPrecision(count)).toString().replaceAll("-", "−");
 }
 
+/** A number for a field to type in, with four significant digits. */
+export function typed(value: number): string {
+  return String(Number(value.toPrecision(4)));
+}
+
 function inUnit(value: number, unit: string, count: number): string {
   const [factor, label] = unitOf(value, unit);
   return `${digits(value / factor, count)} ${label}`;

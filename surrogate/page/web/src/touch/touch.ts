@@ -184,7 +184,7 @@ export class Touch {
       : new Float64Array(content.nodes * content.d);
   }
 
-  /** What acts beside the sphere, and where it is. */
+  /** What acts beside the sphere. */
   private beside(): string {
     const { loads, stiffness } = this.state;
     const acting = [...loads.all, loads.body].map(({ node, force }) => [node, force]);
