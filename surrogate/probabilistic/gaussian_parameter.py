@@ -9,7 +9,9 @@ with trainable μ and ρ, constant σ_p, and μ_p trainable (empirical Bayes) or
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import torch
 from torch import Tensor, nn
@@ -82,8 +84,12 @@ class GaussianParameter(nn.Module):
     def draw(self, generators: Sequence[torch.Generator]) -> Tensor:
         """Draw independent weights, one sample for each generator of the CPU, (passes, …)."""
         noise = torch.empty(len(generators), *self.mean.shape)
-        for sample, generator in zip(noise, generators, strict=True):
+
+        def fill(sample: Tensor, generator: torch.Generator) -> None:
             sample.normal_(generator=generator)
+
+        with ThreadPoolExecutor() as threads:  # numbers of one generator come from one thread
+            deque(threads.map(fill, noise, generators), maxlen=0)
         return noise.to(self.mean).mul_(self.std).add_(self.mean)
 
 

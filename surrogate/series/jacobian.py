@@ -19,6 +19,7 @@ derivatives are products with one matrix, whatever c is.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from functools import cache
 from itertools import combinations_with_replacement, permutations
 
@@ -56,6 +57,12 @@ class JacobianPolynomial:
         forms, curvatures = monomial_forms(self.order, self.degree)
         self.forms = torch.from_numpy(forms).to(h.device)
         self.curvatures = torch.from_numpy(curvatures).to(h.device)
+
+    def some(self, rows: Tensor) -> JacobianPolynomial:
+        """Return the polynomials of some rows of a batch."""
+        part = copy(self)
+        part.coefficients = self.coefficients[rows]
+        return part
 
     def monomials(self, c: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return pₘ, and the first and second derivatives.

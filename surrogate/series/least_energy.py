@@ -35,6 +35,7 @@ and in exported files; `surrogate.series.compiled_energy` does the same for one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from math import inf
 from typing import NamedTuple
 
@@ -159,60 +160,106 @@ class EnergyOfTerms:
             energy = torch.where(inside_everywhere, energy, inf)
         return State(c, energy, gradient, hessian)
 
+    def some(self, rows: Tensor) -> EnergyOfTerms:
+        """Return Π of some loads of the batch."""
+        part = copy(self)
+        part.jacobian = self.jacobian.some(rows)
+        part.squares, part.nonlinear = self.squares[rows], self.nonlinear[rows]
+        part.works = self.works[rows]
+        return part
+
     def _hessian(self, forces: Tensor, curvatures: Tensor) -> Tensor:
         """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
         return self.squares + _sum(forces, curvatures).reshape(self.squares.shape)
 
 
+class Newton:
+    """Newton's method for the least Π of a batch of N loads.
+
+    Parameters
+    ----------
+    potential : EnergyOfTerms
+    """
+
+    def __init__(self, potential: EnergyOfTerms) -> None:
+        self.potential, rounding = potential, potential.rounding
+        self.stiffness = potential.squares.diagonal(dim1=-2, dim2=-1)
+        invisible = rounding**2 * self.stiffness[..., :1] + TINY  # beside the first term
+        self.scale = (self.stiffness + invisible) ** -0.5  # unit stiffness of every term
+        self.smallest, self.rounding = max(SMALLEST_STEP, rounding), ROUNDING * rounding
+
+    def start(self) -> Search:
+        """Return the step from terms that fade."""
+        state = self.potential.at(_fading(self.stiffness))
+        shift = torch.full_like(state.energy, SMALLEST_SHIFT)
+        none = torch.zeros((), dtype=torch.int64, device=shift.device)
+        return self._with_step(state, shift, none)
+
+    def advance(self, *search: Tensor) -> Search:
+        """Take a step, and return the next one."""
+        c, energy, gradient, hessian, shift, after, _, evaluations = search
+        halves = 0.5 ** torch.cumsum(torch.ones_like(c), -1)  # c_k of half the load
+        trial = self.potential.at(torch.where((energy == inf)[..., None], c * halves, after))
+        falls = trial.energy <= energy + self.rounding * abs(energy)  # ∞ ≤ ∞
+        state = _where(falls, trial, State(c, energy, gradient, hessian))
+        larger = torch.clamp(GROWTH * shift, min=SECOND_SHIFT)
+        return self._with_step(state, torch.where(falls, SMALLEST_SHIFT, larger), evaluations)
+
+    def some(self, rows: Tensor) -> Newton:
+        """Return the method for some loads of the batch."""
+        part = copy(self)
+        part.potential = self.potential.some(rows)
+        part.stiffness, part.scale = self.stiffness[rows], self.scale[rows]
+        return part
+
+    def _with_step(self, state: State, shift: Tensor, evaluations: Tensor) -> Search:
+        c, energy, gradient, hessian = state
+        scale, unit = self.scale, torch.eye(c.shape[-1], dtype=c.dtype, device=c.device)
+        scales = scale[..., :, None] * scale[..., None, :]
+        relative = solved(hessian * scales + shift[..., None, None] * unit, gradient * scale)
+        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + self.smallest / scale[..., 0]
+        is_last = (_dot(relative, relative) <= small * small) & (shift <= SMALLEST_SHIFT)
+        is_last = is_last & (energy < inf)  # the next step is of the order of the square
+        return Search(*state, shift, c - scale * relative, is_last, evaluations + 1)
+
+
 def least_energy(material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> Tensor:
-    """Return the coefficients c of the least Π, in double precision: (…, n).
+    """Return the coefficients c of the least Π, in double precision: (N, n).
+
+    A load leaves the batch after its last step, so that its result does not depend on the others.
+    In an exported file, all go on until the last one has taken its own.
 
     Parameters
     ----------
     material : NeoHookean
     volumes : Tensor, (n_points,)
         In m³ (m² in the plane).
-    gradients : sequence of n tensors, (…, d, d, n_points)
+    gradients : sequence of n tensors, (N, d, d, n_points)
         Hₖ at the points.
     """
-    potential = EnergyOfTerms(material, volumes, gradients)
-    stiffness = potential.squares.diagonal(dim1=-2, dim2=-1)
-    invisible = potential.rounding**2 * stiffness[..., :1] + TINY  # beside the first term
-    scale = (stiffness + invisible) ** -0.5  # unit stiffness of every term
-    scales = scale[..., :, None] * scale[..., None, :]
-    unit = torch.eye(len(gradients), dtype=scale.dtype, device=scale.device)
-    halves = 0.5 ** torch.cumsum(torch.ones_like(scale), -1)  # c_k of half the load
-    smallest, rounding = max(SMALLEST_STEP, potential.rounding), ROUNDING * potential.rounding
-
-    def with_step(state: State, shift: Tensor, evaluations: Tensor) -> Search:
-        c, energy, gradient, hessian = state
-        relative = solved(hessian * scales + shift[..., None, None] * unit, gradient * scale)
-        small = SMALL_STEP * abs(c[..., -1] / scale[..., -1]) + smallest / scale[..., 0]
-        is_last = (_dot(relative, relative) <= small * small) & (shift <= SMALLEST_SHIFT)
-        is_last = is_last & (energy < inf)  # the next step is of the order of the square
-        return Search(*state, shift, c - scale * relative, is_last, evaluations + 1)
-
-    def goes_on(*search: Tensor) -> Tensor:
-        *_, is_last, evaluations = search
-        return ~is_last.all() & (evaluations <= EVALUATIONS)
-
-    def advance(*search: Tensor) -> Search:
-        c, energy, gradient, hessian, shift, after, _, evaluations = search
-        trial = potential.at(torch.where((energy == inf)[..., None], c * halves, after))
-        falls = trial.energy <= energy + rounding * abs(energy)  # ∞ ≤ ∞
-        state = _where(falls, trial, State(c, energy, gradient, hessian))
-        larger = torch.clamp(GROWTH * shift, min=SECOND_SHIFT)
-        return with_step(state, torch.where(falls, SMALLEST_SHIFT, larger), evaluations)
-
-    state = potential.at(_fading(stiffness))
-    shift = torch.full_like(state.energy, SMALLEST_SHIFT)
-    search = with_step(state, shift, torch.zeros((), dtype=torch.int64, device=shift.device))
+    newton = Newton(EnergyOfTerms(material, volumes, gradients))
+    search = newton.start()
     if torch.compiler.is_compiling():  # an exported file
         in_file: Callable[..., tuple[Tensor, ...]] = while_loop
-        search = Search(*in_file(goes_on, advance, tuple(search)))
-    while not torch.compiler.is_compiling() and goes_on(*search):
-        search = advance(*search)
-    return torch.where(search.is_last.all(), search.after, search.c)
+        search = Search(*in_file(_goes_on, newton.advance, tuple(search)))
+        return torch.where(search.is_last.all(), search.after, search.c)
+    found, rows = search.c.clone(), torch.arange(len(search.c), device=search.c.device)
+    for _ in range(EVALUATIONS):
+        left = torch.nonzero(~search.is_last)[:, 0]
+        if len(left) < len(rows):
+            found[rows[search.is_last]] = search.after[search.is_last]
+            rows, newton = rows[left], newton.some(left)
+            search = Search(*(each[left] for each in search[:-1]), search.evaluations)
+        if len(left) == 0:
+            return found
+        search = newton.advance(*search)
+    found[rows] = torch.where(search.is_last[:, None], search.after, search.c)
+    return found
+
+
+def _goes_on(*search: Tensor) -> Tensor:
+    *_, is_last, evaluations = search
+    return ~is_last.all() & (evaluations <= EVALUATIONS)
 
 
 def solved(matrix: Tensor, right: Tensor) -> Tensor:
