@@ -39,13 +39,13 @@ def captured(work: Callable[[], object], device: torch.device) -> Callable[[], o
 class Replayed:
     """A function of tensors on a GPU, as one graph for every shape of theirs.
 
-    On a CPU, and inside of another capture, it is the function itself.
+    On a CPU, inside of another capture, and where gradients are needed, it is the function itself.
 
     Parameters
     ----------
     function : callable
         Tensors to a tuple of tensors; all else that it reads stays at its place. It does not wait
-        for the device, and needs no gradients.
+        for the device.
     most : int
         Number of graphs that are kept.
     """
@@ -57,7 +57,8 @@ class Replayed:
 
     def __call__(self, *given: Tensor) -> tuple[Tensor, ...]:
         """Evaluate."""
-        if given[0].device.type != "cuda" or torch.cuda.is_current_stream_capturing():
+        is_itself = given[0].device.type != "cuda" or torch.cuda.is_current_stream_capturing()
+        if is_itself or any(each.requires_grad for each in given):
             return self._function(*given)
         shapes = tuple(each.shape for each in given)
         with self._lock, torch.inference_mode(False), torch.no_grad():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
-from typing import Literal
+from typing import Literal, Protocol
 
 import torch
 from torch import nn
@@ -80,26 +80,53 @@ def convolutions(precision: Precision) -> Iterator[None]:
     in the same context. Nothing changes on a CPU. The setting is that of all threads; the first
     one to enter changes it, and the last one to leave restores it.
     """
-    with _LOCK:
-        if not _ENTERED:
-            _BEFORE[:] = [torch.backends.cudnn.allow_tf32]
-        _ENTERED.append(precision)
-        _set_precision()
-    try:
+    with _CONVOLUTIONS.at(precision):
         yield
-    finally:
-        with _LOCK:
-            _ENTERED.reverse()
-            _ENTERED.remove(precision)  # the last one of these
-            _ENTERED.reverse()
-            _set_precision()
 
 
-_LOCK = Lock()
-_ENTERED: list[Precision] = []  # by all threads, in their order
-_BEFORE = [True]
+@contextmanager
+def products_as_convolutions() -> Iterator[None]:
+    """Enter a context in which matrix products have the precision that convolutions have.
+
+    For convolutions that are written as products. All other products are in full precision.
+    """
+    rounded = torch.backends.cudnn.allow_tf32
+    with _PRODUCTS.at("tensorfloat32" if rounded else "float32"):
+        yield
 
 
-def _set_precision() -> None:
-    allowed = _ENTERED[-1] == "tensorfloat32" if _ENTERED else _BEFORE[0]
-    torch.backends.cudnn.allow_tf32 = allowed
+class _Backend(Protocol):
+    allow_tf32: bool
+
+
+class _Switch:
+    """Whether one kind of operation may use TF32, as threads want it in turn."""
+
+    def __init__(self, backend: _Backend) -> None:
+        self._backend, self._lock = backend, Lock()
+        self._entered: list[Precision] = []  # by all threads, in their order
+        self._before = True
+
+    @contextmanager
+    def at(self, precision: Precision) -> Iterator[None]:
+        """Enter a context with a precision."""
+        with self._lock:
+            if not self._entered:
+                self._before = self._backend.allow_tf32
+            self._entered.append(precision)
+            self._set()
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._entered.reverse()
+                self._entered.remove(precision)  # the last one of these
+                self._entered.reverse()
+                self._set()
+
+    def _set(self) -> None:
+        last = self._entered[-1] if self._entered else None
+        self._backend.allow_tf32 = self._before if last is None else last == "tensorfloat32"
+
+
+_CONVOLUTIONS, _PRODUCTS = _Switch(torch.backends.cudnn), _Switch(torch.backends.cuda.matmul)

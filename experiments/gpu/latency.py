@@ -1,9 +1,9 @@
 """Step: the time of a prediction, NumPy arrays in and out, for batches of 1 to 4096 loads.
 
-Networks have random weights. *Predict* is `Surrogate.averaged_passes`, where up to 16 loads are one
-CUDA graph; *graph* is the same function as a graph of its own with pinned memory on the host's
-side, in float32 and with TF32 convolutions; *compiled* is by `torch.compile`. Networks of
-variational Bayes make 300 passes with weights that are kept on the device.
+Networks have random weights. Loads are predicted by `Surrogate.averaged_passes`, up to 16 of them
+by one CUDA graph, in float32 and with TF32 convolutions; and one load by the network compiled by
+`torch.compile`. Networks of variational Bayes make 300 passes with weights that are kept on the
+device.
 """
 
 from __future__ import annotations
@@ -15,71 +15,23 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import CASES, GpuSetting, Results
-from experiments.measures.latency import Work, by_compiling
+from experiments.measures.latency import by_compiling
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
 from surrogate import Dataset, Surrogate, load
-from surrogate.cuda_graphs import captured
-from surrogate.device import Precision, convolutions
-from surrogate.inference import NodalFunction
+from surrogate.device import Precision
 from surrogate.networks import parameter_count
 from surrogate.probabilistic import PASSES, Likelihood
 
 BATCHES = (1, 4, 16, 64, 256, 1024, 4096)
 LARGEST_IN_SPACE = 256
 COMPILING = 30.0  # s that compiling one network may take
-GRAPH_PRECISIONS: tuple[Precision, ...] = ("float32", "tensorfloat32")
+PRECISIONS: tuple[Precision, ...] = ("float32", "tensorfloat32")
 
 Array = NDArray[np.float64]
-
-
-class GraphPrediction:
-    """A prediction for a fixed number of loads, as one CUDA graph.
-
-    Parameters
-    ----------
-    model : Surrogate
-    samples : int
-    passes : int, optional
-        Number of passes; None for a network that is not stochastic.
-    precision : Precision
-        Precision of the convolutions.
-    """
-
-    def __init__(
-        self, model: Surrogate, samples: int, passes: int | None, precision: Precision
-    ) -> None:
-        self.device = model.network.free.device
-        on_gpu = self.device.type == "cuda"
-        shape = (samples, *model.geometry.coordinates.shape)
-        if passes is not None:
-            model.passes.fix(0, range(passes))
-        function = NodalFunction(model.nodal_network, passes).eval()
-        self.sent = torch.zeros(shape, pin_memory=on_gpu)
-        self.received = torch.zeros(shape, pin_memory=on_gpu)
-        self.force = torch.zeros(shape, device=self.device)
-        self.result = torch.zeros(shape, device=self.device)
-
-        @torch.no_grad()
-        def work() -> None:
-            with convolutions(precision):
-                self.result.copy_(function(self.force)["displacement"])
-
-        self.replay = captured(work, self.device)
-
-    def __call__(self, forces: Array) -> Array:
-        """Predict displacements in m from forces in N, both (N, n_nodes, d)."""
-        self.sent.copy_(torch.from_numpy(forces))
-        self.force.copy_(self.sent, non_blocking=True)
-        self.replay()
-        self.received.copy_(self.result, non_blocking=True)
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
-        return self.received.numpy().astype(np.float64)
 
 
 def latency(setting: GpuSetting) -> Findings:
@@ -142,31 +94,17 @@ def compiled(setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Lik
 
 
 def ways(setting: GpuSetting, model: Surrogate, forces: Array, passes: int | None) -> Results:
-    """Times of one batch in ms, and how far the graphs' results are from the eager ones."""
+    """Times of one batch in ms by precision, and how far rounded convolutions are from others."""
     result: Results = {}
-    expected = model.averaged_passes(forces, passes or 1).mean
-    result["predict_ms"] = setting.milliseconds(lambda: model.averaged_passes(forces, passes or 1))
-    for precision in GRAPH_PRECISIONS:
-        predict = GraphPrediction(model, len(forces), passes, precision)
-        difference = np.abs(predict(forces) - expected).max() / np.abs(expected).max()
-        name = f"graph_{precision}"
-        result[f"{name}_relative_difference"] = float(difference)
-        result[f"{name}_ms"] = setting.milliseconds(partial(predict, forces))
-        replays = 2 if setting.small else 20
-        each = setting.milliseconds(repeated(setting, predict, replays), 5) / replays
-        result[f"{name}_device_ms"] = round(each, 5)
+    count, predicted = passes or 1, {}
+    for precision in PRECISIONS:
+        model.precision = precision
+        predicted[precision] = model.averaged_passes(forces, count).mean
+        work = partial(model.averaged_passes, forces, count)
+        result[f"{precision}_ms"] = setting.milliseconds(work)
+    exact, rounded = (predicted[precision] for precision in PRECISIONS)
+    result["relative_difference"] = float(np.abs(rounded - exact).max() / np.abs(exact).max())
     return result
-
-
-def repeated(setting: GpuSetting, predict: GraphPrediction, replays: int) -> Work:
-    """Make a function that replays many times and then waits: the time without the host's."""
-
-    def work() -> None:
-        for _ in range(replays):
-            predict.replay()
-        setting.wait()
-
-    return work
 
 
 def batches(setting: GpuSetting, dimension: int, passes: int | None) -> tuple[int, ...]:

@@ -79,6 +79,30 @@ def paper_recipe(numbers: Results) -> str:
     )
 
 
+def predictions(numbers: Results) -> str:
+    """Times of U-Nets, of one load and of the largest batch."""
+    rows = []
+    for r in numbers["latencies"]:
+        if "float32_ms" in r and r["batch"] in (1, 64, 4096):
+            rows.append(
+                (
+                    f"{r['case']}, {r['recipe']}",
+                    f"{r['passes']}",
+                    f"{r['batch']}",
+                    f"{r['float32_ms']:.3g} ms",
+                    f"{r['tensorfloat32_ms']:.3g} ms",
+                    f"{r['relative_difference']:.0e}",
+                )
+            )
+    head = ("network", "passes", "loads", "float32", "TF32", "difference")
+    return (
+        "Networks of random weights, arrays in and out. 300 passes are those of variational Bayes, "
+        'each with its own\nweights, which stay on the card. TF32 is `load(RUN, "cuda", '
+        'precision="tensorfloat32")`; its difference\nfrom float32 is relative to the largest '
+        "displacement.\n\n" + markdown_table(head, rows)
+    )
+
+
 def package(numbers: Results) -> str:
     """Times of the package's networks."""
     rows = [
@@ -161,6 +185,7 @@ def tests(numbers: Results) -> str:
 SECTIONS = {
     "throughput": ("Training", training),
     "paper-beam2d-det": ("The paper's recipe on the 2D beam", paper_recipe),
+    "latency": ("Predictions of U-Nets", predictions),
     "responses": ("Networks of the package", package),
     "frames": ("Organs", organs),
     "profile": ("What the limit is", limits),

@@ -20,7 +20,6 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 from torch.utils.flop_counter import FlopCounterMode
 
@@ -30,9 +29,8 @@ from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.gpu.throughput import NETWORKS, small_or_whole
 from surrogate import Dataset
-from surrogate.cuda_graphs import captured
 from surrogate.data import Samples
-from surrogate.device import Precision, convolutions, lay_out
+from surrogate.device import Precision, lay_out
 from surrogate.models import UNetModel
 from surrogate.networks import parameter_count
 from surrogate.training import Trainer
@@ -42,15 +40,12 @@ STEPS = 20
 TOP = 15  # kernels in the result
 WEIGHT_ACCESSES = 8 + 2 + 1  # Adam's; forward and backward pass; gradient written
 OUTPUT_ACCESSES = 3
-PASSES = 300
-DRAWN_LAYERS = ((128, 20, 8), (256, 10, 4), (512, 5, 2))  # channels and grid of the paper's
 
 
 def step_profile(setting: GpuSetting) -> Findings:
     """Profile steps of all networks, eager and as graphs."""
     result: Results = {
         "ceilings": measured_ceilings(setting),
-        "drawn_kernels": drawn_kernels(setting),
         "steps": [],
     }
     for name in NETWORKS:
@@ -175,39 +170,3 @@ def by_kind(recorded: profile, steps: int) -> Results:
         "counts": {kind: count / steps for kind, count in counts.items()},
         "longest_kernels_ms": {k: t / 1e3 / steps for k, t in kernels.most_common(TOP)},
     }
-
-
-def drawn_kernels(setting: GpuSetting) -> list[Results]:
-    """Time 300 passes of one layer, each with its own kernel: grouped convolution, or matrices.
-
-    As matrices, the 9 neighbours of every grid point are gathered, and every pass is one product.
-    """
-    found = []
-    passes = 3 if setting.small else PASSES
-    for channels, *grid in DRAWN_LAYERS:
-        channels = 4 if setting.small else channels
-        x = torch.randn(passes, channels, *grid, device=setting.device)
-        kernel = torch.randn(passes, channels, channels, 3, 3, device=setting.device)
-
-        def grouped(x: Tensor = x, kernel: Tensor = kernel) -> Tensor:
-            y = functional.conv2d(x.flatten(0, 1), kernel.flatten(0, 1), padding=1, groups=len(x))
-            return y.reshape(x.shape)
-
-        def matrices(x: Tensor = x, kernel: Tensor = kernel) -> Tensor:
-            return (kernel.flatten(2) @ functional.unfold(x, 3, padding=1)).reshape(x.shape)
-
-        result: Results = {"passes": passes, "channels": channels, "grid": grid}
-        difference = (grouped() - matrices()).norm() / matrices().norm()
-        result["relative_difference"] = float(difference)
-        for precision in ("float32", "tensorfloat32"):
-            with convolutions(precision):
-                result[f"grouped_{precision}_ms"] = 1e3 * graph_seconds(setting, grouped)
-        result["matrices_ms"] = 1e3 * graph_seconds(setting, matrices)
-        found.append(result)
-    return found
-
-
-def graph_seconds(setting: GpuSetting, work: Callable[[], object]) -> float:
-    """Median time of some work as a CUDA graph, in s."""
-    with torch.no_grad():
-        return median(setting, captured(work, setting.device))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from surrogate.cuda_graphs import Replayed
-from surrogate.device import convolutions
+from surrogate.device import Precision, convolutions
 from surrogate.mechanics.compliance import Compliance
 from surrogate.models.model import Model
 from surrogate.models.network_model import NetworkModel
@@ -44,12 +44,18 @@ class BatchedPrediction:
         Configuration of the run, which says what the passes' moments mean.
     points : int
         Number of grid points.
+
+    Attributes
+    ----------
+    precision : {"float32", "tensorfloat32"}
+        Of convolutions on a GPU.
     """
 
     def __init__(self, network: NodalNetwork, passes: Passes, config: Model, points: int) -> None:
         self.network, self.passes, self.config = network, passes, config
+        self.precision: Precision = "float32"
         self._values = config.values_per_point * points
-        self._replayed: tuple[tuple[int, int], Replayed] | None = None
+        self._replayed: tuple[tuple[object, ...], Replayed] | None = None
 
     def distribution(self, forces: Array, passes: int, seed: int) -> Distribution:
         """Predict means and standard deviations in m from forces in N, (N, n_nodes, d) each."""
@@ -60,7 +66,6 @@ class BatchedPrediction:
         ]
         return Distribution(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
-    @convolutions("float32")
     def mean(self, force: Tensor, passes: int, seed: int) -> Tensor:
         """Predict means in m from forces in N, (N, n_nodes, d), differentiable by the forces.
 
@@ -71,7 +76,8 @@ class BatchedPrediction:
         single, total = force.float(), torch.zeros_like(force)
         for chunk in self._chunks(passes, len(force)):
             drawn = self.passes.draw(seed, chunk).values()
-            with using(dict(zip(drawables(network), drawn, strict=True))):
+            drawn_weights = using(dict(zip(drawables(network), drawn, strict=True)))
+            with drawn_weights, convolutions(self.precision):
                 mean, _ = network(single, len(chunk))
             total = total + mean.to(total.dtype).mean(dim=0) * (len(chunk) / passes)
         return total
@@ -86,7 +92,6 @@ class BatchedPrediction:
         return [range(t, min(t + at_once, passes)) for t in range(0, passes, at_once)]
 
     @torch.inference_mode()
-    @convolutions("float32")
     def _distribution(self, forces: Array, passes: int, seed: int) -> tuple[Array, Array, Array]:
         """Return mean, epistemic and aleatoric standard deviation of one batch, from all passes."""
         force = torch.from_numpy(forces.astype(np.float32)).to(self.network.network.free.device)
@@ -103,14 +108,14 @@ class BatchedPrediction:
     def _replay(self, passes: int, seed: int) -> Replayed:
         """All passes of a seed as one CUDA graph."""
         last = self._replayed
-        if last is None or last[0] != (passes, seed):
+        if last is None or last[0] != (passes, seed, self.precision):
             every = range(passes)
             drawn = self.passes.draw(seed, every)  # stays, at its place, as long as the graph
 
             def work(force: Tensor) -> tuple[Tensor, Tensor, Tensor]:
                 return self._fields(force, self._moments(force, drawn, every))
 
-            self._replayed = last = (passes, seed), Replayed(work)
+            self._replayed = last = (passes, seed, self.precision), Replayed(work)
         return last[1]
 
     @cached_property
@@ -135,7 +140,7 @@ class BatchedPrediction:
 
     def _moments(self, force: Tensor, drawn: Drawn, passes: range) -> Moments:
         """Return the moments of some passes in double precision."""
-        with using(drawn):
+        with using(drawn), convolutions(self.precision):
             mean, std = self.network(force, len(passes))
         return Moments.of(Prediction(mean.double(), None if std is None else std.double()))
 

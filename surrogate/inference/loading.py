@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -45,7 +46,12 @@ def make_surrogate(
 
 
 @checked_arguments
-def load(run: str | Path, device: str = "cpu") -> Surrogate:
+def load(
+    run: str | Path,
+    device: str = "cpu",
+    *,
+    precision: Literal["float32", "tensorfloat32"] = "float32",
+) -> Surrogate:
     """Load a trained network; nothing is unpickled.
 
     Logs a warning if an earlier version made the run folder, so that nothing in it can be checked.
@@ -56,6 +62,9 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         Run folder, or the name of a network that comes with the package.
     device : {"cpu", "cuda", "auto"}
         Processor; "auto" takes a GPU if there is one.
+    precision : {"float32", "tensorfloat32"}
+        Of a network's convolutions on a GPU. Tensor cores, which round factors to a relative error
+        of 5e-4, do the passes of variational Bayes in less than half of the time.
 
     Raises
     ------
@@ -81,6 +90,7 @@ def load(run: str | Path, device: str = "cpu") -> Surrogate:
         folder.seal.require_intact(folder.modal_cubature)
         balance(surrogate, read_cubature(folder.modal_cubature))
     restore_columns(surrogate, folder)
+    surrogate.precision = precision
     surrogate.folder = folder.folder
     surrogate.mean_error = folder.mean_error()
     return surrogate

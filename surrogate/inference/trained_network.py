@@ -16,6 +16,7 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import SURFACE, Geometry
 from surrogate.data.load_range import PressedNodes
+from surrogate.device import Precision
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
 from surrogate.inference.given_load import checked_forces, without_pressure
@@ -98,6 +99,15 @@ class TrainedNetwork(TrainedBody):
         if self.mean_error is not None:
             parts.append(f"ē {self.description.data.units.written(self.mean_error)}")
         return f"Surrogate({', '.join(parts)})"
+
+    @property
+    def precision(self) -> Precision:
+        """Precision of the network's convolutions on a GPU."""
+        return self._batched.precision
+
+    @precision.setter
+    def precision(self, precision: Precision) -> None:
+        self._batched.precision = precision
 
     @property
     def is_probabilistic(self) -> bool:

@@ -114,8 +114,8 @@ class TrainingRange:
         return new
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
-        some = np.flatnonzero(forces.any(axis=(0, 2)))
-        at_some = forces[:, some]  # most loads act on a few nodes
+        some = np.flatnonzero(forces.any(axis=0) @ np.ones(forces.shape[2], np.bool_))
+        at_some = forces.take(some, axis=1)  # most loads act on a few nodes
         values = at_some
         if self._to_grid is not None:  # rows of all loads beside one another
             loads, nodes, d = forces.shape
@@ -139,7 +139,7 @@ class TrainingRange:
         if unusual:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             yield "number", f"number of {loaded} {unusual[0]}, {numbers} in the training data"
-        if (np.abs(at_some.sum(axis=1)) > self._largest_resultant).any():
+        if (np.abs(np.einsum("nid->nd", at_some)) > self._largest_resultant).any():
             limit = self._pm(np.array(self._loads.resultant))
             yield "resultant", f"the resultant is beyond that of the training data ({limit})"
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 MOST_REFINEMENTS = 5
 EPSILON = 2.0**-23
+ALIGNED = 32  # rows of a block on a GPU are a multiple, so that products read whole lines
 PROBES = 4  # random forces, by which errors are measured
 FEW = 4  # right-hand sides up to which launching the kernels one by one takes longest
 CPU = torch.device("cpu")
@@ -95,6 +96,8 @@ class BlockSolve(nn.Module):
         geometry = compliance.equilibrium.geometry
         self.dofs, size = band_order(geometry.coordinates, geometry.cells, geometry.held)
         k, size = compliance.stiffness(self.dofs), max(size, least)
+        if device.type == "cuda":
+            size = -(-size // ALIGNED) * ALIGNED
         order = compliance.by_component(self.dofs)
         places = np.full(compliance.size, len(order))  # that of a zero, if held
         places[order] = np.arange(len(order))

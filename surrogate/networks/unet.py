@@ -8,7 +8,8 @@ layer is a 1×1(×1) convolution without activation.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import Literal, Self
 
 import torch
@@ -268,6 +269,16 @@ def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
     assert convolution.bias is not None
     nn.init.zeros_(convolution.bias)
     return convolution
+
+
+def normalised_biases(network: nn.Module) -> Iterator[nn.Parameter]:
+    """Biases that batch normalisation takes away again, so that their gradients are zero."""
+    for block in network.modules():
+        if isinstance(block, DoubleConvolution):
+            for layer, following in pairwise(block):
+                is_normalised = isinstance(following, nn.BatchNorm2d | nn.BatchNorm3d)
+                if is_normalised and isinstance(layer.bias, nn.Parameter):
+                    yield layer.bias
 
 
 def parameter_count(module: nn.Module) -> int:

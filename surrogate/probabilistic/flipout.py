@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Literal
 
 import torch
@@ -19,6 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
+from surrogate.device import products_as_convolutions
 from surrogate.probabilistic.drawn import Sample, drawn_for
 from surrogate.probabilistic.gaussian_parameter import GaussianParameter
 
@@ -178,7 +180,12 @@ class FlipoutConvolution(FlipoutLayer):
         return self.convolve(x, kernel, bias, padding=1)
 
     def apply_kernels(self, x: Tensor, kernels: Tensor, biases: Tensor) -> Tensor:
-        """Convolve each chunk of the batch with its own kernel, in one grouped convolution."""
+        """Convolve each chunk of the batch with its own kernel, in one grouped convolution.
+
+        On a GPU, which takes the groups one by one, it is one batched product.
+        """
+        if x.device.type == "cuda" and not torch.compiler.is_compiling():
+            return convolved_by_products(x, kernels, biases)
         passes, (samples, inputs), grid = len(kernels), x.shape[:2], x.shape[2:]
         samples //= passes
         grouped = x.reshape(passes, samples, inputs, *grid).transpose(0, 1)
@@ -191,6 +198,44 @@ class FlipoutConvolution(FlipoutLayer):
         )
         by_pass = y.reshape(samples, passes, kernels.shape[1], *grid).transpose(0, 1)
         return by_pass.reshape(passes * samples, kernels.shape[1], *grid)
+
+    def draw(self, generators: Sequence[torch.Generator]) -> tuple[Tensor, Tensor]:
+        """Draw kernels and biases; on a GPU in the layout of `convolved_by_products`."""
+        kernels, biases = super().draw(generators)
+        if kernels.device.type == "cuda":
+            kernels = kernels.movedim((2, 1), (-2, -1)).contiguous().movedim((-2, -1), (2, 1))
+        return kernels, biases
+
+
+def convolved_by_products(x: Tensor, kernels: Tensor, biases: Tensor) -> Tensor:
+    """Convolve equal chunks of a batch with a 3×3(×3) kernel each, as products with their windows.
+
+    Parameters
+    ----------
+    x : Tensor, (K · N, inputs, nx, ny[, nz])
+    kernels : Tensor, (K, outputs, inputs, 3, 3[, 3])
+        Not copied if outputs follow each other in memory, and inputs are next to them.
+    biases : Tensor, (K, outputs)
+
+    Returns
+    -------
+    Tensor, (K · N, outputs, nx, ny[, nz])
+    """
+    (passes, outputs), grid = kernels.shape[:2], x.shape[2:]
+    padded = functional.pad(x.movedim(1, -1), (0, 0, *(1, 1) * len(grid)))
+    shifts = product(range(3), repeat=len(grid))
+    windows = torch.cat(
+        [
+            padded[(slice(None), *(slice(i, i + n) for i, n in zip(shift, grid, strict=True)))]
+            for shift in shifts
+        ],
+        dim=-1,
+    )
+    columns = windows.reshape(passes, -1, windows.shape[-1])
+    matrices = kernels.movedim((2, 1), (-2, -1)).reshape(passes, -1, outputs)
+    with products_as_convolutions():
+        y = torch.baddbmm(biases[:, None], columns, matrices)
+    return y.reshape(len(x), *grid, outputs).movedim(-1, 1)
 
 
 class FlipoutDense(FlipoutLayer):

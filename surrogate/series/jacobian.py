@@ -19,9 +19,9 @@ derivatives are products with one matrix, whatever c is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from copy import copy
 from functools import cache
 from itertools import combinations_with_replacement, permutations
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -37,32 +37,31 @@ from surrogate.series.cofactors import (
 )
 
 
-class JacobianPolynomial:
+class JacobianPolynomial(NamedTuple):
     """J at points, and its derivatives with respect to c.
-
-    Parameters
-    ----------
-    h : Tensor, (…, n, d, d, n_points)
-        Hₖ.
 
     Attributes
     ----------
     coefficients : Tensor, (…, n_monomials, n_points)
         Jₘ.
+    forms, curvatures : Tensor
+        Of `monomial_forms`.
     """
 
-    def __init__(self, h: Tensor) -> None:
-        self.degree, self.order = h.shape[-2], h.shape[-4]
-        self.coefficients = torch.cat(list(_coefficients(h)), -2)
-        forms, curvatures = monomial_forms(self.order, self.degree)
-        self.forms = torch.from_numpy(forms).to(h.device)
-        self.curvatures = torch.from_numpy(curvatures).to(h.device)
+    coefficients: Tensor
+    forms: Tensor
+    curvatures: Tensor
+
+    @classmethod
+    def of(cls, h: Tensor) -> JacobianPolynomial:
+        """Return that of the gradients Hₖ, (…, n, d, d, n_points)."""
+        forms = monomial_forms(h.shape[-4], h.shape[-2])
+        on_device = [torch.from_numpy(each).to(h.device) for each in forms]
+        return cls(torch.cat(list(_coefficients(h)), -2), *on_device)
 
     def some(self, rows: Tensor) -> JacobianPolynomial:
         """Return the polynomials of some rows of a batch."""
-        part = copy(self)
-        part.coefficients = self.coefficients[rows]
-        return part
+        return self._replace(coefficients=self.coefficients[rows])
 
     def monomials(self, c: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return pₘ, and the first and second derivatives.
@@ -78,13 +77,13 @@ class JacobianPolynomial:
         slopes : Tensor, (…, n, n_monomials)
         curvatures : Tensor, (…, n_monomials, n²), or (n_monomials, n²) in the plane
         """
-        d, size = self.degree, self.order + 1
-        samples, count = c.shape[:-1], self.coefficients.shape[-2]
+        samples, order, count = c.shape[:-1], c.shape[-1], self.coefficients.shape[-2]
+        d, size = 2 if len(self.curvatures) == count else 3, order + 1
         column = torch.cat((torch.ones_like(c[..., :1]), c), -1)[..., None]
         forms, curvatures = self.forms, self.curvatures
         if d == 3:
             forms = (forms @ column).reshape(*samples, count * size, size)
-            curvatures = (curvatures @ column).reshape(*samples, count, self.order**2)
+            curvatures = (curvatures @ column).reshape(*samples, count, order**2)
         slopes = (forms @ column).reshape(*samples, count, size)
         values = (slopes @ column)[..., 0]
         return values, d * slopes[..., 1:].mT, curvatures

@@ -35,7 +35,6 @@ and in exported files; `surrogate.series.compiled_energy` does the same for one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from math import inf
 from typing import NamedTuple
 
@@ -44,12 +43,14 @@ from torch import Tensor
 from torch._higher_order_ops.while_loop import while_loop  # not public yet
 
 from shared_schema.material import NeoHookean
+from surrogate.cuda_graphs import Replayed
 from surrogate.series.jacobian import JacobianPolynomial
 from surrogate.series.stress_series import Factors
 
 EVALUATIONS = 30  # of Π, at most
 SMALLEST_SHIFT, SECOND_SHIFT, GROWTH = 1e-9, 1e-3, 10.0  # relative to the stiffness of every term
 SMALLEST_J = 1e-6
+GRAPHS = 16  # that are kept, of batches on a GPU
 ROUNDING = 2.0**12  # of Π, relative, in units of the rounding of a number
 SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 TINY = 1e-60  # no division by zero; energies are those of volumes of about 1
@@ -98,41 +99,65 @@ class Search(NamedTuple):
     is_last: Tensor
     evaluations: Tensor
 
+    def some(self, rows: Tensor) -> Search:
+        """Return that of some loads of the batch."""
+        parts = {name: each[rows] for name, each in self._asdict().items() if each.ndim}
+        return self._replace(**parts)
 
-class EnergyOfTerms:
+
+class EnergyOfTerms(NamedTuple):
     """Π(c) in J, and its derivatives.
-
-    Parameters
-    ----------
-    material : NeoHookean
-    volumes : Tensor, (n_points,)
-        Of the quadrature points in m³ (m² in the plane).
-    gradients : sequence of n tensors, (…, d, d, n_points)
-        Hₖ.
 
     Attributes
     ----------
-    rounding : float
-        Relative rounding of a number in the precision of `gradients`.
+    jacobian : JacobianPolynomial
+    square, excess : Tensor, (n_points,)
+        Factors g and d of the volumetric term, times the volumes of the points.
+    squares, nonlinear : Tensor, (…, n, n), (…, n_monomials)
+        μ Mₖₗ, and the coefficients of μ N(c), in J.
     works : Tensor, (…, n)
         aₖ in J.
     """
 
-    def __init__(self, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> None:
-        self.mu, growth, decay = Factors.of(material)
-        self.square, self.excess = growth * volumes, decay * volumes
+    jacobian: JacobianPolynomial
+    square: Tensor
+    excess: Tensor
+    squares: Tensor
+    nonlinear: Tensor
+    works: Tensor
+
+    @classmethod
+    def of(
+        cls, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]
+    ) -> EnergyOfTerms:
+        """Return Π of terms.
+
+        Parameters
+        ----------
+        material : NeoHookean
+        volumes : Tensor, (n_points,)
+            Of the quadrature points in m³ (m² in the plane).
+        gradients : sequence of n tensors, (…, d, d, n_points)
+            Hₖ.
+        """
+        mu, growth, decay = Factors.of(material)
         h = torch.stack(list(gradients), -4)  # (…, n, d, d, n_points)
-        self.rounding = torch.finfo(h.dtype).eps
-        self.jacobian = JacobianPolynomial(h)
+        jacobian = JacobianPolynomial.of(h)
         flat, n = h.flatten(-3), len(gradients)
-        self.squares = self.mu * ((h * volumes).flatten(-3) @ flat.mT).double()
-        integrals = self.mu * (self.jacobian.coefficients @ volumes).double()
-        self.nonlinear = torch.cat((0 * integrals[..., :n], integrals[..., n:]), -1)
-        traces = self.jacobian.coefficients[..., :n, :]
+        squares = mu * ((h * volumes).flatten(-3) @ flat.mT).double()
+        integrals = mu * (jacobian.coefficients @ volumes).double()
+        nonlinear = torch.cat((0 * integrals[..., :n], integrals[..., n:]), -1)
+        traces = jacobian.coefficients[..., :n, :]
         squared = (traces @ (traces[..., 0, :] * volumes)[..., None])[..., 0].double()
-        mixed = self.nonlinear[..., n : 2 * n]  # of c₁ cₖ
+        mixed = nonlinear[..., n : 2 * n]  # of c₁ cₖ
         products = torch.cat((2 * mixed[..., :1], mixed[..., 1:]), -1)
-        self.works = self.squares[..., 0, :] - products + (material.lame_lambda + self.mu) * squared
+        works = squares[..., 0, :] - products + (material.lame_lambda + mu) * squared
+        return cls(jacobian, growth * volumes, decay * volumes, squares, nonlinear, works)
+
+    @property
+    def rounding(self) -> float:
+        """Relative rounding of a number in the precision of the gradients."""
+        return torch.finfo(self.square.dtype).eps
 
     def at(self, c: Tensor) -> State:
         """Evaluate Π; it is +∞ where J is not positive at a point, without derivatives there."""
@@ -162,11 +187,8 @@ class EnergyOfTerms:
 
     def some(self, rows: Tensor) -> EnergyOfTerms:
         """Return Π of some loads of the batch."""
-        part = copy(self)
-        part.jacobian = self.jacobian.some(rows)
-        part.squares, part.nonlinear = self.squares[rows], self.nonlinear[rows]
-        part.works = self.works[rows]
-        return part
+        parts = (each[rows] for each in (self.squares, self.nonlinear, self.works))
+        return EnergyOfTerms(self.jacobian.some(rows), self.square, self.excess, *parts)
 
     def _hessian(self, forces: Tensor, curvatures: Tensor) -> Tensor:
         """Hessian of what is linear in J or quadratic in c, of ∂Π/∂pₘ: (…, n, n)."""
@@ -205,13 +227,6 @@ class Newton:
         larger = torch.clamp(GROWTH * shift, min=SECOND_SHIFT)
         return self._with_step(state, torch.where(falls, SMALLEST_SHIFT, larger), evaluations)
 
-    def some(self, rows: Tensor) -> Newton:
-        """Return the method for some loads of the batch."""
-        part = copy(self)
-        part.potential = self.potential.some(rows)
-        part.stiffness, part.scale = self.stiffness[rows], self.scale[rows]
-        return part
-
     def _with_step(self, state: State, shift: Tensor, evaluations: Tensor) -> Search:
         c, energy, gradient, hessian = state
         scale, unit = self.scale, torch.eye(c.shape[-1], dtype=c.dtype, device=c.device)
@@ -223,38 +238,68 @@ class Newton:
         return Search(*state, shift, c - scale * relative, is_last, evaluations + 1)
 
 
-def least_energy(material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]) -> Tensor:
-    """Return the coefficients c of the least Π, in double precision: (N, n).
+class LeastEnergy:
+    """The search for the least Π of batches of loads on one body.
 
-    A load leaves the batch after its last step, so that its result does not depend on the others.
-    In an exported file, all go on until the last one has taken its own.
-
-    Parameters
-    ----------
-    material : NeoHookean
-    volumes : Tensor, (n_points,)
-        In m³ (m² in the plane).
-    gradients : sequence of n tensors, (N, d, d, n_points)
-        Hₖ at the points.
+    A step of the search has a hundred operations on small tensors. On a GPU they are one CUDA
+    graph, for batches whose sizes are powers of two; some loads then fill several rows.
     """
-    newton = Newton(EnergyOfTerms(material, volumes, gradients))
-    search = newton.start()
-    if torch.compiler.is_compiling():  # an exported file
-        in_file: Callable[..., tuple[Tensor, ...]] = while_loop
-        search = Search(*in_file(_goes_on, newton.advance, tuple(search)))
-        return torch.where(search.is_last.all(), search.after, search.c)
-    found, rows = search.c.clone(), torch.arange(len(search.c), device=search.c.device)
-    for _ in range(EVALUATIONS):
-        left = torch.nonzero(~search.is_last)[:, 0]
-        if len(left) < len(rows):
-            found[rows[search.is_last]] = search.after[search.is_last]
-            rows, newton = rows[left], newton.some(left)
-            search = Search(*(each[left] for each in search[:-1]), search.evaluations)
-        if len(left) == 0:
-            return found
-        search = newton.advance(*search)
-    found[rows] = torch.where(search.is_last[:, None], search.after, search.c)
-    return found
+
+    def __init__(self) -> None:
+        self._advanced = Replayed(_advanced, most=GRAPHS)
+
+    def __call__(
+        self, material: NeoHookean, volumes: Tensor, gradients: Sequence[Tensor]
+    ) -> Tensor:
+        """Return the coefficients c of the least Π, in double precision: (N, n).
+
+        Loads leave the batch after their last step. In an exported file, all go on until the last
+        one has taken its own.
+
+        Parameters
+        ----------
+        material : NeoHookean
+        volumes : Tensor, (n_points,)
+            In m³ (m² in the plane).
+        gradients : sequence of n tensors, (N, d, d, n_points)
+            Hₖ at the points.
+        """
+        potential = EnergyOfTerms.of(material, volumes, gradients)
+        search = Newton(potential).start()
+        if torch.compiler.is_compiling():  # an exported file
+            in_file: Callable[..., tuple[Tensor, ...]] = while_loop
+            search = Search(*in_file(_goes_on, Newton(potential).advance, tuple(search)))
+            return torch.where(search.is_last.all(), search.after, search.c)
+        found, on_gpu = search.c.clone(), search.c.device.type == "cuda"
+        rows, left = torch.arange(len(found), device=found.device), search.shift > 0
+        for _ in range(EVALUATIONS):
+            last = torch.nonzero(left & search.is_last)[:, 0]
+            found[rows[last]] = search.after[last]
+            left = left & ~search.is_last
+            places = torch.nonzero(left)[:, 0]
+            if len(places) == 0:
+                return found
+            size = power_of_two(len(places)) if on_gpu else len(places)
+            if size != len(rows):
+                left = torch.arange(size, device=rows.device) < len(places)
+                places = torch.cat((places, places[:1].expand(size - len(places))))
+                rows, search, potential = rows[places], search.some(places), potential.some(places)
+            search = Search(*self._advanced(*search, *potential.jacobian, *potential[1:]))
+        found[rows[left]] = torch.where(search.is_last[:, None], search.after, search.c)[left]
+        return found
+
+
+def power_of_two(count: int) -> int:
+    """Return the least power of two that is no less than a count."""
+    return 1 << max(count - 1, 0).bit_length()
+
+
+def _advanced(*given: Tensor) -> Search:
+    """Take a step; a function of tensors alone."""
+    count = len(Search._fields)
+    search, (coefficients, forms, curvatures, *others) = given[:count], given[count:]
+    jacobian = JacobianPolynomial(coefficients, forms, curvatures)
+    return Newton(EnergyOfTerms(jacobian, *others)).advance(*search)
 
 
 def _goes_on(*search: Tensor) -> Tensor:
@@ -317,5 +362,9 @@ def _where(condition: Tensor, some: State, others: State) -> State:
 
 
 def _is_known(condition: Tensor) -> bool:
-    """Whether a condition holds; exported files know no conditions and do all iterations."""
-    return not torch.compiler.is_compiling() and bool(condition)
+    """Whether a condition holds; exported files know none, and a GPU would have to be waited for.
+
+    All is then done as if it did not.
+    """
+    is_known = not torch.compiler.is_compiling() and condition.device.type != "cuda"
+    return is_known and bool(condition)

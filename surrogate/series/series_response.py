@@ -30,13 +30,13 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.series.least_energy import least_energy
+from surrogate.series.least_energy import LeastEnergy
 from surrogate.series.stress_series import SeriesStress, higher_terms
 
 if TYPE_CHECKING:
     from surrogate.series.compiled_series import CompiledResponse
 
-AT_ONCE = 2**19  # values of `least_energy` that are held at once: in the cache
+AT_ONCE = 2**19  # values of the search for the least energy that are held at once: in the cache
 AT_ONCE_ON_GPU = 2**26
 COMPILED = 2**15  # such values of one load, from which on compiled code takes less time
 NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
@@ -158,6 +158,7 @@ class SeriesResponse(LinearResponse):
         self.higher = CellOperators(geometry, material, *operators)
         self.order, self.compiled = order, COMPILES
         self._by_cells: CompiledResponse | None = None
+        self._least_energy = LeastEnergy()
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._values, self._is_small = values, values < COMPILED
 
@@ -211,6 +212,7 @@ class SeriesResponse(LinearResponse):
             nodal.flatten(1),
             lambda u: self.higher.gradient(u.reshape(shape)),
             lambda stress: self.balanced(stress).flatten(1),
+            self._least_energy,
         )
         return beyond.reshape(shape), last.reshape(shape)
 
@@ -241,6 +243,7 @@ def beyond_linear(
     first: Tensor,
     gradient: Callable[[Tensor], Tensor],
     balanced: Callable[[Tensor], Tensor],
+    least_energy: LeastEnergy,
 ) -> tuple[Tensor, Tensor]:
     """Return Σₖ cₖ uₖ - u₁ and the last term cₙ uₙ in m, (…, n_dofs) each, of u₁.
 
@@ -260,6 +263,8 @@ def beyond_linear(
         Displacements in m to their gradients, (…, n_dofs) → (…, d, d, n_points).
     balanced : callable
         Stresses in Pa to the displacements that balance them, (…, d, d, n_points) → (…, n_dofs).
+    least_energy : LeastEnergy
+        Search for the coefficients.
     """
     slope = gradient(first)
     largest = slope.abs().flatten(-3).amax(-1)

@@ -23,6 +23,7 @@ from surrogate.device import autocast, convolutions
 from surrogate.models.model import TrainedModel
 from surrogate.models.training_config import LikelihoodTraining
 from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.unet import normalised_biases
 from surrogate.optim.early_stopping import EarlyStopping
 from surrogate.optim.gauss_newton import EVERY, GaussNewtonStd
 from surrogate.optim.optimisers import make_optimisers, set_learning_rate
@@ -89,6 +90,8 @@ class Trainer:
             self.train_store = AlongPaths(self.train_store, paths)
         self.note = ""
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
+        for bias in normalised_biases(self.network):
+            bias.requires_grad_(False)
         self.optimisers = make_optimisers(self.network, training.optimiser, captures)
         learned = self.network.learned
         self.forward = compiled(learned) if training.compile else learned

@@ -288,7 +288,7 @@ def test_rehearsal_on_the_cpu(
     cases = [found["case"] for found in results["latency"]["latencies"]]
     assert set(cases) == {"beam2d", "lshape2d", "beam3d"}
     for found in results["latency"]["latencies"]:
-        assert found["graph_float32_relative_difference"] < 1e-5
+        assert found["relative_difference"] == 0  # on a CPU
     assert {found["network"] for found in results["throughput"]["training"]} == {
         "paper",
         "fast",
@@ -297,8 +297,6 @@ def test_rehearsal_on_the_cpu(
     for found in results["profile"]["steps"]:
         assert found["flop"] > 0
         assert found["bytes"] > 0
-    for found in results["profile"]["drawn_kernels"]:
-        assert found["relative_difference"] < 1e-5
     assert results["one-process"]["largest_relative_difference"] == 0
     for name, result in results.items():
         if name.startswith(("fast", "paper", "beam3d")):

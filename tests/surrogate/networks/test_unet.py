@@ -7,7 +7,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from surrogate.networks.unet import TRANSFORMS, Transform, UNet, UNetConfig, parameter_count
+from surrogate.networks.unet import (
+    TRANSFORMS,
+    Transform,
+    UNet,
+    UNetConfig,
+    normalised_biases,
+    parameter_count,
+)
 
 
 def count_by_formula(dimension: int, channels: list[int], batch_norm: bool) -> int:
@@ -187,3 +194,19 @@ def test_members_take_the_inputs_in_turn() -> None:
     first, second, third = (network(force) for network in networks)
     assert torch.equal(first, third)
     assert second.abs().max() < 0.1 * first.abs().max()
+
+
+def test_normalisation_takes_biases_away() -> None:
+    """Their gradients are zero but for rounding, whatever they are."""
+    torch.manual_seed(0)
+    network = UNet(2, 2, UNetConfig(levels=2, channels=4)).double().train()
+    x, biases = torch.randn(3, 2, 8, 4, dtype=torch.float64), list(normalised_biases(network))
+    before = network(x)
+    of_head, *of_biases = torch.autograd.grad(before.square().sum(), [network.head.weight, *biases])
+    assert len(biases) == 6
+    assert all(each.abs().max() < 1e-10 * of_head.abs().max() for each in of_biases)
+    with torch.no_grad():
+        for bias in biases:
+            bias.add_(torch.randn_like(bias))
+    torch.testing.assert_close(network(x), before)
+    assert not list(normalised_biases(UNet(2, 2, UNetConfig(channels=4, batch_norm=False))))

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.distributions import Normal, kl_divergence
 
+from surrogate.device import convolutions
 from surrogate.networks.unet import UNet, UNetConfig
 from surrogate.probabilistic.drawn import using
 from surrogate.probabilistic.flipout import (
@@ -24,6 +25,7 @@ from surrogate.probabilistic.flipout import (
     FlipoutConvolution,
     VariationalConfig,
     VariationalConvolutions,
+    convolved_by_products,
     flipouts,
     random_signs,
 )
@@ -258,7 +260,26 @@ def test_drawn_kernels_are_used_part_by_part(dimension: int, biases: bool) -> No
             for t in range(3)
         ]
         torch.testing.assert_close(found, torch.cat(expected), rtol=1e-5, atol=1e-5)
+        found = convolved_by_products(x, *drawn)
+        torch.testing.assert_close(found, torch.cat(expected), rtol=1e-5, atol=1e-5)
     assert torch.equal(layer.eval()(x), means)
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_drawn_kernels_on_a_gpu(dimension: int) -> None:
+    """The same as on a CPU; nearly so with rounded factors."""
+    layer, x = layer_of(dimension).eval(), input_of(dimension, 6)
+    found = []
+    for device in ("cpu", "cuda"):
+        drawn = layer.to(device).draw([torch.Generator().manual_seed(seed) for seed in (3, 4, 5)])
+        for precision in ("float32", "tensorfloat32"):
+            with torch.no_grad(), using({layer: drawn}), convolutions(precision):
+                found.append(layer(x.to(device)).cpu())
+    torch.testing.assert_close(found[2], found[0], rtol=1e-5, atol=1e-5)
+    size = found[0].abs().max()
+    assert 1e-5 * size < (found[3] - found[0]).abs().max() < 1e-2 * size
 
 
 @pytest.mark.parametrize("biases", [False, True])

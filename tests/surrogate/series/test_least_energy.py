@@ -14,7 +14,7 @@ from surrogate.series import least_energy as least_energy_module
 from surrogate.series.cofactors import cofactors, cross_product, linear_cofactors
 from surrogate.series.compiled_energy import energy_at, potential_of_terms
 from surrogate.series.compiled_energy import least_energy as compiled_least_energy
-from surrogate.series.least_energy import EnergyOfTerms, least_energy, solved
+from surrogate.series.least_energy import EnergyOfTerms, LeastEnergy, solved
 from surrogate.series.series_response import SeriesResponse
 from surrogate.series.stress_series import Factors
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -40,7 +40,7 @@ class Terms:
         return (fields * c[:, None, None]).sum(-1).transpose(1, 2).contiguous().numpy()
 
     def least(self) -> torch.Tensor:
-        c: torch.Tensor = least_energy(self.material, self.volumes, self.gradients)
+        c: torch.Tensor = LeastEnergy()(self.material, self.volumes, self.gradients)
         return c
 
 
@@ -52,7 +52,7 @@ def test_energy_is_that_of_the_body(cell_type: str, volumetric: str) -> None:
         {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
     )
     terms = Terms(box(cell_type), material)
-    potential = EnergyOfTerms(material, terms.volumes, terms.gradients)
+    potential = EnergyOfTerms.of(material, terms.volumes, terms.gradients)
     c = torch.tensor([[0.9, 1.1, 0.7], [1.0, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
     _, energy, gradient, hessian = potential.at(c)
     expected = terms.equilibrium.potential(terms.displacement(c.detach()), terms.forces)
@@ -67,7 +67,7 @@ def test_energy_is_that_of_the_body(cell_type: str, volumetric: str) -> None:
 @pytest.mark.parametrize("cell_type", ["quad", "tetra"])
 def test_coefficients_are_stationary_and_stable(cell_type: str) -> None:
     terms = Terms(box(cell_type), t=2.0)
-    potential = EnergyOfTerms(terms.material, terms.volumes, terms.gradients)
+    potential = EnergyOfTerms.of(terms.material, terms.volumes, terms.gradients)
     _, energy, gradient, hessian = potential.at(terms.least())
     scale = potential.squares.diagonal(dim1=1, dim2=2).sqrt()
     assert float((gradient / scale).norm(dim=1).max()) < 1e-5 * float(energy.abs().max().sqrt())
@@ -107,7 +107,7 @@ def test_compiled_energy_is_the_same(cell_type: str, volumetric: str) -> None:
         {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
     )
     terms = Terms(box(cell_type), material, t=2.0)
-    expected, least = EnergyOfTerms(material, terms.volumes, terms.gradients), terms.least()
+    expected, least = EnergyOfTerms.of(material, terms.volumes, terms.gradients), terms.least()
     c = torch.tensor([0.9, 1.1, 0.7], dtype=torch.float64)
     _, energy, gradient, hessian = expected.at(c.expand(2, ORDER))
     for sample in range(2):
@@ -179,7 +179,7 @@ def test_exported_files_search_as_long_as_it_takes() -> None:
     first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(loads))
     nodal = first.transpose(1, 2).contiguous()
     _, gradients = response.terms(nodal)
-    potential = EnergyOfTerms(MATERIAL, response.higher.volumes, gradients)
+    potential = EnergyOfTerms.of(MATERIAL, response.higher.volumes, gradients)
     fading = least_energy_module._fading(potential.squares.diagonal(dim1=-2, dim2=-1))
     assert bool(potential.at(fading).energy.isinf().any())
     expected, _ = response.beyond_first(nodal)
