@@ -32,6 +32,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "identification": "surrogate",
     "large-bodies": "datagen",
     "load-series": "surrogate",
+    "manufactured": "datagen",
     "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",

@@ -77,6 +77,13 @@ class ActingLoad:
                 at_rest = self._pressure.forces(np.zeros(self._shape))
                 self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
 
+    def set_at_unknowns(self, forces: Array) -> None:
+        """Replace the load (`EquilibriumProblem.set_load_at_unknowns`)."""
+        self._dofs, self._values = np.arange(len(forces)), forces
+        self.norm = float(np.sqrt(self._mesh.domain.comm.allreduce(float(forces @ forces))))
+        if self._pressure is not None:
+            self._pressure.pressures[:] = 0.0
+
     @property
     def presses(self) -> bool:
         """True if a pressure or a tool acts: forces that depend on the displacement."""

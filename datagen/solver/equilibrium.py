@@ -231,6 +231,23 @@ class EquilibriumProblem:
         """
         moves = self.supports.prescribe(displacement)
         self.load.set(nodes, forces, pressures)
+        self._begin(moves)
+
+    def set_load_at_unknowns(self, forces: NDArray[np.float64]) -> None:
+        """Replace the load by dead forces on all unknowns that this rank owns (collective).
+
+        So the points between corners of quadratic elements can have forces of their own.
+
+        Parameters
+        ----------
+        forces : array, (n_owned,)
+            In N, in the layout of `u`.
+        """
+        self.supports.prescribe(None)
+        self.load.set_at_unknowns(forces)
+        self._begin(moves=False)
+
+    def _begin(self, moves: bool) -> None:
         self._grip_norm = 0.0
         self._is_loaded = self.load.norm > 0.0 or moves or self.load.contact is not None
         if self._settings.tolerance is not None:

@@ -17,6 +17,7 @@ BENCHMARKS = {
     "hdf5": "hdf5",
     "elements": "elements",
     "large-bodies": "large-bodies",
+    "manufactured": "manufactured",
 }
 
 
