@@ -77,11 +77,11 @@ def page(results: Results) -> str:
     return f"""\
 UFL derives the body force and the tractions under which a box of 1 m takes a displacement of closed
 form: one whose volume changes, with stretches of 10 to 30 %; for ν = 0.4999 a shear, and in space a
-torsion of up to 29° as well ([the solutions](../../tests/datagen/solver/manufactured.py)). The lines
-of the mesh are curved, so that no two cells are alike. Rates are powers of the size of the cells that
-the errors of displacement and gradient fall with, both in L², from each mesh to the next finer one.
-The first column has the number of cells along an edge of the finest mesh, the last one the relative
-error of the displacement on it. There no rate is more than {worst:.2f} below theory.
+torsion of up to 29° as well ([the solutions](../../tests/datagen/solver/manufactured.py)). The
+lines of the mesh are curved, so that no two cells are alike. Rates are powers of the size of the
+cells that the errors of displacement and gradient fall with, both in L², from each mesh to the next
+finer one. The first column has the number of cells along an edge of the finest mesh, the last one
+the relative error of the displacement on it. There no rate is more than {worst:.2f} below theory.
 
 {table}
 Linear and quadratic elements lock where ν approaches 1/2; `incompressible` ones are for that.
