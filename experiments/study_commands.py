@@ -85,7 +85,7 @@ def run_all(options: argparse.Namespace) -> None:
         for line in missing_data(_scale(options, report), options.data):
             print(line)
     else:
-        _do(options, report, report.studies)
+        _do(options, report, report.studies_at(_scale(options, report)))
 
 
 def run_some(options: argparse.Namespace) -> None:

@@ -52,6 +52,10 @@ class Report:
         """Numbers of the tables and figures of a study in the paper."""
         return ", ".join(map(self.title_of, study.labels)) if self.title_of else ""
 
+    def studies_at(self, scale: Scale) -> list[Experiment[Any]]:
+        """Studies of which a scale has networks, or that need none."""
+        return [study for study in self.studies if not study.runs or scale.matching(study.runs)]
+
 
 class Discussion(Frozen):
     """Discussion of the findings, written by hand.
@@ -99,7 +103,7 @@ def write_report(
         *(
             section(report, scale, study, record, discussion.studies.get(study.name, ""))
             for study in report.studies
-            if (record := records[study.name]) is not None
+            if (record := records.get(study.name)) is not None
         ),
         appendix([record for record in records.values() if record is not None]),
     ]
@@ -108,14 +112,17 @@ def write_report(
 
 def write_current(report: Report, resources: Resources, out: Path) -> None:
     """Write the page on all studies of a report with a current record."""
-    records = {study.name: current_record(study, resources, out) for study in report.studies}
+    studies = report.studies_at(resources.scale)
+    records = {study.name: current_record(study, resources, out) for study in studies}
     write_report(report, resources.scale, records, out)
 
 
 def contents(report: Report, scale: Scale, records: Mapping[str, Record | None]) -> str:
-    """Table of all studies; of the paper's, with the counts of their verdicts."""
+    """Table of the studies; of the paper's, with the counts of their verdicts."""
     rows = []
     for study in report.studies:
+        if study.name not in records:
+            continue
         record = records[study.name]
         title = f"[{study.title}](#{anchor(study.title)})" if record else study.title
         if report.title_of is None:

@@ -13,7 +13,7 @@ SHOWN = "reduced-vb"
 
 
 def measure(resources: Resources) -> Findings:
-    """Draw a test sample of each body that moves by three quarters of what one moves at most."""
+    """Draw a test sample of each body that moves further than three quarters of them do."""
     result = Findings()
     for case, body in BODIES.items():
         run = f"{case}-{SHOWN}"
@@ -22,7 +22,7 @@ def measure(resources: Resources) -> Findings:
         dataset, predicted = resources.dataset_of(run), resources.predicted_test(run)
         test = dataset.nodal_test
         moved = np.linalg.norm(test.displacement, axis=2).max(axis=1)
-        shown = int(np.abs(moved - 0.75 * moved.max()).argmin())
+        shown = int(np.abs(moved - np.quantile(moved, 0.75)).argmin())
         figure = error_beside_uncertainty(
             dataset.geometry,
             test.force[shown],
