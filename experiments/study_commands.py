@@ -49,6 +49,13 @@ def add_to(commands: Commands) -> None:
     )
     published.add_argument("run", type=Path, metavar="RUN", help="run folder")
     published.set_defaults(command=run_published)
+    evidence = add_command(
+        commands,
+        "evidence",
+        "write docs/evidence.md: requirements, their tests, what was measured",
+        "python -m experiments evidence",
+    )
+    evidence.set_defaults(command=run_evidence)
 
 
 def _add_options(parser: Parser) -> None:
@@ -103,6 +110,14 @@ def run_published(options: argparse.Namespace) -> None:
 
     of = RunFolder(find_run(options.run)).description().run
     print(as_yaml(PAPER.published(of.case, of.likelihood)), end="")
+
+
+def run_evidence(options: argparse.Namespace) -> None:
+    """Write the page of evidence."""
+    from experiments.evidence.page import PAGE, write_page
+
+    write_page()
+    print(PAGE)
 
 
 def _scale(options: argparse.Namespace, report: Report) -> Scale:

@@ -56,7 +56,7 @@ def measure(options: argparse.Namespace) -> Results:
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = results["rows"]
+    rows, shortfall = results["rows"], results["largest_shortfall"]
     table = markdown_table(
         ("cells", "`element`", "material", "theory", "displacement", "gradient", "error"),
         (
@@ -78,7 +78,8 @@ torsion of up to 29° as well ([the solutions](../../tests/datagen/solver/manufa
 lines of the mesh are curved, so that no two cells are alike. Rates are powers of the size of the
 cells that the errors of displacement and gradient fall with, both in L², from each mesh to the next
 finer one. The first column has the number of cells along an edge of the finest mesh, the last one
-the relative error of the displacement on it. There no rate is more than {results["largest_shortfall"]:.2f} below theory.
+the relative error of the displacement on it. There no rate is more than {shortfall:.2f} below
+theory.
 
 {table}
 Linear and quadratic elements lock where ν approaches 1/2; `incompressible` ones are for that.
