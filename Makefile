@@ -25,6 +25,7 @@ DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py pyt
 	python3-meshio python3-venv python3-yaml
 NODE_PACKAGES := nodejs npm
 BROWSER_PACKAGES := chromium
+CALCULIX_PACKAGES := calculix-ccx
 DATAGEN := .venv-datagen/bin/datagen
 SURROGATE := .venv-surrogate/bin/surrogate
 WEB := surrogate/page/web
@@ -57,8 +58,8 @@ MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report page script shelve reproduce beyond organs benchmark gpu test \
-	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages docs \
-	images compose-demo test-images test-debian
+	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages \
+	calculix-packages docs images compose-demo test-images test-debian
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -120,7 +121,7 @@ test-long: ## run the long tests: studies, pages, browser, faults, clusters
 test-all: ## run all tests
 test: PART = short
 test-long: PART = long
-test-long test-all: | browser-packages
+test-long test-all: | browser-packages calculix-packages
 test test-long test-all: test-datagen test-surrogate
 
 test-datagen: .venv-datagen/.installed .venv-plaid/.installed
@@ -175,7 +176,8 @@ clean: ## remove environments, datasets and runs
 debian-packages: PACKAGES = $(DEBIAN_PACKAGES)
 node-packages: PACKAGES = $(NODE_PACKAGES)
 browser-packages: PACKAGES = $(BROWSER_PACKAGES)
-debian-packages node-packages browser-packages:
+calculix-packages: PACKAGES = $(CALCULIX_PACKAGES)
+debian-packages node-packages browser-packages calculix-packages:
 	@missing=""; \
 	for package in $(PACKAGES); do \
 		command -v $$package >/dev/null \

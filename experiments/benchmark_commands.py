@@ -33,6 +33,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "large-bodies": "datagen",
     "load-series": "surrogate",
     "manufactured": "datagen",
+    "mechanical-mnist": "datagen",
     "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",

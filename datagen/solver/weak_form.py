@@ -44,7 +44,32 @@ from datagen.dolfinx_versions import (
     pack_constants,
 )
 from datagen.solver.strain_energy import deformation_gradient, energy_density, longitudinal_modulus
-from shared_schema.material import Material
+from shared_schema.material import Material, ShippedMaterial
+
+
+@dataclass(frozen=True)
+class Moduli:
+    """Moduli of materials of one model, which differ in nothing else.
+
+    Attributes
+    ----------
+    constants : sequence of dolfinx.fem.Constant
+        Of the energy.
+    values : array, (n_materials, n_constants)
+    """
+
+    constants: Sequence[Any]
+    values: NDArray[np.float64]
+
+    def kernels_of(self, compiled: Any) -> dict[int, Kernel]:
+        """Kernels of the cells of each material: one function with other constants."""
+        found = {}
+        for part, values in enumerate(self.values):
+            for constant, value in zip(self.constants, values, strict=True):
+                constant.value = value
+            (kernel,) = kernels_of(compiled).values()
+            found[part] = Kernel(kernel.function, np.array(kernel.constants))
+        return found
 
 
 @dataclass(frozen=True)
@@ -61,6 +86,8 @@ class WeakForm:
         K(u), a matrix in N/m.
     parts : array of int, (n_cells,), or None
         Material of each of this rank's own cells, if there are several.
+    moduli : Moduli, or None
+        Moduli of several materials of one model, whose cells share the kernels.
     eliminations : mapping from int to Elimination, or None
         What eliminates dilation and pressure in the cells of each material, if they are constant
         in each cell: the forms then have both beside the unknowns of the body.
@@ -73,6 +100,7 @@ class WeakForm:
     internal: Any
     tangent: Any
     parts: NDArray[np.int64] | None = None
+    moduli: Moduli | None = None
     eliminations: Mapping[int, Elimination] | None = None
     before: NDArray[np.float64] | None = None
 
@@ -81,7 +109,7 @@ class WeakForm:
     ) -> FormLoop:
         """Loop over this rank's own cells that evaluates one of the forms."""
         return FormLoop(
-            kernels_of(compiled),
+            kernels_of(compiled) if self.moduli is None else self.moduli.kernels_of(compiled),
             unknowns.state,
             unknowns.cell_dofs,
             places,
@@ -139,6 +167,11 @@ def weak_form(
 
     if kind.dilation == "pointwise":
         f = deformation_gradient(state)
+        if own_parts is not None and of_one_model([each for _, each in several]):
+            energies = [energy_density(f, each, domain) * dx for _, each in several]
+            values = np.array([[float(c.value) for c in each.constants()] for each in energies])
+            moduli = Moduli(energies[0].constants(), values)
+            return WeakForm(*_derivatives(energies[0], state), own_parts, moduli)
         energy = energy_of(lambda m: energy_density(f, m, domain))
         return WeakForm(*_derivatives(energy, state), own_parts)
     if kind.dilation == "cell":
@@ -162,7 +195,18 @@ def weak_form(
         part: Elimination(deformed, kernel, volumes, before)
         for part, kernel in kernels_of(forms[1]).items()
     }
-    return WeakForm(*forms, own_parts, eliminations, before)
+    return WeakForm(*forms, own_parts, None, eliminations, before)
+
+
+def of_one_model(materials: Sequence[Material]) -> bool:
+    """True for shipped materials that differ in their moduli alone, numbers that are not whole."""
+    if not all(isinstance(each, ShippedMaterial) for each in materials):
+        return False
+    kinds = {
+        (type(each), *((k, v) for k, v in each if not isinstance(v, float) and k != "group"))
+        for each in materials
+    }
+    return len(kinds) == 1
 
 
 def kernels_of(compiled: Any) -> dict[int, Kernel]:

@@ -14,8 +14,9 @@ from scipy.optimize import brentq
 
 from datagen.cases.body import make_body
 from datagen.cases.case import read_case
+from datagen.discretisation.element import Element
 from datagen.mesh.box import Box
-from datagen.mesh.distributed_mesh import make_mesh
+from datagen.mesh.distributed_mesh import distributed, make_mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
@@ -206,6 +207,29 @@ def test_two_materials_in_series(tmp_path: Path) -> None:
     nodes, forces = body.loads.recorded(load, body.problem.reactions())
     assert set(nodes) == set(np.flatnonzero(end))
     assert forces.sum(axis=0) == pytest.approx([0.5 * p, 0.0], rel=1e-8)
+
+
+@pytest.mark.parametrize("element", ["linear", "quadratic"])
+@pytest.mark.parametrize("kind", [NeoHookean, StVenantKirchhoff])
+def test_materials_of_one_model_share_kernels(element: Element, kind: type[Any]) -> None:
+    """Energy, forces and tangent are those of a kernel for every material; a part has no cell."""
+    moduli = (100.0, 900.0, 5000.0)
+    shared = [kind(young_modulus=e, poisson_ratio=0.1 * i) for i, e in enumerate(moduli)]
+    another = MooneyRivlin(c10=1.0, c01=1.0, bulk_modulus=1.0)
+    raw = Box(lower=(0.0, 0.0), upper=(3.0, 1.0), elements=(3, 2)).raw_mesh()
+    parts = np.array([0, 1, 1, 0, 0, 1])
+    found = []
+    for materials in (shared, [*shared, another]):  # one model, and two
+        mesh = distributed(raw, MPI.COMM_SELF)
+        clamped = np.isclose(mesh.coordinates[:, 0], 0.0)
+        of = mesh, materials, clamped, SolverSettings(), element, parts
+        problem = EquilibriumProblem(*of)
+        assert (problem.forms.moduli is None) == (len(materials) == 4)
+        problem.set_displacement(0.1 * np.sin(mesh.coordinates))
+        forces = problem.out_of_balance().array_r.copy()
+        found.append((problem.energy(), forces, problem.tangent()[:, :]))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,83 @@
+"""A block of rubber, held against CalculiX (Debian's calculix-ccx), if that is installed."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.raw_mesh import RawMesh
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.settings import SolverSettings
+from shared_schema.material import MooneyRivlin
+from tests.datagen.solver.cantilever import box
+
+CCX = shutil.which("ccx")
+C10, BULK = 80.0, 400.0  # Pa: W = C10 (Ī₁ − 3) + K/2 (J − 1)², which CalculiX calls NEO HOOKE
+UPPER, CELLS, FORCE = (2.0, 1.0, 1.0), (6, 3, 3), (2.0, -6.0, 4.0)  # m; N at a corner
+DIGITS = 2e-6  # of the largest displacement: CalculiX prints seven digits
+Array = NDArray[np.float64]
+
+
+def by_calculix(raw: RawMesh, clamped: NDArray[np.bool_], loaded: int, folder: Path) -> Array:
+    """Displacement of the nodes in m, (n_nodes, 3)."""
+
+    def lines(rows: NDArray[Any]) -> str:
+        numbered = enumerate(rows.tolist(), start=1)
+        return "\n".join(f"{number}, {', '.join(map(repr, row))}" for number, row in numbered)
+
+    numbers = np.arange(1, len(raw.coordinates) + 1)
+    deck = f"""*NODE, NSET=ALL
+{lines(raw.coordinates)}
+*ELEMENT, TYPE=C3D4, ELSET=BODY
+{lines(raw.cells + 1)}
+*MATERIAL, NAME=RUBBER
+*HYPERELASTIC, NEO HOOKE
+{C10}, {2 / BULK}
+*SOLID SECTION, ELSET=BODY, MATERIAL=RUBBER
+*BOUNDARY
+{chr(10).join(f"{n}, 1, 3" for n in numbers[clamped])}
+*STEP, NLGEOM, INC=200
+*STATIC
+0.25, 1.0
+*CONTROLS, PARAMETERS=FIELD
+1e-8, 1e-8
+*CLOAD
+{chr(10).join(f"{loaded + 1}, {i + 1}, {f}" for i, f in enumerate(FORCE))}
+*NODE PRINT, NSET=ALL
+U
+*END STEP
+"""
+    (folder / "block.inp").write_text(deck)
+    assert CCX is not None
+    done = subprocess.run([CCX, "block"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    last = (folder / "block.dat").read_text().split("displacements")[-1].splitlines()
+    rows = [line.split() for line in last if len(line.split()) == 4]
+    found = np.array(rows, dtype=np.float64)
+    assert len(found) == len(raw.coordinates)
+    return found[np.argsort(found[:, 0]), 1:]
+
+
+@pytest.mark.skipif(CCX is None, reason="no CalculiX (apt-get install calculix-ccx)")
+def test_block_of_rubber(tmp_path: Path) -> None:
+    raw = box(UPPER, CELLS, simplices=True)
+    clamped = np.isclose(raw.coordinates[:, 0], 0.0)
+    loaded = int(np.argmax(raw.coordinates.sum(axis=1)))
+    expected = by_calculix(raw, clamped, loaded, tmp_path)
+    mesh = distributed(raw, MPI.COMM_SELF)
+    material = MooneyRivlin(c10=C10, c01=0.0, bulk_modulus=BULK)
+    settings = SolverSettings(linear_solver="lu")
+    problem = EquilibriumProblem(mesh, material, clamped, settings)
+    assert solve_load_case(problem, np.array([loaded]), np.array([FORCE]), settings).solved
+    largest = float(np.abs(expected).max())
+    assert largest > 0.1
+    np.testing.assert_allclose(problem.displacement(), expected, rtol=0, atol=DIGITS * largest)
