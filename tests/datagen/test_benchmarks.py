@@ -18,6 +18,7 @@ BENCHMARKS = {
     "elements": "elements",
     "large-bodies": "large-bodies",
     "manufactured": "manufactured",
+    "mechanical-mnist": "mechanical-mnist",
 }
 
 
