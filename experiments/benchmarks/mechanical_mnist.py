@@ -33,8 +33,8 @@ from datagen.solver import EquilibriumProblem, SolverSettings
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
+from shared_schema import NeoHookean
 from shared_schema.common import InputError, Parser
-from shared_schema.material import NeoHookean
 from tests.datagen.solver.cantilever import box
 
 logger = logging.getLogger(__name__)
