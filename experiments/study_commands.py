@@ -92,7 +92,7 @@ def run_all(options: argparse.Namespace) -> None:
         for line in missing_data(_scale(options, report), options.data):
             print(line)
     else:
-        _do(options, report, report.studies_at(_scale(options, report)))
+        _do(options, report)
 
 
 def run_some(options: argparse.Namespace) -> None:
@@ -129,15 +129,17 @@ def _scale(options: argparse.Namespace, report: Report) -> Scale:
 def _do(
     options: argparse.Namespace,
     report: Report,
-    studies: Sequence[Experiment[Resources]],
+    studies: Sequence[Experiment[Resources]] | None = None,
     again: bool = False,
 ) -> None:
+    """Do some studies, or all that the scale has networks of."""
     from experiments.framework.report import PAGE, write_current
     from experiments.framework.resources import Resources
     from experiments.framework.runner import run
     from surrogate.device import choose_device
 
     scale = _scale(options, report)
+    studies = report.studies_at(scale) if studies is None else studies
     out = options.out or Path("docs", report.name, scale.name)
     require_writable(out)
     require_writable(options.runs, "--runs")

@@ -34,7 +34,7 @@ from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema import NeoHookean
-from shared_schema.common import InputError, Parser
+from shared_schema.common import InputError, Parser, WorkError
 from tests.datagen.solver.cantilever import box
 
 logger = logging.getLogger(__name__)
@@ -109,7 +109,7 @@ def advance(
     if result.converged:
         return
     if not halvings:
-        raise InputError(f"no equilibrium: {result.explanation}")
+        raise WorkError(f"no equilibrium: {result.explanation}")
     problem.restore(state)
     for one, other in ((begin, (begin + end) / 2), ((begin + end) / 2, end)):
         advance(problem, one, other, halvings - 1)

@@ -265,13 +265,14 @@ class LeastEnergy:
             Hₖ at the points.
         """
         potential = EnergyOfTerms.of(material, volumes, gradients)
-        search = Newton(potential).start()
+        newton = Newton(potential)
+        search = newton.start()
         if torch.compiler.is_compiling():  # an exported file
             in_file: Callable[..., tuple[Tensor, ...]] = while_loop
-            search = Search(*in_file(_goes_on, Newton(potential).advance, tuple(search)))
+            search = Search(*in_file(_goes_on, newton.advance, tuple(search)))
             return torch.where(search.is_last.all(), search.after, search.c)
         found, on_gpu = search.c.clone(), search.c.device.type == "cuda"
-        rows, left = torch.arange(len(found), device=found.device), search.shift > 0
+        rows, left = torch.arange(len(found), device=found.device), torch.ones_like(search.is_last)
         for _ in range(EVALUATIONS):
             last = torch.nonzero(left & search.is_last)[:, 0]
             found[rows[last]] = search.after[last]

@@ -21,18 +21,23 @@ TETRAHEDRA = np.array(  # of a hexahedron, around its diagonal from corner 0 to 
 )
 
 
+def cells_of(cell_type: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Cells of a box with so many nodes along each axis, cut into simplices if they are such."""
+    cells = box_cells(shape)
+    if cell_type in ("quad", "hexahedron"):
+        return cells
+    parts = TRIANGLES if cell_type == "triangle" else TETRAHEDRA
+    return cells[:, parts].reshape(-1, parts.shape[1])
+
+
 def box(cell_type: str) -> Geometry:
     """A body of 7 × 4 nodes in the plane or 5 × 3 × 3 in space."""
     shape = (7, 4) if cell_type in ("quad", "triangle") else (5, 3, 3)
     size = (2.0, 1.0, 1.0)[: len(shape)]
     coordinates = np.argwhere(np.ones(shape)) / (np.array(shape) - 1) * size
-    cells = box_cells(shape)
-    if cell_type in ("triangle", "tetra"):
-        parts = TRIANGLES if cell_type == "triangle" else TETRAHEDRA
-        cells = cells[:, parts].reshape(-1, parts.shape[1])
     return Geometry(
         coordinates=coordinates,
-        cells=cells,
+        cells=cells_of(cell_type, shape),
         cell_type=cell_type,
         clamped=coordinates[:, 0] == 0,
         loadable=coordinates[:, 0] > 0,

@@ -18,10 +18,8 @@ from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.hyperelastic import stress
-from tests.surrogate.conftest import box_cells
-from tests.surrogate.mechanics.bodies import MATERIAL, TETRAHEDRA, TRIANGLES
+from tests.surrogate.mechanics.bodies import MATERIAL, cells_of
 
-SIMPLICES = {"triangle": TRIANGLES, "tetra": TETRAHEDRA}
 MESHES = {"quad": (8, 16), "triangle": (16, 32), "hexahedron": (4, 8), "tetra": (8, 16)}
 
 
@@ -38,13 +36,9 @@ def unit_box(cell_type: str, cells: int) -> Geometry:
     shape = (cells + 1,) * d
     x = np.argwhere(np.ones(shape)) / cells
     grid = Grid.from_coordinates(x)
-    corners = box_cells(shape)
-    if cell_type in SIMPLICES:
-        parts = SIMPLICES[cell_type]
-        corners = corners[:, parts].reshape(-1, parts.shape[1])
     bump = 0.06 * np.prod(np.sin(np.pi * x), axis=1, keepdims=True)
     curved = x + bump * np.arange(1, d + 1) / d
-    return Geometry(curved, corners, cell_type, x[:, 0] == 0, x[:, 0] > 0, grid)
+    return Geometry(curved, cells_of(cell_type, shape), cell_type, x[:, 0] == 0, x[:, 0] > 0, grid)
 
 
 def errors(cell_type: str, cells: int) -> tuple[float, float]:
