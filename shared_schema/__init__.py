@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         write_manifest,
     )
     from shared_schema.material import NeoHookean
+    from shared_schema.points_in_cells import locate
     from shared_schema.shard import read_shard, write_shard
     from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
@@ -47,6 +48,7 @@ __all__ = [
     "check_dataset",
     "digest_of",
     "grid_of",
+    "locate",
     "read_load_cases",
     "read_manifest",
     "read_shard",
