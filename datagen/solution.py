@@ -17,9 +17,9 @@ from datagen.cases.body import Body, make_body
 from datagen.cases.case import CaseSource, read_case
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
+from datagen.solver.contact.tool_contact import INSIDE, ToolContact, touched
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
-from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
+MOST_FRICTION = 100.0
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -146,6 +147,48 @@ class Solution:
         return deformed_figure(self, self.displacement, self.force)
 
 
+@dataclass(frozen=True)
+class _Pushing:
+    """What is said of a tool."""
+
+    tool: str | Tool | None
+    friction: float
+    comes_from: Sequence[str | Sequence[float]] | Array
+
+    def on(self, body: Body) -> ToolContact | None:
+        """Contact of the tool with a body; None without a tool."""
+        mesh, tool = body.mesh, self.tool
+        d = mesh.coordinates.shape[1]
+        if tool is None:
+            if self.friction or len(self.comes_from):
+                raise InputError("--friction and --tool-from: expected with --tool")
+            return None
+        if not 0 <= self.friction <= MOST_FRICTION:  # true for NaN as well
+            raise InputError(
+                f"--friction {self.friction:g}: expected a number from 0 to {MOST_FRICTION:g}"
+            )
+        way = [_displacement(each, d) for each in self.comes_from]
+        form = tool if isinstance(tool, Tool) else parse_tool(tool, d)
+        surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
+        try:
+            points = np.array(way).reshape(-1, d)
+            return touched(body.problem, form, surface, self.friction, points)
+        except InputError as error:
+            raise InputError(f"--tool: {error}") from None
+
+
+def _displacement(said: str | Sequence[float] | Array, d: int) -> Array:
+    """One displacement of a tool, (d,)."""
+    try:
+        values = said.split(",") if isinstance(said, str) else said
+        found = np.array([float(value) for value in values])
+    except ValueError:
+        found = np.empty(0)
+    if found.shape != (d,) or not np.isfinite(found).all():
+        raise InputError(f"--tool-from {said}: expected {d} finite numbers, separated by commas")
+    return found
+
+
 @checked_arguments
 def solve(
     case: CaseSource,
@@ -154,6 +197,8 @@ def solve(
     forces: Sequence[Path | str] = (),
     held: Sequence[str] = (),
     tool: str | Tool | None = None,
+    friction: float = 0.0,
+    tool_from: Sequence[str | Sequence[float]] | Array = (),
     body_force: str | Sequence[float] | None = None,
     nearest: bool = False,
     start: Path | str | Array | None = None,
@@ -178,8 +223,13 @@ def solve(
         Prescribed displacements in m of nodes and groups, as ``--hold`` takes them, such as
         ``4,1:0,-0.1`` or ``tip:0,-``; ``-`` is a free component.
     tool : str or shared_schema.tools.Tool, optional
-        A rigid tool, without friction, that the nodes of the surface keep out of, such as
-        ``sphere:4,1.1:0.3`` (centre and radius in m).
+        A rigid tool that the nodes of the surface keep out of, such as ``sphere:4,1.1:0.3`` (centre
+        and radius in m).
+    friction : float
+        Coulomb's coefficient μ of friction with the tool; it needs `tool_from`.
+    tool_from : sequence of str or of d floats, or array (n, d)
+        Where the tool comes from: displacements in m from its place, such as ``-0.5,0.3``, in turn;
+        it goes from the first one over all others to its place. By default it grows into the body.
     body_force : str or sequence of d floats, optional
         A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
     nearest : bool
@@ -212,7 +262,7 @@ def solve(
     body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven)
     assert given is not None
     try:
-        return _solved(body, given, start, stresses, tool)
+        return _solved(body, given, start, stresses, _Pushing(tool, friction, tool_from))
     finally:
         body.problem.close()
 
@@ -222,17 +272,14 @@ def _solved(
     given: CommandLoads,
     start: Path | str | Array | None,
     stresses: bool,
-    tool: str | Tool | None,
+    pushing: _Pushing,
 ) -> Solution:
     """Solve the body's problem, and collect the fields."""
     problem, case, mesh = body.problem, body.case, body.mesh
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
-    if start is not None and (given.surfaces or given.moved.any() or tool is not None):
+    if start is not None and (given.surfaces or given.moved.any() or pushing.tool is not None):
         raise InputError(f"--start{said}: expected forces only, no pressure, --hold or --tool")
-    if tool is not None:
-        form = tool if isinstance(tool, Tool) else parse_tool(tool, mesh.coordinates.shape[1])
-        surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
-        problem.load.contact = touched(problem, form, surface)
+    problem.load.contact = pushing.on(body)
     if (warning := body.warning()) is not None:
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))

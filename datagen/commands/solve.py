@@ -31,6 +31,20 @@ def add_to(commands: Commands) -> None:
     add_held(parser)
     add_tool(parser)
     parser.add_argument(
+        "--friction",
+        type=float,
+        default=0.0,
+        metavar="MU",
+        help="Coulomb's coefficient of friction with the tool; it needs --tool-from",
+    )
+    parser.add_argument(
+        "--tool-from",
+        action="append",
+        default=[],
+        metavar="DX,DY[,DZ]",
+        help="where the tool comes from, in m from its place; several in turn",
+    )
+    parser.add_argument(
         "--start",
         type=Path,
         metavar="FILE.npz",
@@ -57,8 +71,9 @@ def run(options: argparse.Namespace) -> None:
     require_suffix(options.out)
     if comm.rank == 0:
         require_writable(options.out)
-    names = ("load", "forces", "held", "tool", "body_force", "nearest", "start", "stresses")
-    given = {name: getattr(options, name) for name in (*names, "volumetric", "changes", "trust")}
+    loads = ("load", "forces", "held", "tool", "friction", "tool_from", "body_force", "nearest")
+    others = ("start", "stresses", "volumetric", "changes", "trust")
+    given = {name: getattr(options, name) for name in (*loads, *others)}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:
         return

@@ -14,8 +14,8 @@ from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.loads import Load
 from datagen.ranks import on_rank_zero
+from datagen.solver.contact.tool_contact import INSIDE, touched
 from datagen.solver.load_stepping import solve_load_case
-from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError

@@ -3,7 +3,7 @@ r"""The load on a body: dead nodal forces, pressures that follow the surface, an
 .. math:: f(u) = f + f_p(u) + f_c(u)
 
 f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`, :math:`f_c` that
-of `datagen.solver.tool_contact`.
+of `datagen.solver.contact.tool_contact`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from petsc4py import PETSc
 
 from datagen.discretisation.unknowns import Unknowns
 from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.contact.tool_contact import ToolContact
 from datagen.solver.follower_pressure import FollowerPressure
 from datagen.solver.supports import Supports
-from datagen.solver.tool_contact import ToolContact
 from shared_schema.common.nodal_forces import sum_per_node
 
 Array = NDArray[np.float64]

@@ -13,6 +13,8 @@ the one at
 - If it fails a second time in a row because the iterative linear solver failed, or while a tool
   touches the body, the same step is solved again by LU, and LU is used for the rest of the load
   case. (Forces of a tool are so stiff that inexact Newton steps may not converge.)
+- With friction, which depends on the way, Δs is at most `FRICTION_STEP`, or `first_step` if that is
+  less.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 
 GROWTH, CUT = 2.0, 0.5  # factors of Δs
+FRICTION_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -92,13 +95,15 @@ def solve_load_case(
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     """
     problem.set_load(nodes, forces, pressures, displacement)
-    touched = problem.load.contact is not None
+    contact = problem.load.contact
+    touched, rubs = contact is not None, contact is not None and contact.friction is not None
+    longest = min(settings.first_step, FRICTION_STEP) if rubs else 1.0
     series = None if problem.is_linear or touched else problem.series
     if series is not None:
         series.expand()
     problem.reset()
     equilibrium = problem.state()
-    factor, step = 0.0, settings.first_step
+    factor, step = 0.0, min(settings.first_step, longest)
     steps = cutbacks = iterations = 0
     direct, fails = problem.newton.is_direct, False
     while True:
@@ -109,13 +114,15 @@ def solve_load_case(
         iterations += result.iterations
         if result.converged:
             factor, steps, fails = target, steps + 1, False
+            if contact is not None:
+                contact.settle(problem.displacement(), factor)
             if factor == 1.0:
                 break
             equilibrium = problem.state()
             if series is not None:
                 series.pass_through(factor)
             if result.iterations <= settings.wanted_iterations:
-                step *= GROWTH
+                step = min(GROWTH * step, longest)
         elif (result.linear_solve_failed or touched) and fails and not direct:
             problem.restore(equilibrium)
             direct = True

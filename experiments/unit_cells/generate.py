@@ -64,7 +64,8 @@ def meshed(holes: Array) -> RawMesh:
         factory = gmsh.model.occ
         square = factory.addRectangle(0, 0, 0, 1, 1)
         disks = [(2, factory.addDisk(x, y, 0, radius, radius)) for x, y, radius in holes]
-        factory.cut([(2, square)], disks)
+        if disks:
+            factory.cut([(2, square)], disks)
         factory.synchronize()
         for option in ("MeshSizeMin", "MeshSizeMax"):
             gmsh.option.setNumber(f"Mesh.{option}", CELL_SIZE)

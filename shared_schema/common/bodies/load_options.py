@@ -27,7 +27,7 @@ def add_tool(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tool",
         metavar=forms,
-        help="rigid tool without friction that the surface of the body keeps out of, in m; a plane "
+        help="rigid tool that the surface of the body keeps out of, in m; a plane "
         "has the normal that points out of it",
     )
 

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from datagen import solve
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
+from datagen.solver.contact.tool_contact import touched
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from datagen.solver.tool_contact import touched
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.material import NeoHookean

@@ -1,0 +1,241 @@
+r"""Contact of a body with a rigid tool, as a set of nodes that are held by forces.
+
+Every node a of the surface, at :math:`x_a = X_a + u_a`, keeps out of the tool, and bears a force
+along the normal :math:`n = ∇g` of its signed distance g (`shared_schema.tools`):
+
+.. math:: f_a = λ_a \, n(x_a), \qquad g(x_a) \ge 0, \quad λ_a \ge 0, \quad λ_a \, g(x_a) = 0.
+
+Newton's method solves this with the equilibrium, by active sets (Alart and Curnier 1991, *Comput.
+Methods Appl. Mech. Engrg.* 92; Hüeber and Wohlmuth 2005, *ibid.* 194). At an iterate a node is
+active if :math:`λ_a - c_a \, g > 0`. Its force is then :math:`λ_a - k_a \, g`, and that at the next
+iterate, which becomes λ, is linearised:
+
+.. math:: λ_a ← λ_a - k_a \, (g + n · Δu_a), \qquad
+    K ← K + k_a \, n n^T - (λ_a - k_a g) \, ∇^2 g.
+
+λ of all other nodes is 0. The numbers c and k are multiples of the stiffness of the node at rest;
+the equilibrium does not depend on them, since λ changes until g = 0. Forces of friction, if there
+are any, add to these (`datagen.solver.contact.friction`).
+
+The load factor s moves the tool along its way (`datagen.solver.contact.way`). Without a way, it
+moves the tool's surface by :math:`(1 - s) \, g_0` into the tool, with the depth :math:`g_0` in
+which the undeformed body overlaps it, so that nothing is touched at s = 0.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from datagen.solver.contact.friction import Friction, Touching
+from datagen.solver.contact.way import Way, require_free_begin
+from shared_schema.common.errors import InputError
+from shared_schema.tools import Contact, Tool, require_outside
+
+if TYPE_CHECKING:
+    from datagen.solver.equilibrium import EquilibriumProblem
+
+Array = NDArray[np.float64]
+STIFFNESS = 100.0  # k over the largest entry of the node's diagonal of K at rest
+COMPLEMENT = 0.1  # c over the same
+INSIDE = 1e-6  # of the body's size: depth of a node that is an error
+ROUNDING = 0.5 * float(np.finfo(float).eps)
+
+
+class _Iterate(NamedTuple):
+    """The nodes at an iterate, their forces of friction (n, d), and their tangents (n, d, d)."""
+
+    touching: Touching
+    friction: Array
+    tangents: Array
+
+
+class ToolContact:
+    """Contact of the surface of a body, which may be distributed over ranks.
+
+    Every rank looks at all nodes and keeps the rows of its own.
+
+    Parameters
+    ----------
+    tool : Tool
+    coordinates : array, (n_nodes, d)
+        Undeformed positions in m, the same on every rank.
+    nodes : array of int, (n,)
+        Nodes of the surface that can move.
+    diagonal : array, (n,)
+        Their stiffness at rest in N/m.
+    rows, columns : array of int, (n_nodes, d)
+        Rows of the matrix, and its columns, of every node; -1 where they are not to be changed.
+    friction : float
+        Coefficient μ.
+    way : array, (n_points, d)
+        Displacements of the tool from its place in m, where it comes from (`Way`); none without.
+
+    Attributes
+    ----------
+    multipliers : array, (n,)
+        λ in N.
+    depth : float
+        g₀ in m.
+    friction : Friction or None
+    """
+
+    def __init__(
+        self,
+        tool: Tool,
+        coordinates: Array,
+        nodes: NDArray[np.int64],
+        diagonal: Array,
+        rows: NDArray[np.int32],
+        columns: NDArray[np.int32],
+        friction: float,
+        way: Array,
+    ) -> None:
+        self.tool, self._coordinates, self.nodes = tool, coordinates, nodes
+        self._k, self._c = STIFFNESS * diagonal, COMPLEMENT * diagonal
+        self._rows, self._columns = rows, columns
+        self.multipliers = np.zeros(len(nodes))
+        self._way = Way(way)
+        overlap = -float(tool.gap(coordinates[nodes]).min())
+        self.depth = 0.0 if len(way) else max(0.0, overlap)
+        self.friction: Friction | None = None
+        if friction:
+            begin = coordinates[nodes] - self._way.at(0.0)
+            self.friction = Friction(friction, self._k, self._c, begin)
+        self._rounding = ROUNDING * max(tool.size, float(np.abs(coordinates).max()))
+        self._bears = np.zeros(len(nodes), dtype=bool)
+        self._at: _Iterate | None = None  # of the last tangent
+
+    @property
+    def round_off(self) -> float:
+        """What rounding of distances leaves of the last forces, in N: ε of lengths, times ‖k‖₂."""
+        return self._rounding * float(np.linalg.norm(self._k[self._bears]))
+
+    def penetration(self, u: Array) -> float:
+        """Largest depth of a node inside the tool, of a displacement (n_nodes, d), in m."""
+        return max(0.0, -float(self.tool.gap(self._coordinates + u).min()))
+
+    def forces(self, u: Array, factor: float = 1.0) -> Array:
+        """Forces of the tool on the nodes, (n_nodes, d) in m → same in N.
+
+        At the iterate after that of `add_tangent`, λ and τ change.
+        """
+        x = self._positions(u, factor)
+        if self._at is not None and not np.array_equal(x, self._at.touching.positions):
+            self._update(*self._at, x)
+            self._at = None
+        total = np.zeros(self._coordinates.shape)
+        at = self._touching(x, factor)
+        total[self.nodes] = at.sizes[:, None] * at.normal
+        if self.friction is not None:
+            total[self.nodes] += self.friction.forces(at)
+        self._bears = at.sizes != 0
+        return total
+
+    def _update(self, before: Touching, rubbed: Array, tangents: Array, x: Array) -> None:
+        """Let the linearised forces at the next iterate, at positions x, be λ and τ."""
+        step = x - before.positions
+        sizes = before.sizes - self._k * (step * before.normal).sum(axis=1)
+        self.multipliers = np.where(before.sizes != 0, sizes, 0.0)
+        if self.friction is not None:
+            self.friction.multipliers = rubbed - np.einsum("nij,nj->ni", tangents, step)
+
+    def add_tangent(self, matrix: PETSc.Mat, u: Array, factor: float) -> None:
+        """Add the derivative of −`forces` to a matrix (collective)."""
+        x = self._positions(u, factor)
+        at = self._touching(x, factor)
+        n, bent = at.normal, self.tool.curvature(x)
+        blocks = self._k[:, None, None] * n[:, :, None] * n[:, None, :]
+        blocks = blocks - at.sizes[:, None, None] * bent
+        rubbed, tangents = np.zeros_like(x), np.zeros_like(bent)
+        if self.friction is not None:
+            rubbed, tangents = self.friction.forces(at), self.friction.tangents(at, self._k)
+        self._at = _Iterate(at, rubbed, tangents)
+        blocks += tangents
+        for number in np.flatnonzero(at.sizes):
+            node = self.nodes[number]
+            where = self._rows[node], self._columns[node]
+            matrix.setValues(*where, blocks[number], addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.assemble()
+
+    def settle(self, u: Array, factor: float) -> None:
+        """Take a displacement, (n_nodes, d) in m, as an equilibrium from which slips count."""
+        if self.friction is not None:
+            at = self._touching(self._positions(u, factor), factor)
+            self.friction.settle(at.positions, self.friction.forces(at))
+
+    def found(self, u: Array) -> Contact:
+        """Describe the contact in an equilibrium, (n_nodes, d) in m."""
+        return Contact(self.forces(u), self.penetration(u))
+
+    def state(self) -> tuple[Array, Array | None]:
+        """Copy λ and τ."""
+        rubs = self.friction
+        return self.multipliers.copy(), None if rubs is None else rubs.multipliers.copy()
+
+    def restore(self, state: tuple[Array, Array | None]) -> None:
+        """Set λ and τ to copies."""
+        multipliers, rubbing = state
+        self.multipliers, self._at = multipliers.copy(), None
+        if self.friction is not None and rubbing is not None:
+            self.friction.multipliers = rubbing.copy()
+
+    def _positions(self, u: Array, factor: float) -> Array:
+        """Positions of the nodes of the surface in the frame of the tool, (n, d) in m."""
+        return np.asarray((self._coordinates + u)[self.nodes] - self._way.at(factor))
+
+    def _touching(self, x: Array, factor: float) -> Touching:
+        """Forces of the active nodes at positions in the frame of the tool."""
+        gap = self.tool.gap(x) + (1 - factor) * self.depth
+        estimates = self.multipliers - self._c * gap
+        sizes = np.where(estimates > 0, self.multipliers - self._k * gap, 0.0)
+        return Touching(x, self.tool.normal(x), sizes, np.maximum(estimates, 0.0))
+
+
+def touched(
+    problem: EquilibriumProblem,
+    tool: Tool,
+    surface: NDArray[np.int64],
+    friction: float = 0.0,
+    way: Array | None = None,
+) -> ToolContact:
+    """Let a tool touch the body of a problem (collective).
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+        At rest.
+    tool : Tool
+    surface : array of int, (n,)
+        Nodes of the surface.
+    friction : float
+        Coefficient μ; it needs a way.
+    way : array, (n_points, d), optional
+        Displacements of the tool from its place in m, where it comes from.
+
+    Raises
+    ------
+    InputError
+        If the tool overlaps nodes that are wholly held, has the body all inside, or its way begins
+        in the body; if there is friction, and no way.
+    """
+    coordinates, supports = problem.mesh.coordinates, problem.supports
+    require_outside(tool, coordinates, ~supports.fixed)
+    points = np.zeros((0, coordinates.shape[1])) if way is None else way
+    if len(points):
+        require_free_begin(Way(points), tool, coordinates)
+    elif friction:
+        raise InputError("friction depends on the tool's way, expected where it comes from")
+    diagonal = np.zeros(len(problem.u.x.array))
+    at_rest = problem.tangent().getDiagonal()
+    diagonal[: problem.unknowns.owned] = at_rest.array_r
+    at_rest.destroy()
+    of_corners = problem.unknowns.forces_at_corners(diagonal)
+    of_nodes = problem.numbering.gathered(problem.comm, of_corners, add=True)
+    nodes = surface[~supports.fixed[surface].all(axis=1)]
+    stiffness = np.where(supports.fixed, 0.0, of_nodes)[nodes].max(axis=1)
+    where = problem.load.rows_and_columns(supports)
+    return ToolContact(tool, coordinates, nodes, stiffness, *where, friction, points)
