@@ -188,7 +188,8 @@ def iterated(
     """
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
-    load = float(np.linalg.norm(equilibrium.at_rest(f) * equilibrium.free))
+    acting = equilibrium.at_rest(f) if equilibrium.springs is None else equilibrium.external(u, f)
+    load = float(np.linalg.norm(acting * equilibrium.free))
     r, dead = equilibrium.out_of_balance(u, f), equilibrium.pressure is None
     left, stable = 0, False  # stable is what the last tangent says of u
     for iteration in range((most or ITERATIONS) + 1):

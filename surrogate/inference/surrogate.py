@@ -160,7 +160,10 @@ class Surrogate(TrainedNetwork):
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
         dead, pressure = given.forces, following(given)
         displacement, correction, descent = network.mean, None, None
-        if correct:
+        if contact is not None and contact.correction is not None:
+            correction = contact.correction
+            displacement = correction.displacement
+        elif correct:
             correction = self._corrected(dead, pressure, network.mean)
             displacement = correction.displacement
         elif tolerance is not None or budget is not None:

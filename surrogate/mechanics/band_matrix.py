@@ -111,6 +111,11 @@ class BandLayout:
         stiffer[:, 0] += springs
         return stiffer
 
+    def with_facets(self, band: Array, facets: NDArray[np.int64], blocks: Array) -> Array:
+        """The band, which is changed, with the symmetric part of matrices of facets."""
+        self.add(band, facets, blocks)
+        return band
+
     def under_pressure(
         self, band: Array, surfaces: Sequence[tuple[NDArray[np.int64], Array]]
     ) -> tuple[BandLU | None, bool]:
@@ -129,9 +134,8 @@ class BandLayout:
         self, parts: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Place in the band of the entries of the matrices of cells or facets; -1 where held."""
-        dofs = (parts[:, :, None] * self._dimension + np.arange(self._dimension)).reshape(
-            len(parts), -1
-        )
+        d = self._dimension
+        dofs = (parts[:, :, None] * d + np.arange(d)).reshape(len(parts), parts.shape[1] * d)
         row, column = np.broadcast_arrays(
             self._place[dofs][:, :, None], self._place[dofs][:, None, :]
         )

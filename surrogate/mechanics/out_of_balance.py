@@ -21,7 +21,7 @@ Under pressures that follow the surface (`surrogate.mechanics.follower_pressure`
 
 K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
 counts as stable where the symmetric part of K is positive definite: then every small displacement
-takes work.
+takes work. Springs to a rigid tool (`surrogate.mechanics.tool_springs`) add to Π, r and K.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from surrogate.mechanics.sparse_matrix import SparseFactor
 from surrogate.mechanics.stiffness_layout import Layout, stiffness_layout
+from surrogate.mechanics.tool_springs import ToolSprings
 
 Array = NDArray[np.float64]
 Factor: TypeAlias = BandCholesky | BandLU | SparseFactor
@@ -122,11 +123,14 @@ class Equilibrium:
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
     pressure : FollowerPressure or None
         Pressures of one load case, which act on all displacements (`under`).
+    springs : ToolSprings or None
+        Springs to a tool, which push all displacements (`against`).
     units : Units
         Labels of what is computed here, for messages.
     """
 
     pressure: FollowerPressure | None = None
+    springs: ToolSprings | None = None
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells, geometry.cell_type
@@ -153,6 +157,13 @@ class Equilibrium:
         """Return equilibria of the same body, under the pressures of one load case as well."""
         body, _ = copy(self), self.undeformed  # whose factor both have
         body.pressure = pressure if pressure.pressures.any() else None
+        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
+        return body
+
+    def against(self, springs: ToolSprings) -> Equilibrium:
+        """Return equilibria of the same body with springs to a tool."""
+        body, _ = copy(self), self.undeformed
+        body.springs = springs
         body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
         return body
 
@@ -184,6 +195,8 @@ class Equilibrium:
         """Π(u) under dead forces in J, (N,); +∞ if a cell is inverted."""
         energy = self.solid.energy(torch.from_numpy(u)).numpy()
         potential: Array = energy - (u * f).sum((1, 2))
+        if self.springs is not None:
+            potential += [self.springs.potential(each) for each in u]
         potential[np.isnan(potential)] = np.inf
         return potential
 
@@ -195,8 +208,10 @@ class Equilibrium:
         return r
 
     def external(self, u: Array, f: Array) -> Array:
-        """Dead forces f, and those of pressures on the deformed body, in N: (N, n_nodes, d)."""
-        return f if self.pressure is None else f + self._pressures_of(u).forces(u)
+        """Forces f, and those of pressures and springs on the deformed body, in N."""
+        if self.pressure is not None:
+            f = f + self._pressures_of(u).forces(u)
+        return f if self.springs is None else f + [self.springs.forces(each) for each in u]
 
     def newton_step(
         self, u: Array, r: Array, first_shift: float = FIRST_SHIFT
@@ -373,7 +388,11 @@ class Equilibrium:
 
     def _tangents(self, u: Array) -> Any:
         """K(u) of every displacement, as `layout` assembles them."""
-        return self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
+        tangents = self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
+        if self.springs is None:
+            return tangents
+        pairs = zip(tangents, u, strict=True)
+        return [self.layout.with_facets(k, *self.springs.tangent(each)) for k, each in pairs]
 
     @property
     def _at_rest(self) -> Any:

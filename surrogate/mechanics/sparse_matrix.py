@@ -127,6 +127,16 @@ class SparseLayout:
         diagonal[self._places] = springs
         return csc_array(matrix + csc_array(diags(diagonal)))
 
+    def with_facets(
+        self, matrix: csc_array, facets: NDArray[np.int64], blocks: NDArray[np.float64]
+    ) -> csc_array:
+        """The matrix with the symmetric part of matrices of facets."""
+        d = self._dimension
+        if not len(facets):
+            return matrix
+        numbers = (facets[:, :, None] * d + np.arange(d)).reshape(len(facets), -1)
+        return matrix + self._sum((blocks + blocks.transpose(0, 2, 1)) / 2, numbers)
+
     def under_pressure(
         self, matrix: csc_array, surfaces: Iterable[Facets]
     ) -> tuple[SparseFactor | None, bool]:
@@ -136,7 +146,7 @@ class SparseLayout:
         for facets, blocks in surfaces:
             numbers = (facets[:, :, None] * d + np.arange(d)).reshape(len(facets), -1)
             full = full + self._sum(blocks, numbers)
-            symmetric = symmetric + self._sum((blocks + blocks.transpose(0, 2, 1)) / 2, numbers)
+            symmetric = self.with_facets(symmetric, facets, blocks)
         stable = self.factor(csc_array(symmetric)) is not None
         try:
             lu = splu(csc_array(full))

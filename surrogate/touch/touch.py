@@ -6,12 +6,15 @@ Around a prediction the body is taken for linear, :math:`u ≈ u_k + C (f - f_k)
 the forces of this linear body is the next :math:`u_k`, and tells what C lacks
 (`surrogate.touch.linear_body`); it is the last one if nodes are where the tool wants them. Where
 that does not converge, the tool enters the body in steps. Frames that follow one another begin at
-the last one, and begin again from rest if that fails.
+the last one, and begin again from rest if that fails. A body that the contact alone keeps from
+snapping has no stable displacement under the forces of the tool, and so no prediction: then
+Newton's method finds it together with the contact (`surrogate.touch.contact_newton`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,8 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
+from surrogate.certify.correction import Correction
+from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.grip import Body, Predict
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
@@ -47,11 +52,14 @@ class TouchFrame(Contact):
         Largest distance in m to the surface of the tool of a node that bears a force.
     predictions : int
         Number of predictions that it took.
+    correction : Correction or None
+        How the finite elements' equilibrium was found, if it is that (`Touch.correct`).
     """
 
     displacement: Array
     apart: float
     predictions: int
+    correction: Correction | None = None
 
 
 class Touch:
@@ -92,7 +100,8 @@ class Touch:
         self._body.forget()
         self._force: Array = np.zeros(self._at_rest.shape)
         self._acting, self._field = np.zeros(shape), np.zeros(shape)
-        self._shown_by: Predict | None = None
+        self._shown_by: object = None
+        self._holds = True
 
     @checked_arguments
     def move(
@@ -118,38 +127,80 @@ class Touch:
         WorkError
             If no forces are found.
         """
-        geometry = self._geometry
-        require_outside(tool, geometry.coordinates, geometry.free)
-        acting = np.zeros(geometry.coordinates.shape)
-        if load is not None:
-            given = CommandLoads(geometry.loaded_body)
-            given.add_forces(load)
-            acting = given.forces
-        shows = predict or self._model.predict
+        acting, shows = self._acting_with(tool, load), predict or self._model.predict
 
         def predicted(force: Array) -> Array:
             total = acting.copy()
             total[self.surface] += force
-            total[~geometry.free] = 0.0  # supports bear these
+            total[~self._geometry.free] = 0.0  # supports bear these
             return np.asarray(shows(total))
 
-        search = Search(self._body, self._at_rest, self.surface, predicted)
-        search.force, search.field = self._force, self._field
-        if predict is not self._shown_by or not np.array_equal(acting, self._acting):
-            search.predict(self._force)
+        if self._holds:
+            search = Search(self._body, self._at_rest, self.surface, predicted)
+            search.force, search.field = self._force, self._field
+            if predict is not self._shown_by or not np.array_equal(acting, self._acting):
+                search.predict(self._force)
+            try:
+                search.find(tool)
+            except WorkError:
+                pass
+            else:
+                self._shown_by = predict
+                return self._frame(tool, acting, search.field, search.force, search.predictions)
+        frame = self.correct(tool, load)
+        self._holds = self._newton.holds(frame.displacement)
+        return frame
+
+    @checked_arguments
+    def correct(self, tool: Tool, load: Array | None = None) -> TouchFrame:
+        """Find the equilibrium of the finite elements with the tool, beginning at the last frame.
+
+        Raises
+        ------
+        InputError
+            As `move`.
+        WorkError
+            If no stable equilibrium is found.
+        """
+        acting = self._acting_with(tool, load)
         try:
-            search.find(tool)
+            found, force = self._newton.find(tool, acting, self._field, self._force)
         except WorkError:
             if not self._force.any():
                 raise
             self.let_go()
-            search.predict(self._force)
-            search.find(tool)
-        self._force, self._field, self._acting = search.force, search.field, acting
-        self._shown_by = predict
-        force = np.zeros(acting.shape)
-        force[self.surface] = search.force
-        gap = tool.gap(geometry.coordinates + search.field)
+            found, force = self._newton.find(tool, acting, self._field, self._force)
+        self._shown_by = self._newton
+        return self._frame(tool, acting, found.displacement, force, 0, found)
+
+    @cached_property
+    def _newton(self) -> ContactNewton:
+        return ContactNewton(self._model.equilibrium, self.surface)
+
+    def _acting_with(self, tool: Tool, load: Array | None) -> Array:
+        """Nodal forces beside those of a tool in N, (n_nodes, d)."""
+        geometry = self._geometry
+        require_outside(tool, geometry.coordinates, geometry.free)
+        if load is None:
+            return np.zeros(geometry.coordinates.shape)
+        given = CommandLoads(geometry.loaded_body)
+        given.add_forces(load)
+        return given.forces
+
+    def _frame(
+        self,
+        tool: Tool,
+        acting: Array,
+        field: Array,
+        on_surface: Array,
+        predictions: int,
+        correction: Correction | None = None,
+    ) -> TouchFrame:
+        """Keep what is found, and describe it."""
+        self._force, self._field, self._acting = on_surface, field, acting
+        geometry, force = self._geometry, np.zeros(acting.shape)
+        force[self.surface] = on_surface
+        gap = tool.gap(geometry.coordinates + field)
         depth = max(0.0, -float(gap.min()))
         if depth > INSIDE * float(np.ptp(geometry.coordinates, axis=0).max()):
             self.let_go()
@@ -158,11 +209,12 @@ class Touch:
                 "comes from outside of the body"
             )
         return TouchFrame(
-            displacement=search.field,
+            displacement=field,
             force=force,
             penetration=depth,
             apart=float(np.abs(gap[force.any(axis=1)]).max(initial=0.0)),
-            predictions=search.predictions,
+            predictions=predictions,
+            correction=correction,
         )
 
     @checked_arguments

@@ -55,7 +55,9 @@ def pushed(
     correct: bool,
     tolerance: float | None,
 ) -> TouchFrame:
-    """Find the forces of a tool, as `gripped` does those of grips.
+    """Find the forces of a tool by predictions; then by what the solution shows, if that is more.
+
+    A corrected state is the equilibrium of the finite elements and the tool together.
 
     Raises
     ------
@@ -67,6 +69,8 @@ def pushed(
         tool = parse_tool(tool, model.geometry.dimension)
     touch = Touch(model)
     frame = touch.move(tool, given.forces)
+    if correct:
+        return touch.correct(tool, given.forces)
     shown = what_is_shown(model, correct, tolerance)
     return frame if shown is None else touch.move(tool, given.forces, predict=shown)
 

@@ -1,0 +1,121 @@
+r"""Equilibrium of a body and a rigid tool together, by Newton's method: no prediction is made.
+
+The contact is that of the factory (`datagen.solver.contact.tool_contact`). Its forces are found by
+the method of multipliers (`surrogate.mechanics.tool_springs`): with springs to the tool, the
+potential energy has a minimum, which Newton's method with a line search finds, past unstable
+equilibria (`surrogate.certify.correction`); the forces there are the next λ.
+
+So the contact holds bodies which its forces alone would not: beyond the load under which a column
+buckles, there is no stable displacement to predict from the forces, and this finds it. From a state
+that is known the tool's surface enters the body in steps, which are halved where they fail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import WorkError
+from shared_schema.tools import Tool
+from surrogate.certify.correction import Correction, iterated
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.tool_springs import ToolSprings
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
+ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
+SMALLEST = 1 / 64  # part of the tool's depth that a step applies
+START = "contact with the tool"
+
+
+class ContactNewton:
+    """A body that tools touch.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    surface : array of int, (n,)
+        Nodes of the surface that can move.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, surface: Numbers) -> None:
+        self._body, self._surface = equilibrium, surface
+        solid, size = equilibrium.solid, equilibrium.free.shape
+        cells = solid.cells.numpy()
+        diagonals = np.einsum("cii->ci", solid.stiffness_at_rest()[0].numpy())
+        total = np.zeros(size)
+        np.add.at(total, cells, diagonals.reshape(*cells.shape, size[1]))
+        largest = np.where(equilibrium.free, total, 0.0)[surface].max(axis=1)
+        self._stiffness = STIFFNESS * largest
+        self._at_rest = equilibrium.geometry.coordinates[surface]
+
+    def find(self, tool: Tool, load: Array, field: Array, force: Array) -> tuple[Correction, Array]:
+        """Find the equilibrium and the forces.
+
+        Parameters
+        ----------
+        tool : Tool
+        load : array, (n_nodes, d)
+            Nodal forces in N beside those of the tool.
+        field, force : array, (n_nodes, d) and (n, d)
+            Displacement in m to begin from, and forces of a tool on the surface in N.
+
+        Returns
+        -------
+        correction : Correction
+        force : array, (n, d)
+            Forces of the tool on the surface in N.
+
+        Raises
+        ------
+        WorkError
+            If no stable equilibrium is found.
+        """
+        body = self._body
+        f, u = body.forces_at_points(load[None]), body.at_points(field[None])
+        if body.inverted(u)[0]:
+            u, force = np.zeros_like(u), np.zeros_like(force)
+        depth = max(0.0, -float(tool.gap(self._at_rest + u[0, self._surface]).min()))
+        sizes = np.linalg.norm(force, axis=1)
+        springs = ToolSprings(tool, self._surface, self._at_rest, self._stiffness, sizes)
+        share, step, iterations = 0.0, 1.0, 0
+        while share < 1.0:
+            aim = min(1.0, share + step)
+            try:
+                found, sizes = self._balanced(replace(springs, back=(1 - aim) * depth), f, u)
+            except WorkError as error:
+                step /= 2
+                if step < SMALLEST:
+                    raise WorkError(
+                        "no equilibrium with the tool is found: it enters the body by "
+                        f"{share:.0%} of its depth ({error})"
+                    ) from None
+                continue
+            iterations += found.iterations
+            u, springs = found.displacement[None], replace(springs, multipliers=sizes)
+            share, step = aim, 2 * step
+        at_nodes = found.displacement[: body.nodes]
+        found = replace(found, displacement=at_nodes, iterations=iterations)
+        normal = tool.normal(self._at_rest + at_nodes[self._surface])
+        return found, sizes[:, None] * normal
+
+    def holds(self, field: Array) -> bool:
+        """True if the body is stable under the forces of the tool, without it, (n_nodes, d)."""
+        return self._body.response_at(self._body.at_points(field[None])[0]) is not None
+
+    def _balanced(self, springs: ToolSprings, f: Array, u: Array) -> tuple[Correction, Array]:
+        """Equilibrium in which λ are the forces of the springs, and these, (n,)."""
+        iterations, left = 0, 0
+        for _ in range(ROUNDS):
+            body = self._body.against(springs)
+            found = iterated(body, f, u, START)
+            iterations, left = iterations + found.iterations, left + found.left
+            u, sizes = found.displacement[None], springs.sizes(found.displacement)
+            change = float(np.abs(sizes - springs.multipliers).max(initial=0.0))
+            springs = replace(springs, multipliers=sizes)
+            if change <= SETTLED * float(sizes.max(initial=0.0)):
+                return replace(found, iterations=iterations, left=left), sizes
+        raise WorkError("the forces of the tool do not settle")
