@@ -160,8 +160,9 @@ class Surrogate(TrainedNetwork):
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
         dead, pressure = given.forces, following(given)
         displacement, correction, descent = network.mean, None, None
-        if contact is not None and contact.correction is not None:
-            correction = contact.correction
+        sought = contact if frame is None else frame
+        if sought is not None and sought.correction is not None:
+            correction = sought.correction
             displacement = correction.displacement
         elif correct:
             correction = self._corrected(dead, pressure, network.mean)

@@ -14,13 +14,15 @@ negative in a step,
 The stiffness of the grip at rest, :math:`B_0`, follows from the columns of :math:`K^{-1}`. Where a
 step makes the residual larger, a part of it is taken; where that does not help, B is measured by
 small changes of the forces, and the displacement is applied in steps. Frames that follow one
-another begin at the forces of the last one.
+another begin at the forces of the last one. Where no forces are found, Newton's method finds the
+body with its grips (`surrogate.touch.held_newton`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -30,8 +32,11 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments, 
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
+from surrogate.certify.correction import Correction
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.touch.held_newton import HeldNewton
 
 Array = NDArray[np.float64]
 Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
@@ -61,12 +66,15 @@ class GripFrame:
         Resultant of these forces at each place in N.
     predictions : int
         Number of predictions that it took.
+    correction : Correction or None
+        How the finite elements' equilibrium was found, if it is that (`Grip.correct`).
     """
 
     displacement: Array
     force: Array
     reactions: Array
     predictions: int
+    correction: Correction | None = None
 
 
 class Body(Protocol):
@@ -128,6 +136,7 @@ class Grip:
         self.notes = tuple(together.notes)
         self._model, self._dofs = model, np.flatnonzero(together.moved)
         self._search = ForceSearch(stiffness_at_rest(model, together.moved))
+        self._field: Array = np.zeros(together.moved.shape)
 
     @checked_arguments
     def move(
@@ -156,6 +165,56 @@ class Grip:
         WorkError
             If no forces are found.
         """
+        wanted, acting = self._given(displacements, load)
+        predict = predict or self._model.predict
+        target, held = wanted.ravel()[self._dofs], np.zeros(wanted.size)
+        last: Array = np.zeros(wanted.shape)
+
+        def displaced(forces: Array) -> Array:
+            nonlocal last
+            held[self._dofs] = forces
+            last = np.asarray(predict(acting + held.reshape(wanted.shape)))
+            return last.ravel()[self._dofs]
+
+        try:
+            self._search.find(displaced, target)  # asks for the forces that it finds last
+        except WorkError as error:
+            try:
+                return self.correct(displacements, load)
+            except WorkError:
+                raise error from None
+        self._field = last
+        return self._frame(last, held.reshape(wanted.shape), self._search.predictions)
+
+    @checked_arguments
+    def correct(self, displacements: ArrayLike, load: Array | None = None) -> GripFrame:
+        """Find the equilibrium of the finite elements, beginning at the last frame.
+
+        Raises
+        ------
+        InputError
+            As `move`.
+        WorkError
+            If no stable equilibrium is found, or elements have points between the nodes.
+        """
+        wanted, acting = self._given(displacements, load)
+        if not self.can_correct:
+            raise WorkError("grips are not corrected on elements with points between the nodes")
+        found, force = self._newton.find(wanted, acting, self._field)
+        self._field = found.displacement
+        return self._frame(found.displacement, force, 0, found)
+
+    @property
+    def can_correct(self) -> bool:
+        """True if elements have no points between the nodes."""
+        return not isinstance(self._model.equilibrium, QuadraticEquilibrium)
+
+    @cached_property
+    def _newton(self) -> HeldNewton:
+        return HeldNewton(self._model.equilibrium, np.asarray(self.components.any(axis=0)))
+
+    def _given(self, displacements: ArrayLike, load: Array | None) -> tuple[Array, Array]:
+        """Displacements of the held components in m, and the load in N, (n_nodes, d) each."""
         moved = real_numbers(displacements, "displacements")
         places, nodes, d = self.components.shape
         if moved.shape != (places, d) or not np.isfinite(moved).all():
@@ -163,25 +222,22 @@ class Grip:
                 f"displacements have shape {moved.shape}, expected {places} of {d} finite numbers "
                 "in m, one of each place"
             )
-        predict, acting = predict or self._model.predict, np.zeros((nodes, d))
+        acting = np.zeros((nodes, d))
         if load is not None:
             given = CommandLoads(self._model.geometry.loaded_body)
             given.add_forces(load)
             acting = given.forces
-        target = np.einsum("pd,pnd->nd", moved, self.components).ravel()[self._dofs]
-        held = np.zeros(nodes * d)
-        last: Array = np.zeros((nodes, d))
+        return np.einsum("pd,pnd->nd", moved, self.components), acting
 
-        def displaced(forces: Array) -> Array:
-            nonlocal last
-            held[self._dofs] = forces
-            last = np.asarray(predict(acting + held.reshape(nodes, d)))
-            return last.ravel()[self._dofs]
-
-        self._search.find(displaced, target)  # asks for the forces that it finds last
-        force = held.reshape(nodes, d)
+    def _frame(
+        self,
+        field: Array,
+        force: Array,
+        predictions: int,
+        correction: Correction | None = None,
+    ) -> GripFrame:
         reactions = np.einsum("nd,pnd->pd", force, self.components)
-        return GripFrame(last, force, reactions, self._search.predictions)
+        return GripFrame(field, force, reactions, predictions, correction)
 
 
 class ForceSearch:

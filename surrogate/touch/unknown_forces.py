@@ -42,6 +42,8 @@ def gripped(
     grip = Grip(model, held, nearest)
     given.notes += grip.notes
     frame = grip.move(grip.displacements, given.forces)
+    if correct and grip.can_correct:
+        return grip.correct(grip.displacements, given.forces)
     shown = what_is_shown(model, correct, tolerance)
     if shown is None:
         return frame
