@@ -65,7 +65,7 @@ class Approach:
             normal = np.array([edge[1], -edge[0]]) if len(edge) == 2 else np.cross(edge, other)
             self.normal = normal / np.linalg.norm(normal)
             clear = self.sphere(0.0).gap(x).min() > -1e-9 * side
-            if clear and self.sphere(self.depth).gap(x[geometry.clamped]).min() > side:
+            if clear and self.sphere(self.depth).gap(x[geometry.clamped]).min() > side / 2:
                 return
 
     def sphere(self, depth: float) -> Sphere:
