@@ -33,8 +33,10 @@ def test_derivatives(tool: Tool) -> None:
 
 
 def test_withdrawn_springs_push_less() -> None:
-    tool, x = Plane((0.0, 0.0), (0.0, 1.0)), np.array([[0.0, -0.2], [1.0, 0.3]])
-    springs = ToolSprings(tool, np.array([0, 1]), x, np.array([2.0, 2.0]), np.zeros(2))
-    np.testing.assert_allclose(springs.forces(np.zeros((2, 2))), [[0, 0.4], [0, 0]])
-    back = ToolSprings(tool, np.array([0, 1]), x, np.array([2.0, 2.0]), np.zeros(2), back=0.15)
-    np.testing.assert_allclose(back.forces(np.zeros((2, 2))), [[0, 0.1], [0, 0]], atol=1e-15)
+    tool = Plane((0.0, 0.0), (0.0, 1.0))
+    x, still = np.array([[0.0, -0.2], [1.0, 0.3]]), np.zeros((2, 2))
+    stiffness, nothing = np.array([2.0, 2.0]), np.zeros(2)
+    for back, force in ((0.0, 0.4), (0.15, 0.1)):
+        springs = ToolSprings(tool, np.array([0, 1]), x, stiffness, nothing, back)
+        expected = np.array([[0.0, force], [0.0, 0.0]])
+        np.testing.assert_allclose(springs.forces(still), expected, atol=1e-15)
