@@ -26,7 +26,8 @@ KINDS = {
     "modal-gp": "GP on modal loads",
 }
 RUNS = tuple(f"{case}-{kind}" for case in BODIES for kind in KINDS)
-BALANCED = {"liver3d_touch": 600}  # bodies whose network is balanced as well: points of the energy
+TOUCHED = {"liver3d_touch": 600}  # bodies whose surface is made ready, and whose network is
+# balanced as well: points of the energy
 LEAST_ENERGY = "least energy in its modes"
 WITH_DIRECTIONS = f"load series, directions to {TOLERANCE:g}"
 
@@ -70,11 +71,13 @@ def predictors(resources: Resources) -> Iterator[Predictor]:
     for run in resources.scale.matching(RUNS):
         case, _, kind = run.partition("-")
         surrogate = resources.surrogate(run)
+        if case in TOUCHED and kind.startswith("reduced"):
+            surrogate.prepare()
         yield Predictor(run, BODIES[case], KINDS[kind], surrogate)
         if kind == "series":
             yield Predictor(run, BODIES[case], WITH_DIRECTIONS, surrogate, TOLERANCE)
-        if kind == "reduced" and case in BALANCED:
+        if kind == "reduced" and case in TOUCHED:
             balanced = load(resources.trained(run).folder, resources.device.type)
-            points = BALANCED[case]
+            points = TOUCHED[case]
             balance(balanced, fit_balance(balanced, points, loads=points))
             yield Predictor(run, BODIES[case], f"{KINDS[kind]}, {LEAST_ENERGY}", balanced)

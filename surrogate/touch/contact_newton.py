@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.force_tolerance import RELATIVE, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Tool
 from surrogate.certify.correction import Correction, iterated
@@ -26,7 +27,8 @@ from surrogate.mechanics.tool_springs import ToolSprings
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
-ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
+ROUNDS, SETTLED = 30, 1e-6  # of λ; its last change over the largest
+TIGHTER = 1e-3  # of the residual over the forces, from one round to the next, down to 1e-9
 SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 START = "contact with the tool"
 
@@ -108,14 +110,16 @@ class ContactNewton:
 
     def _balanced(self, springs: ToolSprings, f: Array, u: Array) -> tuple[Correction, Array]:
         """Equilibrium in which λ are the forces of the springs, and these, (n,)."""
-        iterations, left = 0, 0
+        iterations, left, relative = 0, 0, 1.0
         for _ in range(ROUNDS):
-            body = self._body.against(springs)
-            found = iterated(body, f, u, START)
+            relative = max(TIGHTER * relative, RELATIVE)
+            tolerance = ForceTolerance(relative=relative)
+            found = iterated(self._body.against(springs), f, u, START, tolerance)
             iterations, left = iterations + found.iterations, left + found.left
             u, sizes = found.displacement[None], springs.sizes(found.displacement)
             change = float(np.abs(sizes - springs.multipliers).max(initial=0.0))
             springs = replace(springs, multipliers=sizes)
-            if change <= SETTLED * float(sizes.max(initial=0.0)):
+            settled = change <= SETTLED * float(sizes.max(initial=0.0))
+            if settled and relative == RELATIVE:
                 return replace(found, iterations=iterations, left=left), sizes
         raise WorkError("the forces of the tool do not settle")
