@@ -73,6 +73,20 @@ class Approach:
         return Sphere(tuple(self.place + (self.radius - depth) * self.normal), self.radius)
 
 
+def pushed(
+    touch: surrogate.Touch, approach: Approach
+) -> tuple[surrogate.TouchFrame, list[float], list[float]]:
+    """Last frame of an approach, and the seconds of frames and of reactions in between."""
+    touch.let_go()
+    frames, between = [], []
+    for share in np.linspace(0, 1, FRAMES + 1)[1:]:
+        frame, taken = timed(partial(touch.move, approach.sphere(share * approach.depth)))
+        near = approach.sphere((share + 0.2 / FRAMES) * approach.depth)
+        frames.append(taken)
+        between.append(timed(partial(touch.reaction, near))[1])
+    return frame, frames, between
+
+
 def compare(name: str, count: int, seed: int) -> Results:
     """Push one body at random places."""
     model = surrogate.load(name)
@@ -85,20 +99,12 @@ def compare(name: str, count: int, seed: int) -> Results:
     for number in range(count):
         approach = Approach(geometry, np.random.default_rng([seed, number]))
         tool = approach.sphere(approach.depth)
-        touch.let_go()
         try:
-            for again in (False, True):  # columns of the stiffness are solved for once, and kept
-                if again and frame.correction is not None:
-                    break  # no prediction, and no time of one
-                touch.let_go()
-                for share in np.linspace(0, 1, FRAMES + 1)[1:]:
-                    here = approach.sphere(share * approach.depth)
-                    frame, taken = timed(partial(touch.move, here))
-                    near = approach.sphere((share + 0.2 / FRAMES) * approach.depth)
-                    _, soon = timed(partial(touch.reaction, near))
-                    if again:
-                        frames.append(taken)
-                        between.append(soon)
+            frame, *_ = pushed(touch, approach)  # columns of the stiffness are solved for and kept
+            if frame.correction is None:  # there are predictions, whose times count
+                frame, of_frames, of_reactions = pushed(touch, approach)
+                frames += of_frames
+                between += of_reactions
         except WorkError as error:
             print(name, number, error, file=sys.stderr)
             failed += 1

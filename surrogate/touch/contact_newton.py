@@ -27,7 +27,7 @@ from surrogate.mechanics.tool_springs import ToolSprings
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
-ROUNDS, SETTLED = 30, 1e-6  # of λ; its last change over the largest
+ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
 TIGHTER = 1e-3  # of the residual over the forces, from one round to the next, down to 1e-9
 SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 START = "contact with the tool"
