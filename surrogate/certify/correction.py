@@ -188,9 +188,11 @@ def iterated(
     """
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
-    acting = equilibrium.at_rest(f) if equilibrium.springs is None else equilibrium.external(u, f)
-    load = float(np.linalg.norm(acting * equilibrium.free))
     r, dead = equilibrium.out_of_balance(u, f), equilibrium.pressure is None
+    load = float(np.linalg.norm(equilibrium.at_rest(f) * equilibrium.free))
+    if equilibrium.springs is not None:  # whose forces are not known before
+        pushed = equilibrium.springs.forces(u[0])
+        load = max(load, float(np.linalg.norm(pushed)), float(np.linalg.norm(r)))
     left, stable = 0, False  # stable is what the last tangent says of u
     for iteration in range((most or ITERATIONS) + 1):
         norm, size = float(np.linalg.norm(r)), float(np.linalg.norm(u))

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
 ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
-TIGHTER = 1e-3  # of the residual over the forces, from one round to the next, down to 1e-9
+FIRST, TIGHTER = 1e-6, 1e-2  # residual over the forces in the first round, and how it gets less
 SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 START = "contact with the tool"
 
@@ -110,9 +110,8 @@ class ContactNewton:
 
     def _balanced(self, springs: ToolSprings, f: Array, u: Array) -> tuple[Correction, Array]:
         """Equilibrium in which λ are the forces of the springs, and these, (n,)."""
-        iterations, left, relative = 0, 0, 1.0
+        iterations, left, relative = 0, 0, FIRST
         for _ in range(ROUNDS):
-            relative = max(TIGHTER * relative, RELATIVE)
             tolerance = ForceTolerance(relative=relative)
             found = iterated(self._body.against(springs), f, u, START, tolerance)
             iterations, left = iterations + found.iterations, left + found.left
@@ -122,4 +121,5 @@ class ContactNewton:
             settled = change <= SETTLED * float(sizes.max(initial=0.0))
             if settled and relative == RELATIVE:
                 return replace(found, iterations=iterations, left=left), sizes
+            relative = max(TIGHTER * relative, RELATIVE)
         raise WorkError("the forces of the tool do not settle")
