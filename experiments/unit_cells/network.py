@@ -7,7 +7,6 @@ without the energy. So what it says of points in holes is what the nodes beside 
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,10 +19,10 @@ from torch.nn import functional
 
 from experiments.unit_cells.unit_cell import FIELDS, Prediction, UnitCell
 from shared_schema import locate
+from shared_schema.common import Progress
 from surrogate.networks import UNet, UNetConfig
 
 Array = NDArray[np.float64]
-logger = logging.getLogger(__name__)
 POINTS = 64  # of the grid, in each direction
 CHANNELS = 6  # inputs
 ROUNDING = 1e-6
@@ -152,6 +151,7 @@ class FieldPredictor:
         optimizer = torch.optim.AdamW(self.network.parameters(), lr=RATE)
         steps = epochs * -(-len(inputs) // BATCH)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, total_steps=steps)
+        progress = Progress(epochs, 0, "epochs", "U-Net")
         for epoch in range(epochs):
             total = 0.0
             for batch in torch.split(torch.randperm(len(inputs)), BATCH):
@@ -167,7 +167,8 @@ class FieldPredictor:
                 optimizer.step()
                 schedule.step()
                 total += float(loss.detach()) * len(batch)
-            logger.info("epoch %d: %.5f", epoch + 1, np.sqrt(total / len(inputs)))
+            progress.update(epoch + 1, f"score of the fields {np.sqrt(total / len(inputs)):.4f}")
+        progress.close("done")
         self.network.eval()
 
     @torch.no_grad()

@@ -152,3 +152,9 @@ def scores(cells: Sequence[UnitCell], predictions: Sequence[Prediction]) -> Mapp
     errors = np.sqrt(squares.mean(axis=0))
     names = (*FIELDS, ENERGY)
     return dict(zip(names, errors.tolist(), strict=True)) | {"total": float(errors.mean())}
+
+
+def median_score(cells: Sequence[UnitCell], predictions: Sequence[Prediction]) -> float:
+    """Median of the totals of single cells."""
+    pairs = zip(cells, predictions, strict=True)
+    return float(np.median([scores([cell], [found])["total"] for cell, found in pairs]))
