@@ -104,6 +104,37 @@ class ContactNewton:
         normal = tool.normal(self._at_rest + at_nodes[self._surface])
         return found, sizes[:, None] * normal
 
+    def reaction(self, tool: Tool, last: Tool, field: Array, force: Array) -> Array:
+        r"""Resultant in N, (d,), of a tool close to the last one, linear around its equilibrium.
+
+        With the stiffness K of body and springs, the normals N of the nodes that bear forces, the
+        changes :math:`λ \, δn` of these forces by the tool's motion, and the distances g,
+
+        .. math:: λ ← λ - (N^T K^{-1} N)^{-1} (g + N^T K^{-1} λ \, δn) + k \, g.
+
+        Parameters
+        ----------
+        tool, last : Tool
+        field, force : array, (n_nodes, d) and (n, d)
+            Displacement in m and forces on the surface in N in the last equilibrium.
+        """
+        u, sizes = self._body.at_points(field[None]), np.linalg.norm(force, axis=1)
+        springs = ToolSprings(last, self._surface, self._at_rest, self._stiffness, sizes)
+        bear, x = np.flatnonzero(sizes), self._at_rest + u[0, self._surface]
+        respond = self._body.against(springs).response_at(u[0])
+        if respond is None or not len(bear):
+            return np.asarray(force.sum(axis=0))
+        n, every, nodes = last.normal(x[bear]), np.arange(len(bear)), self._surface[bear]
+        right = np.zeros((len(bear) + 1, *u.shape[1:]))
+        right[every, nodes] = n
+        right[-1, nodes] = sizes[bear, None] * (tool.normal(x[bear]) - n)
+        moved = respond(right)[:, nodes]
+        along, gap = np.einsum("abd,bd->ba", moved, n), tool.gap(x[bear])
+        found = -np.linalg.solve(along[:, :-1], gap + along[:, -1])
+        after = np.maximum(sizes[bear] + found + self._stiffness[bear] * gap, 0.0)
+        shift = np.tensordot(np.append(found, 1.0), moved, 1)
+        return np.asarray(after @ tool.normal(x[bear] + shift))
+
     def holds(self, field: Array) -> bool:
         """True if the body is stable under the forces of the tool, without it, (n_nodes, d)."""
         return self._body.response_at(self._body.at_points(field[None])[0]) is not None

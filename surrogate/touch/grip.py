@@ -90,6 +90,15 @@ class Body(Protocol):
         """Nodal forces in N to displacements in m, both (n_nodes, d)."""
 
 
+def load_beside(geometry: Geometry, load: Array | None) -> Array:
+    """Nodal forces in N beside those of grips or tools, (n_nodes, d); InputError if wrong."""
+    if load is None:
+        return np.zeros(geometry.coordinates.shape)
+    given = CommandLoads(geometry.loaded_body)
+    given.add_forces(load)
+    return given.forces
+
+
 class Grip:
     """Places of a body that are held, and moved frame by frame.
 
@@ -216,18 +225,14 @@ class Grip:
     def _given(self, displacements: ArrayLike, load: Array | None) -> tuple[Array, Array]:
         """Displacements of the held components in m, and the load in N, (n_nodes, d) each."""
         moved = real_numbers(displacements, "displacements")
-        places, nodes, d = self.components.shape
+        places, _, d = self.components.shape
         if moved.shape != (places, d) or not np.isfinite(moved).all():
             raise InputError(
                 f"displacements have shape {moved.shape}, expected {places} of {d} finite numbers "
                 "in m, one of each place"
             )
-        acting = np.zeros((nodes, d))
-        if load is not None:
-            given = CommandLoads(self._model.geometry.loaded_body)
-            given.add_forces(load)
-            acting = given.forces
-        return np.einsum("pd,pnd->nd", moved, self.components), acting
+        wanted = np.einsum("pd,pnd->nd", moved, self.components)
+        return wanted, load_beside(self._model.geometry, load)
 
     def _frame(
         self,

@@ -20,12 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
 from surrogate.touch.contact_newton import ContactNewton
-from surrogate.touch.grip import Body, Predict
+from surrogate.touch.grip import Body, Predict, load_beside
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
 
@@ -92,6 +91,7 @@ class Touch:
         self._model, self._geometry = model, geometry
         self._at_rest = geometry.coordinates[self.surface]
         self._body = LinearBody(model, self.surface)
+        self._tool: Tool | None = None
         self.let_go()
 
     def let_go(self) -> None:
@@ -101,7 +101,7 @@ class Touch:
         self._force: Array = np.zeros(self._at_rest.shape)
         self._acting, self._field = np.zeros(shape), np.zeros(shape)
         self._shown_by: object = None
-        self._holds = True
+        self._holds, self._tool = True, None
 
     @checked_arguments
     def move(
@@ -181,11 +181,7 @@ class Touch:
         """Nodal forces beside those of a tool in N, (n_nodes, d)."""
         geometry = self._geometry
         require_outside(tool, geometry.coordinates, geometry.free)
-        if load is None:
-            return np.zeros(geometry.coordinates.shape)
-        given = CommandLoads(geometry.loaded_body)
-        given.add_forces(load)
-        return given.forces
+        return load_beside(geometry, load)
 
     def _frame(
         self,
@@ -197,7 +193,7 @@ class Touch:
         correction: Correction | None = None,
     ) -> TouchFrame:
         """Keep what is found, and describe it."""
-        self._force, self._field, self._acting = on_surface, field, acting
+        self._force, self._field, self._acting, self._tool = on_surface, field, acting, tool
         geometry, force = self._geometry, np.zeros(acting.shape)
         force[self.surface] = on_surface
         gap = tool.gap(geometry.coordinates + field)
@@ -221,17 +217,14 @@ class Touch:
     def reaction(self, tool: Tool) -> Array:
         """Resultant in N, (d,), of a tool close to that of the last frame: no prediction is made.
 
-        The body is linear around the last frame.
-
-        Raises
-        ------
-        WorkError
-            If no forces are found.
+        The body is linear around the last frame, by its compliance or, if that gives no forces, by
+        a step of Newton's method.
         """
         x = self._at_rest + self._field[self.surface]
-        found = linear_contact(self._body, tool, x, self._force)
-        if found is None:
-            raise WorkError("no forces of the tool are found around the last frame")
+        found = linear_contact(self._body, tool, x, self._force) if self._holds else None
+        if found is None:  # of a body that the contact holds
+            last = self._tool or tool
+            return self._newton.reaction(tool, last, self._field, self._force)
         return np.asarray(found.sum(axis=0))
 
 

@@ -85,6 +85,7 @@ def test_directions_are_compared() -> None:
         "prediction",
         "tools",
         "trained",
+        "unit-cells",
         "training",
         "whole-dataset-beam3d",
     ],
