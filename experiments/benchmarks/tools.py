@@ -194,7 +194,8 @@ def page(results: Results) -> str:
     )
     return (
         f"A sphere, whose radius is {RADIUS:g} of the smallest side of the body, comes to a random "
-        "point of the free surface, as far from the\nsupports as this side, and goes in along the "
+        "point of the free surface, half as far from the\nsupports as this side at "
+        "least, and goes in along the "
         f"normal in {FRAMES} frames, by {DEPTHS[0]:g} to {DEPTHS[1]:g} of the side (seed "
         f"{results['seed']}, {results['threads']} thread).\nIn the last frame, force and field are "
         "compared with the contact of the finite elements: the resultant relative to theirs, the "
