@@ -23,7 +23,6 @@ from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.stability import with_stability
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
 from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
@@ -157,8 +156,7 @@ class _Pushing:
 
     def on(self, body: Body) -> ToolContact | None:
         """Contact of the tool with a body; None without a tool."""
-        mesh, tool = body.mesh, self.tool
-        d = mesh.coordinates.shape[1]
+        tool, d = self.tool, body.mesh.coordinates.shape[1]
         if tool is None:
             if self.friction or len(self.comes_from):
                 raise InputError("--friction and --tool-from: expected with --tool")
@@ -169,10 +167,9 @@ class _Pushing:
             )
         way = [_displacement(each, d) for each in self.comes_from]
         form = tool if isinstance(tool, Tool) else parse_tool(tool, d)
-        surface = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
         try:
             points = np.array(way).reshape(-1, d)
-            return touched(body.problem, form, surface, self.friction, points)
+            return touched(body.problem, form, body.surface, self.friction, points)
         except InputError as error:
             raise InputError(f"--tool: {error}") from None
 

@@ -45,13 +45,11 @@ class ContactNewton:
 
     def __init__(self, equilibrium: Equilibrium, surface: Numbers) -> None:
         self._body, self._surface = equilibrium, surface
-        solid, size = equilibrium.solid, equilibrium.free.shape
-        cells = solid.cells.numpy()
-        diagonals = np.einsum("cii->ci", solid.stiffness_at_rest()[0].numpy())
-        total = np.zeros(size)
-        np.add.at(total, cells, diagonals.reshape(*cells.shape, size[1]))
-        largest = np.where(equilibrium.free, total, 0.0)[surface].max(axis=1)
-        self._stiffness = STIFFNESS * largest
+        layout, stiffness = equilibrium.layout, np.zeros(equilibrium.free.size)
+        at_rest = layout.assembled(equilibrium.solid.stiffness_at_rest())[0]
+        stiffness[layout.dofs] = layout.diagonal(at_rest)
+        of_nodes = stiffness.reshape(equilibrium.free.shape)[surface]
+        self._stiffness = STIFFNESS * of_nodes.max(axis=1)
         self._at_rest = equilibrium.geometry.coordinates[surface]
 
     def find(self, tool: Tool, load: Array, field: Array, force: Array) -> tuple[Correction, Array]:

@@ -111,7 +111,6 @@ def test_error_falls_with_the_load_steps() -> None:
         assert solution.contact is not None
         found.append(solution.contact.reaction)
     first, second = np.abs(np.diff(found, axis=0)).max(axis=1)
-    print(found, first, second)
     assert second < 0.8 * first
 
 

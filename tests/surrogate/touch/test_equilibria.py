@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import surrogate
 from shared_schema.tools import Plane, Sphere
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.touch.contact_newton import ContactNewton
+from tests.surrogate.mechanics.bodies import MATERIAL, box
 
 DISC, COLUMN = Sphere((3.0, 1.2), 0.3), Sphere((4.05, 0.5), 0.3)
 
@@ -32,6 +37,24 @@ def test_equilibrium_with_a_tool(beam: surrogate.Surrogate, tool: Sphere | Plane
     along = (frame.force * tool.normal(x)).sum(axis=1)
     np.testing.assert_allclose(along[bears], np.linalg.norm(frame.force[bears], axis=1))
     assert imbalance(beam, frame.displacement, frame.force) < 1e-7
+
+
+@pytest.mark.parametrize("mean_dilation", [False, True])
+def test_points_between_the_nodes(mean_dilation: bool) -> None:
+    """Quadratic triangles, and Taylor and Hood's: a plane against the end of a clamped box."""
+    geometry = replace(box("triangle"), mean_dilation=mean_dilation)
+    body = QuadraticEquilibrium(geometry, MATERIAL)
+    surface = np.asarray(geometry.surface_nodes)
+    surface = surface[~geometry.clamped[surface]]
+    still, plane = np.zeros(geometry.coordinates.shape), Plane((1.8, 0.0), (-1.0, 0.0))
+    newton = ContactNewton(body, surface)
+    found, force = newton.find(plane, still, still, np.zeros((len(surface), 2)))
+    u, acting = body.at_points(found.displacement[None]), np.zeros_like(still)
+    acting[surface] = force
+    np.testing.assert_allclose((geometry.coordinates + found.displacement)[:, 0].max(), 1.8)
+    r = body.out_of_balance(u, body.forces_at_points(acting[None]))
+    assert np.abs(r).max() < 1e-6 * np.abs(force).max()
+    assert force.sum(axis=0)[0] < -20
 
 
 def test_from_a_frame_and_from_rest(beam: surrogate.Surrogate) -> None:
