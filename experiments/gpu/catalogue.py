@@ -32,6 +32,12 @@ def _paper(body: str, seconds: float) -> Step:
     )
 
 
+def _without_norm(body: str, seconds: float) -> Step:
+    name = f"{body}-paper"
+    title, work = f"{name} without batch norm", paper_recipe(name, batch_norm=False)
+    return Step(f"without-norm-{body}", title, "", work, seconds=seconds)
+
+
 STEPS: tuple[Step, ...] = (
     Step("gpu-tests", "Tests that are marked gpu", "", gpu_tests, seconds=90),
     Step("latency", "Time of a prediction for 1 to 4096 loads", "", latency, seconds=80),
@@ -43,12 +49,12 @@ STEPS: tuple[Step, ...] = (
     _fast("beam2d-det", 50),
     _fast("lshape2d-det", 40),
     _paper("beam2d-det", 480),
-    _paper("lshape2d-det", 200),
-    _paper("beam2d-mle", 40),
-    _paper("beam2d-vb", 70),
+    _without_norm("beam2d-det", 100),
+    _without_norm("beam2d-mle", 80),
+    _without_norm("beam2d-vb", 80),
+    _without_norm("lshape2d-det", 80),
+    _without_norm("lshape2d-mle", 80),
+    _without_norm("lshape2d-vb", 80),
     Step("beam3d-c64", "The 3D beam with 64 channels", "", constant_channels(64), seconds=60),
-    _paper("beam3d-det", 80),
     Step("one-process", "torchrun with one process", "", one_process, seconds=60),
-    _paper("lshape2d-mle", 40),
-    _paper("lshape2d-vb", 70),
 )

@@ -77,7 +77,7 @@ def pack_run(run: Path, folder: Path) -> str:
         write_reference(source.folder, Path(aside))
         with tarfile.open(folder / f"{name}{PACKED}", "w:xz") as tar:
             for path in (*source.folder.iterdir(), *Path(aside).iterdir()):
-                if path.is_file():
+                if path.is_file() and path != source.columns:  # which a GPU does not need
                     tar.add(path, path.name)
     return f"{name}: run"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ class GpuSetting(Setting):
                 "cudnn": torch.backends.cudnn.version(),  # type: ignore[no-untyped-call]
                 "memory_bytes": properties.total_memory,
                 "multiprocessors": properties.multi_processor_count,
+                "shared": "CUDA_MPS_PIPE_DIRECTORY" in os.environ,
             }
         return described
 
