@@ -56,12 +56,16 @@ def summed(differences: NDArray[np.int32], step: float) -> NDArray[np.float32]:
 
 
 def fields_and_factors(force: NDArray[np.float32]) -> dict[str, NDArray[np.float64]] | None:
-    """Factors (N, r) and fields (r, …) whose product forces (N, …) are; None if they are many."""
+    """Factors (N, r) and fields (r, …) whose product forces (N, …) are; None if they are many.
+
+    The fields are zero, without rounding, where all forces are.
+    """
     left, sizes, right = np.linalg.svd(force.reshape(len(force), -1), full_matrices=False)
     rank = int((sizes > ROUNDING * sizes[0] * len(sizes) ** 0.5).sum())
     if rank > MOST_FIELDS:
         return None
     fields = right[:rank].astype(np.float64).reshape(rank, *force.shape[1:])
+    fields *= (force != 0).any(0)
     return dict(zip(FIELDS, ((left * sizes)[:, :rank].astype(np.float64), fields), strict=True))
 
 

@@ -21,7 +21,13 @@ from experiments.framework.machine import ROOT
 from experiments.framework.record import Record, read_record, write_record
 from experiments.framework.runner import run
 from experiments.gpu import archive
-from experiments.gpu.carried_dataset import pack, rounded_differences, summed, unpack
+from experiments.gpu.carried_dataset import (
+    fields_and_factors,
+    pack,
+    rounded_differences,
+    summed,
+    unpack,
+)
 from experiments.gpu.catalogue import STEPS, Step
 from experiments.gpu.recipes import fast_recipe
 from experiments.gpu.setting import GpuSetting
@@ -87,6 +93,19 @@ def test_carried_dataset_is_the_same_to_half_a_step(data_3d: Path, tmp_path: Pat
         torch.from_numpy(source.geometry.coordinates),
     )
     assert carried.info.force == source.info.force
+
+
+def test_carried_fields_are_zero_where_no_force_acts() -> None:
+    """Five factors of two fields, both zero at the first of four nodes."""
+    factors, fields = np.random.default_rng(0).normal(size=(2, 5, 4))[:, :, :4]
+    fields = fields[:2].copy()
+    fields[:, 0] = 0
+    force = (factors[:, :2] @ fields).astype(np.float32)
+    carried = fields_and_factors(force)
+    assert carried is not None
+    product = carried["force_factors"] @ carried["force_fields"]
+    assert np.abs(product - force).max() < 1e-6
+    assert (product[:, 0] == 0).all()
 
 
 def test_steps_take_less_than_half_an_hour() -> None:
