@@ -14,7 +14,7 @@ from surrogate import Dataset, Evaluation, evaluate, train
 from surrogate.models import ReducedModel, UNetModel
 from surrogate.runs import RunFolder, load_tensors
 
-RESERVE = {"variational_bayes": 35.0}  # s for the evaluation; 12 of other likelihoods
+RESERVE = {"variational_bayes": 22.0}  # s for the evaluation; 10 of other likelihoods
 CURVE = 200  # lines of the learning curve in the result
 PASSES = 300
 Config = TypeVar("Config", UNetModel, ReducedModel)
@@ -36,7 +36,7 @@ def train_within(setting: GpuSetting, name: str, config: UNetModel | ReducedMode
     run = RunFolder(setting.out / "runs" / name)
     if setting.on_gpu:
         torch.cuda.reset_peak_memory_stats(setting.device)
-    reserve = RESERVE.get(config.likelihood, 12.0)
+    reserve = RESERVE.get(config.likelihood, 10.0)
     train(
         config,
         dataset,

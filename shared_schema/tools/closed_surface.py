@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import meshio
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -202,6 +201,8 @@ class Surface:
     @classmethod
     def read(cls, path: Path, scale: float) -> Surface:
         """Read a file; InputError if it holds no closed surface of triangles."""
+        import meshio
+
         try:
             with np.errstate(over="ignore"):  # meshio's test of what a text file cannot be
                 mesh = meshio.read(path)
