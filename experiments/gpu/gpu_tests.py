@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from xml.etree import ElementTree
@@ -10,6 +11,7 @@ from experiments.framework.experiment import Findings
 from experiments.framework.machine import ROOT
 from experiments.gpu.setting import GpuSetting
 
+CLOSING = 10.0  # s for what pytest says in the end
 SMALL = "tests/surrogate/training/test_precision.py"
 
 
@@ -25,16 +27,14 @@ def gpu_tests(setting: GpuSetting) -> Findings:
     command = [sys.executable, "-m", "pytest", "-m", "gpu", "-p", "no:cacheprovider", "-q"]
     command += [f"--junitxml={report.absolute()}", *([SMALL] if setting.small else marked_files())]
     with (setting.out / "gpu-tests.log").open("w") as log:
+        tests = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT)
         try:
-            subprocess.run(
-                command,
-                cwd=ROOT,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                timeout=setting.seconds_left,
-            )
+            tests.wait(max(1.0, setting.seconds_left - CLOSING))
         except subprocess.TimeoutExpired:
-            return Findings(numbers={"command": command[1:], "timed_out": True})
+            tests.send_signal(signal.SIGINT)  # pytest then says what has failed
+            tests.wait()
+    if not report.is_file():
+        return Findings(numbers={"command": command[1:], "timed_out": True})
     cases = list(ElementTree.parse(report).iter("testcase"))
 
     def named(*outcomes: str) -> list[str]:

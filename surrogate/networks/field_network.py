@@ -278,7 +278,7 @@ class FieldNetwork(nn.Module):
         Parameters
         ----------
         samples : Samples
-            Forces in N and displacements in m, on any device.
+            Forces in N and displacements in m, on any device, on which the result is as well.
         report : callable, optional
             Gets the number of samples that are done, from time to time.
 
@@ -294,11 +294,11 @@ class FieldNetwork(nn.Module):
         parts: list[Samples] = []
         for start in range(0, max(len(samples), 1), AT_ONCE):
             part = samples[start : start + AT_ONCE]
-            inputs, linear = self.inputs_of(part.force)
-            target = (
-                part.displacement if linear is None else part.displacement - linear * self.movable
-            )
-            parts.append(Samples(inputs, target))
+            inputs, linear = self.inputs_of(part.force.to(self.force_scale.device))
+            target = part.displacement
+            if linear is not None:
+                target = target - (linear * self.movable).to(target.device)
+            parts.append(Samples(inputs.to(target.device), target))
             if report is not None:
                 report(min(start + AT_ONCE, len(samples)))
         return Samples(

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
+import subprocess
+import sys
 import tarfile
 import time
+import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -37,6 +41,8 @@ from shared_schema.common import make_parser
 from surrogate.data import read_dataset
 
 CPU = torch.device("cpu")
+IMPORTED = {"pyyaml": "yaml", "scikit-learn": "sklearn"}
+THERE = ("torch", "numpy", "scipy", "numba", "sklearn", "matplotlib", "pytest")  # docs/gpu.md
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +112,27 @@ def test_carried_fields_are_zero_where_no_force_acts() -> None:
     product = carried["force_factors"] @ carried["force_fields"]
     assert np.abs(product - force).max() < 1e-6
     assert (product[:, 0] == 0).all()
+
+
+def test_steps_need_no_other_packages_than_those_that_are_there() -> None:
+    """Steps, and loading a network, with all other declared packages missing."""
+    named = re.findall(r"[a-z0-9]+", (ROOT / "experiments/gpu/requirements.txt").read_text())
+    there = {*THERE, *(IMPORTED.get(name, name) for name in named)}
+    declared: set[str] = set()
+    for package in ("shared_schema", "surrogate"):
+        project = tomllib.loads((ROOT / package / "pyproject.toml").read_text())["project"]
+        extras = project.get("optional-dependencies", {}).values()
+        for line in (*project["dependencies"], *(line for extra in extras for line in extra)):
+            name = re.match(r"[A-Za-z0-9-]+", line)
+            assert name is not None
+            declared.add(IMPORTED.get(name[0], name[0]))
+    missing = sorted(declared - there - {"shared-schema"})
+    assert "meshio" in missing
+    program = (
+        f"import sys; sys.modules.update(dict.fromkeys({missing}))\n"
+        "import experiments.gpu.catalogue, surrogate; surrogate.load('beam2d_any')"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True)
 
 
 def test_steps_take_less_than_half_an_hour() -> None:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import torch
 
 from shared_schema.common.keys.units import Units
 from surrogate.data import read_dataset
@@ -24,6 +25,10 @@ from tests.surrogate.data.test_embedded_dataset import embedded
 from tests.surrogate.embedded_box import on_points
 
 MakeConfig = Callable[..., UNetModel]
+ON_A_GPU = [
+    pytest.mark.gpu,
+    pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device"),
+]
 REDUCED = {"input_modes": 8, "output_modes": 10, "width": 32}
 
 
@@ -45,13 +50,14 @@ def of_kind(kind: str, make_config: MakeConfig) -> Any:
     return run_config({**content, "network": {**network, "skip": "linear"}})
 
 
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=ON_A_GPU)])
 @pytest.mark.parametrize("kind", ["plain", "linear response", "reduced"])
 def test_validation_errors_are_those_at_the_nodes(
-    coarse: Path, tmp_path: Path, make_config: MakeConfig, kind: str
+    coarse: Path, tmp_path: Path, make_config: MakeConfig, kind: str, device: str
 ) -> None:
     """What the last epoch says is ē of the nodal solutions, as `surrogate evaluate` measures it."""
     config, dataset = of_kind(kind, make_config), read_dataset(coarse)
-    train(config, dataset, tmp_path / "run", device="cpu")
+    train(config, dataset, tmp_path / "run", device=device)
     last = RunFolder(tmp_path / "run").metric_lines()[-1]
     held_out = dataset.nodal_train(split_training(dataset.train, config).validation_rows)
     predicted = load(tmp_path / "run").predict(held_out.force)
