@@ -43,7 +43,7 @@ from scipy.sparse import coo_array, csr_array
 from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials, NeoHookean
+from shared_schema.material import Materials
 from surrogate.certify.conjugate_gradients import ConjugateGradients, smallest_ritz_value
 from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.cuda_graphs import Replayed
@@ -51,6 +51,7 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve, SparseProduct
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
 
 Array = NDArray[np.float64]
 LARGE = 4000  # degrees of freedom; operators are sparse from there on, numbers have 32 bits
@@ -68,7 +69,7 @@ class FastEstimate:
     Parameters
     ----------
     geometry : Geometry
-    material : NeoHookean
+    material : NeoHookean, or tuple of some that differ in Young's modulus alone
     equilibrium : Equilibrium
         Its layout and undeformed factor are used.
     blocks : BlockSolve, optional
@@ -77,7 +78,7 @@ class FastEstimate:
     Raises
     ------
     InputError
-        If the material is another one, or there are several.
+        If the material is another one.
     """
 
     def __init__(
@@ -87,12 +88,16 @@ class FastEstimate:
         equilibrium: Equilibrium,
         blocks: BlockSolve | None = None,
     ) -> None:
-        if not isinstance(material, NeoHookean):
-            raise InputError("--certify fast: expected one Neo-Hookean material, or 'full'")
+        zone = material_of_zones(material)
+        if zone is None:
+            raise InputError(
+                "--certify fast: expected one Neo-Hookean material, or some that differ in "
+                "'young_modulus' alone; else 'full'"
+            )
         solid, layout = equilibrium.solid, equilibrium.layout
         large = len(layout.dofs) > LARGE
         self.dtype: type[np.floating[Any]] = np.float32 if large else np.float64
-        self.material, self.free = material, equilibrium.free
+        self.material, self.free = zone, equilibrium.free
         self.dimension, self.loadable = geometry.dimension, geometry.loadable
         self.units = equilibrium.units
         self._device = None if blocks is None else blocks.order.device
@@ -101,18 +106,18 @@ class FastEstimate:
         if blocks is None:
             factor = equilibrium.undeformed
             self._factor = factor.single if large else factor
-        gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
+        gradients, volumes = solid.gradients.numpy(), weights_of_zones(solid).numpy()
         count, points, corners, d = gradients.shape
         self._shape = count, points
         self._cells: Any = self._placed(geometry.cells)
         size = float(np.ptp(geometry.coordinates, axis=0).max())
-        exponent = math.log2(material.lame_mu) + (d - 1) * math.log2(size)
+        exponent = math.log2(zone.lame_mu) + (d - 1) * math.log2(size)
         self._unit = float(2.0 ** round(exponent))  # of forces in N, without rounding
         self._state_at: Callable[[Values], State | MeanDilationState]
-        self._state_at = partial(State, material=material)
+        self._state_at = partial(State, material=zone)
         if equilibrium.mean_dilation:
             shares = self._placed((volumes / volumes.sum(axis=1, keepdims=True))[..., None])
-            self._state_at = partial(MeanDilationState, material=material, shares=shares)
+            self._state_at = partial(MeanDilationState, material=zone, shares=shares)
         self._weights: Values = self._placed(volumes.reshape(-1, 1))
         slopes = gradients.transpose(0, 1, 3, 2).reshape(count, points * d, corners)
         self._slopes_of: Any = self._placed(slopes)

@@ -18,7 +18,10 @@ TOLERANCE = (
     "directions drive the prediction towards the equilibrium until its estimated error is small "
     "enough; exit code 3 if it is not, or not certified"
 )
-STIFFNESS = "Young's modulus at rest in Pa, of a body of one material (default: that of the run)"
+STIFFNESS = (
+    "Young's modulus at rest in Pa, of a body of one material, or GROUP=E,… of zones of a load "
+    "series (default: those of the run)"
+)
 BUDGET = "seconds that these directions may take, with or without a tolerance"
 
 
@@ -34,7 +37,7 @@ def add_to(commands: Commands) -> None:
     add_loads(parser)
     add_held(parser)
     add_tool(parser)
-    parser.add_argument("--young-modulus", type=positive, metavar="E", help=STIFFNESS)
+    parser.add_argument("--young-modulus", type=moduli, metavar="E|GROUP=E,…", help=STIFFNESS)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     fields = "fields at the nodes: force, displacement, standard deviations, half widths"
     add_out(parser, "FILE.(npz|vtu|xdmf)", fields)
@@ -57,6 +60,19 @@ def add_to(commands: Commands) -> None:
     parser.set_defaults(command=run)
 
 
+def moduli(text: str) -> float | dict[str, float]:
+    """A positive number, or positive numbers by group."""
+    if "=" not in text:
+        return positive(text)
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        group, _, value = part.rpartition("=")
+        if not group or group in found:
+            raise argparse.ArgumentTypeError(f"'{text}': expected GROUP=E,…, each group once")
+        found[group] = positive(value)
+    return found
+
+
 def run(options: argparse.Namespace) -> None:
     """Solve, write the fields, and say whether they are certified."""
     import surrogate
@@ -67,12 +83,15 @@ def run(options: argparse.Namespace) -> None:
 
     require_suffix(options.out)
     require_writable(options.out)
-    solution = surrogate.load(options.run, options.device).solve(
+    model, young_modulus = surrogate.load(options.run, options.device), options.young_modulus
+    if isinstance(young_modulus, dict):
+        model, young_modulus = model.with_young_moduli(young_modulus), None
+    solution = model.solve(
         [*options.load, *options.forces],
         held=options.held or None,
         tool=options.tool,
         body_force=options.body_force,
-        young_modulus=options.young_modulus,
+        young_modulus=young_modulus,
         certify=options.certify,
         correct=options.correct,
         tolerance=options.tolerance,

@@ -17,7 +17,6 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
 from surrogate.descent.descent import CURVED, MOST, PAIRS, TURNED
 from surrogate.mechanics.band_matrix import BandLayout
 from surrogate.mechanics.compliance import DENSE
@@ -25,6 +24,7 @@ from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.neo_hookean import determinant, stress
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
 from surrogate.series.series_response import CellOperators
 
 PARTS = (1.0, 0.5, 0.25, 0.125)  # of a direction
@@ -55,12 +55,12 @@ class FixedDirections(nn.Module):
 
     def __init__(self, equilibrium: Equilibrium, response: LinearResponse, count: int) -> None:
         super().__init__()
-        material, geometry = equilibrium.solid.materials[0], equilibrium.geometry
+        material, geometry = material_of_zones(equilibrium.solid.materials), equilibrium.geometry
         require_exportable(equilibrium, count)
-        assert isinstance(material, NeoHookean)
+        assert material is not None
         self.material, self.response, self.count = material, response, count
         solid = equilibrium.solid
-        self.operators = CellOperators(geometry, material, solid.gradients, solid.volumes)
+        self.operators = CellOperators(geometry, material, solid.gradients, weights_of_zones(solid))
         self.register_buffer("free", torch.from_numpy(equilibrium.free.T), persistent=False)
         small = len(equilibrium.layout.dofs) <= DENSE
         laplacian = torch.from_numpy(inverse_laplacians(equilibrium))
@@ -145,12 +145,12 @@ def require_exportable(equilibrium: Equilibrium, count: int) -> None:
     materials, geometry = equilibrium.solid.materials, equilibrium.geometry
     if not 1 <= count <= MOST:
         raise InputError(f"--directions {count}: expected 1 to {MOST}")
-    known = len(materials) == 1 and isinstance(materials[0], NeoHookean)
+    known = material_of_zones(materials) is not None
     known = known and type(equilibrium) is Equilibrium and type(equilibrium.solid) is Solid
     if not known or geometry.pressed is not None:
         raise InputError(
-            f"--directions {count}: expected a body of one Neo-Hookean material and linear "
-            "elements, under dead loads"
+            f"--directions {count}: expected a body of one Neo-Hookean material, or of some "
+            "that differ in 'young_modulus' alone, and linear elements, under dead loads"
         )
     nodes = int(equilibrium.free.any(axis=1).sum())
     if nodes > DENSE:
@@ -162,10 +162,11 @@ def require_exportable(equilibrium: Equilibrium, count: int) -> None:
 def inverse_laplacians(equilibrium: Equilibrium) -> np.ndarray:
     """L⁻¹ of every component, (d, n_nodes, n_nodes), zero where it is held; one if all are alike.
 
-    Without the modulus, which cancels.
+    Without the modulus of the first zone, which cancels.
     """
-    geometry, gradients = equilibrium.geometry, equilibrium.solid.gradients
-    metric = torch.einsum("cq,cqaj,cqbj->cab", equilibrium.solid.volumes, gradients, gradients)
+    geometry, solid = equilibrium.geometry, equilibrium.solid
+    gradients = solid.gradients
+    metric = torch.einsum("cq,cqaj,cqbj->cab", weights_of_zones(solid), gradients, gradients)
     alike, found = np.unique(equilibrium.free, axis=1), []
     for free in (equilibrium.free if alike.shape[1] > 1 else alike).T:
         layout = BandLayout(geometry.coordinates, geometry.cells, ~free[:, None])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,7 @@ from surrogate.runs.description import RunDescription
 
 if TYPE_CHECKING:
     from surrogate.descent import Aim, Descent, DrivenBody
+    from surrogate.inference.surrogate import Surrogate
     from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
@@ -83,6 +85,27 @@ class TrainedBody:
         found = found or Equilibrium(self.geometry, data.material)
         found.units = data.units
         return found
+
+    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
+        """Make the same load series for a body whose zones have other Young's moduli.
+
+        The stiffness of the body at rest is factorised anew; all that is computed from the body is
+        that of the new one, and its fast bounds would have to be calibrated again.
+
+        Parameters
+        ----------
+        moduli : mapping of str to float
+            Young's modulus at rest in Pa by group of the case's materials; others stay.
+
+        Raises
+        ------
+        InputError
+            If the model has learned from samples, the body is of one material, there is no such
+            group, or a modulus is not positive and finite.
+        """
+        from surrogate.inference.stiffness import with_zones
+
+        return with_zones(cast("Surrogate", self), moduli)
 
     @cached_property
     def blocks(self) -> BlockSolve | None:

@@ -7,15 +7,23 @@ displacement depends on f / E alone:
 
 with Young's modulus :math:`E_0` at rest of the run's material. Stresses, reactions and energies are
 those of :math:`f E_0 / E` times :math:`E / E_0`.
+
+Zones of their own moduli are another body. What follows from the body alone, as a load series, is
+made anew for it; what a network has learned is not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials
+from shared_schema.material import Materials, YoungPoisson, as_tuple
 from surrogate.inference.solution import Solution
+
+if TYPE_CHECKING:
+    from surrogate.inference.surrogate import Surrogate
 
 OF_STRAIN = ("deformation_gradient", "jacobian")  # no stresses
 LARGEST = 1e30  # Pa
@@ -24,7 +32,8 @@ LARGEST = 1e30  # Pa
 def modulus_at_rest(material: Materials) -> float:
     """Young's modulus E₀ at rest in Pa; InputError if the body is of several materials."""
     if isinstance(material, tuple):
-        raise InputError("young_modulus: expected a body of one material, this has several")
+        groups = ", ".join(f"'{each.group}'" for each in material)
+        raise InputError(f"young_modulus: expected that of one of the zones {groups} (GROUP=E)")
     lam, mu = material.lame_lambda, material.lame_mu
     return mu * (3 * lam + 2 * mu) / (lam + mu)
 
@@ -39,9 +48,14 @@ def stiffness_factor(material: Materials, young_modulus: float | None) -> float:
     """
     if young_modulus is None:
         return 1.0
+    require_modulus(young_modulus)
+    return young_modulus / modulus_at_rest(material)
+
+
+def require_modulus(young_modulus: float) -> None:
+    """Raise InputError unless a modulus in Pa is positive and finite."""
     if not 0 < young_modulus <= LARGEST:
         raise InputError(f"young_modulus: {young_modulus}, expected more than 0 Pa, and finite")
-    return young_modulus / modulus_at_rest(material)
 
 
 def stiffened(solution: Solution, factor: float) -> Solution:
@@ -63,3 +77,38 @@ def stiffened(solution: Solution, factor: float) -> Solution:
         contact=contact,
         correction=correction,
     )
+
+
+def with_zones(surrogate: Surrogate, moduli: Mapping[str, float]) -> Surrogate:
+    """`Surrogate.with_young_moduli`."""
+    from surrogate.inference.loading import make_surrogate
+
+    description = surrogate.description
+    material = description.data.material
+    groups = [each.group for each in as_tuple(material)]
+    if description.run.learns:
+        raise InputError(
+            f"young_modulus: '{description.run.name}' has learned from samples of other moduli, "
+            "expected a load series ('surrogate train series')"
+        )
+    if not isinstance(material, tuple):
+        raise InputError("young_modulus: the body is of one material, expected one number")
+    for group, modulus in moduli.items():
+        if group not in groups:
+            known = ", ".join(f"'{each}'" for each in groups)
+            raise InputError(f"young_modulus: zone '{group}', expected one of {known}")
+        if not isinstance(material[groups.index(group)], YoungPoisson):
+            raise InputError(f"young_modulus: the material of zone '{group}' has none")
+        require_modulus(modulus)
+    changed = [
+        {**content, "young_modulus": float(moduli[content["group"]])}
+        if content["group"] in moduli
+        else content
+        for content in description.data.case["material"]
+    ]
+    data = description.data.model_copy(
+        update={"case": {**description.data.case, "material": changed}}
+    )
+    tensors = {**surrogate.network.state_dict(), **surrogate.geometry.tensors()}
+    device = surrogate.network.free.device.type
+    return make_surrogate(tensors, description.model_copy(update={"data": data}), device)

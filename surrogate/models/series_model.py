@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 from torch import Tensor, nn
 
-from shared_schema.material import Materials, NeoHookean
+from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.solids.zones import material_of_zones
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -51,9 +52,12 @@ class SeriesModel(Model):
         return True
 
     def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
-        """Return the load series of a Neo-Hookean body, else the linear response."""
+        """Return the load series of a Neo-Hookean body, else the linear response.
+
+        The zones of the body may differ in Young's modulus.
+        """
         is_linear = self.series_order == 1 or geometry.mean_dilation
-        if is_linear or not isinstance(material, NeoHookean):
+        if is_linear or material_of_zones(material) is None:
             return super().response(geometry, material)
         return SeriesResponse(geometry, material, False, self.series_order)
 

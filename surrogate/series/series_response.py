@@ -30,6 +30,7 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
 from surrogate.series.least_energy import LeastEnergy
 from surrogate.series.stress_series import SeriesStress, higher_terms
 
@@ -55,11 +56,12 @@ class CellOperators(nn.Module):
     gradients : Tensor, (n_cells, n_points, n_corners, d)
         Of the shape functions; their precision is that of all fields.
     volumes : Tensor, (n_cells, n_points)
+        Weights of the quadrature points (`surrogate.mechanics.solids.zones`).
 
     Attributes
     ----------
     shares : Tensor, (n_cells · n_points,)
-        Volumes over a power of two near their mean: energies of a body of micrometres would
+        Weights over a power of two near their mean: energies of a body of micrometres would
         underflow in single precision.
     """
 
@@ -123,7 +125,7 @@ class SeriesResponse(LinearResponse):
     ----------
     geometry : Geometry
     material : ShippedMaterial, or tuple of some
-        A single Neo-Hookean material.
+        A Neo-Hookean one, or some that differ in Young's modulus alone.
     gradient : bool
         Also compute the gradients.
     order : int
@@ -145,17 +147,18 @@ class SeriesResponse(LinearResponse):
     def __init__(
         self, geometry: Geometry, material: Materials, gradient: bool = True, order: int = 3
     ) -> None:
-        if not isinstance(material, NeoHookean):
+        reference = material_of_zones(material)
+        if reference is None:
             raise InputError(
-                "key 'network.skip' = 'series': expected a body of one Neo-Hookean material; "
-                "'model: reduced' has series of other ones"
+                "key 'network.skip' = 'series': expected a body of one Neo-Hookean material, or of "
+                "some that differ in 'young_modulus' alone; 'model: reduced' has series of others"
             )
         super().__init__(geometry, material, gradient, torch.float64)
         assert isinstance(self.compliance, Compliance)
         solid = self.compliance.equilibrium.solid
         self.precision = torch.float64 if len(self.compliance.matrix) else torch.float32
-        operators = solid.gradients.to(self.precision), solid.volumes.to(self.precision)
-        self.higher = CellOperators(geometry, material, *operators)
+        operators = solid.gradients.to(self.precision), weights_of_zones(solid).to(self.precision)
+        self.higher = CellOperators(geometry, reference, *operators)
         self.order, self.compiled = order, COMPILES
         self._by_cells: CompiledResponse | None = None
         self._least_energy = LeastEnergy()

@@ -128,6 +128,13 @@ class Solid(nn.Module):
         ]
         return torch.cat(results, dim=-3).index_select(-3, self._order)
 
+    def material_of_cells(self) -> Tensor:
+        """Position of each cell's material, (n_cells,)."""
+        numbers = torch.zeros(len(self.cells), dtype=torch.int64)
+        for number, members in enumerate(self._members):
+            numbers[members] = number
+        return numbers
+
     def inverted(self, u: Tensor) -> Tensor:
         """Number of cells with J ≤ 0 (or no number) at a point: (N, n_nodes, d) in m → (N,)."""
         j = determinant(self.deformation_gradient(u))

@@ -16,7 +16,7 @@ from surrogate.descent import carried_compliance
 from surrogate.descent.carried_compliance import CarriedCompliance, exponential
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, zoned
 
 KINDS = (
     "quad",
@@ -49,6 +49,8 @@ def body_of(kind: str) -> Equilibrium:
     if "two materials" in words:
         half = (geometry.coordinates[geometry.cells, 0].mean(axis=1) > 1).astype(int)
         return Equilibrium(replace(geometry, parts=half), (MATERIAL, STIFF))
+    if "zones" in words:
+        return Equilibrium(*zoned(cell_type))
     if "points between" in words:
         return QuadraticEquilibrium(geometry, MATERIAL)
     return Equilibrium(geometry, MATERIAL)

@@ -39,7 +39,9 @@ def in_turn(
     raise AssertionError(count)
 
 
-@pytest.mark.parametrize("kind", ["quad", "triangle, rollers", "hexahedron", "tetra, rollers"])
+@pytest.mark.parametrize(
+    "kind", ["quad", "triangle, rollers", "hexahedron", "tetra, rollers", "triangle, zones"]
+)
 def test_the_same_directions(kind: str) -> None:
     """A load as it is, three times it, and none; from the linear response, and from rest.
 
@@ -51,7 +53,7 @@ def test_the_same_directions(kind: str) -> None:
     forces = np.stack([single, 3 * single, 0 * single, 3 * single])
     starts = body.linear_response(forces / 3)
     starts[3] = 0
-    response = LinearResponse(body.geometry, MATERIAL, False, torch.float64)
+    response = LinearResponse(body.geometry, body.solid.materials, False, torch.float64)
     for count in (1, 5):
         fixed = FixedDirections(body, response, count)
         found, estimates = fixed(torch.from_numpy(forces), torch.from_numpy(starts))
@@ -84,7 +86,7 @@ def test_refused_bodies() -> None:
     for kind, count, message in [
         ("quad", 0, "--directions 0: expected 1 to 100"),
         ("quad, two materials", 2, "--directions 2: expected a body of one Neo-Hookean"),
-        ("quad, points between", 2, "one Neo-Hookean material and linear elements, under dead"),
+        ("quad, points between", 2, "alone, and linear elements, under dead"),
         ("quad, mean dilation", 2, "linear elements"),
     ]:
         body = body_of(kind)

@@ -45,6 +45,14 @@ def box(cell_type: str) -> Geometry:
     )
 
 
+def zoned(cell_type: str) -> tuple[Geometry, tuple[NeoHookean, NeoHookean]]:
+    """The same body, whose half at the free end has a third of the modulus."""
+    geometry = box(cell_type)
+    half = (geometry.coordinates[geometry.cells, 0].mean(axis=1) > 1).astype(int)
+    soft = MATERIAL.model_copy(update={"young_modulus": MATERIAL.young_modulus / 3})
+    return replace(geometry, parts=half), (MATERIAL, soft)
+
+
 def end_load(geometry: Geometry, *force: float) -> np.ndarray:
     """Return a force in N at the last node, the corner farthest from the origin."""
     forces = np.zeros_like(geometry.coordinates)

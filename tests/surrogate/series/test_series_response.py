@@ -24,7 +24,7 @@ from surrogate.models.unet_model import UNetModel
 from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import SeriesResponse
 from surrogate.series.third_order import third_order_terms
-from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium, zoned
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
 
@@ -43,6 +43,27 @@ def config_of(dataset: Dataset, **content: Any) -> UNetModel:
     training = {"epochs": 4, "batch_size": 8, "validation_fraction": 0.1}
     case = dataset.manifest.name
     return unet_config(case=case, network=network, training=training, **content)
+
+
+@pytest.mark.parametrize("cell_type", ["quad", "tetra"])
+def test_terms_of_zones(cell_type: str) -> None:
+    """Terms, and the response on both ways to compute it, of zones of other Young's moduli."""
+    geometry, materials = zoned(cell_type)
+    body, response = Equilibrium(geometry, materials), SeriesResponse(geometry, materials, False, 5)
+    load = end_load(geometry, *(1.0, -4.0, 2.0)[: geometry.dimension])
+    series = third_order_terms(body, load[None])
+    first = torch.from_numpy(series.first).transpose(1, 2)
+    terms, _ = response.terms(first)
+    for found, expected, rtol in ((terms[1], series.second, 1e-5), (terms[2], series.third, 2e-3)):
+        difference = np.abs(found.transpose(1, 2).numpy() - expected).max()
+        assert difference < rtol * np.abs(expected).max()
+    beyond, _ = response.beyond_first(first)
+    compiled, _ = response.by_cells(series.first)
+    np.testing.assert_allclose(compiled[0], beyond[0].T, atol=1e-9 * np.abs(series.first).max())
+    u = (first + beyond)[0].T.numpy()
+    truth = correct(body, load, u, 1e-12).displacement
+    assert np.abs(u - truth).max() < 2e-4 * np.abs(truth).max()
+    assert np.abs(series.first[0] - truth).max() > 2e-2 * np.abs(truth).max()
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
