@@ -18,7 +18,7 @@ from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 
-DIFFERENCE = 3e-3  # of a change that matters: half the width of central differences
+DIFFERENCE = 3e-3  # of a change that matters
 
 
 class Body(Protocol):
@@ -35,6 +35,9 @@ class Body(Protocol):
 
     def certify(self, forces: Any, predicted: Any, *, pressure: Any = None) -> Any:
         """Certificate of a displacement, whose `error` is in m."""
+
+    def descend(self, dead: Any, pressure: Any, predicted: Any, aim: Any) -> Any:
+        """Displacement in m that directions drive to the equilibrium, and whether they got there."""
 
     def correct(self, forces: Any, *, pressure: Any = None) -> Any:
         """Equilibrium under nodal forces in N, whose `displacement` is in m."""
@@ -89,7 +92,7 @@ class Response(ABC):
 
 
 class PredictedResponse(Response):
-    """Predictions, and their central differences."""
+    """Predictions, and their forward differences."""
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
@@ -97,11 +100,9 @@ class PredictedResponse(Response):
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ."""
-        steps = np.diag(DIFFERENCE * self.scale)
-        forces = self.unknowns.forces(np.concatenate([theta + steps, theta - steps]))
-        fields = np.asarray(self.body.predict(forces))
-        ahead, behind = fields[: len(theta)], fields[len(theta) :]
-        rates = (ahead - behind) / (2 * np.diag(steps)[:, None, None])
+        steps = DIFFERENCE * self.scale
+        ahead = np.asarray(self.body.predict(self.unknowns.forces(theta + np.diag(steps))))
+        rates = (ahead - (field - self._shift)) / steps[:, None, None]
         return np.asarray(np.moveaxis(rates, 0, -1))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
+from surrogate.descent import Aim
 from surrogate.identification.least_squares import Fit, fit
 from surrogate.identification.place import Places, likely_places
 from surrogate.identification.responses import Body, ExactResponse, PredictedResponse
@@ -17,6 +18,7 @@ from surrogate.identification.unknowns import SOMEWHERE, Unknowns
 Array = NDArray[np.float64]
 
 SOFTER = 0.3  # change of φ that matters
+TOLERANCE = 1e-3  # of the prediction whose error is estimated, relative
 SHARE = 0.01  # probability of places that are left out of uncertainties
 
 
@@ -122,17 +124,30 @@ class Search:
         given = self._body, best.unknowns, self._at_markers, best.scale
         if confirm:
             return Finished(self._fit(ExactResponse(*given), best.fit.theta), 0.0)
-        forces = best.unknowns.forces(best.fit.theta)
+        error = self._error(best)
+        found = self._fit(PredictedResponse(*given, shift=-error), best.fit.theta)
+        return Finished(found, float(np.abs(self._at_markers @ error).max()))
+
+    def _error(self, best: Candidate) -> Array:
+        """Error of the prediction in m: by directions, or, where they do not arrive, Newton steps.
+
+        Raises
+        ------
+        WorkError
+            If neither settles.
+        """
+        forces, state = best.unknowns.forces(best.fit.theta), best.fit.state
+        found, descent = self._body.descend(forces, None, state, Aim(TOLERANCE))
+        if descent.reached:
+            return np.asarray(state - found)
         pressure = self._body.geometry.no_pressure
-        certificate = self._body.certify(forces, best.fit.state, pressure=pressure)
+        certificate = self._body.certify(forces, state, pressure=pressure)
         if not certificate.settled:
             raise WorkError(
                 "the error of the surrogate cannot be estimated for what is found, expected "
                 "'confirm'"
             )
-        error = np.asarray(certificate.error)
-        found = self._fit(PredictedResponse(*given, shift=-error), best.fit.theta)
-        return Finished(found, float(np.abs(self._at_markers @ error).max()))
+        return np.asarray(certificate.error)
 
     def _fit(self, response: PredictedResponse | ExactResponse, begin: Array) -> Fit:
         return fit(response.model, self._moved, begin, response.scale, self._noise)
