@@ -37,7 +37,7 @@ class Body(Protocol):
         """Certificate of a displacement, whose `error` is in m."""
 
     def descend(self, dead: Any, pressure: Any, predicted: Any, aim: Any) -> Any:
-        """Displacement in m that directions drive to the equilibrium, and whether they got there."""
+        """Displacement in m that directions drive to the equilibrium, and how they end."""
 
     def correct(self, forces: Any, *, pressure: Any = None) -> Any:
         """Equilibrium under nodal forces in N, whose `displacement` is in m."""

@@ -1,7 +1,8 @@
 r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at the nodes that can move.
 
 K and its factor are those of `surrogate.mechanics.out_of_balance`. A small body keeps K⁻¹ as a
-dense matrix, a large one solves with the factor. Columns of K⁻¹ that are met and the responses to
+dense matrix, for exported files, a GPU and, up to `BY_MATRIX` degrees of freedom, where it fits the
+cache, a CPU; otherwise the factor solves. Columns of K⁻¹ that are met and the responses to
 uniform body forces are kept (`surrogate.mechanics.kept_responses`): a load that is made of them
 costs a sum. Forces in single precision are solved for by a factor in single precision, unless the
 body is so slender that this has an effect.
@@ -31,6 +32,7 @@ from surrogate.mechanics.saddle_point import SaddlePointLayout
 from surrogate.mechanics.sparse_matrix import SparseFactor
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
+BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹
 CLOSE = 1e-5  # relative error that a factor in single precision may have
 LEAST_BLOCK = 1024  # rows of a block on a GPU: products of smaller ones are launches
 ROOM = 0.7  # of the memory of a GPU that is free: most that the blocks may take
@@ -97,9 +99,12 @@ class Compliance(nn.Module):
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
-        if len(self.matrix):
-            return functional.linear(force.to(self.matrix.dtype), self.matrix).to(force.dtype)
-        return _Response.apply(force, self)  # type: ignore[no-untyped-call]
+        precise = force.to(self.matrix.dtype) if len(self.matrix) else force
+        is_traced = torch.compiler.is_compiling() or force.device.type != "cpu"
+        if len(self.matrix) and (is_traced or self.size <= BY_MATRIX):
+            return functional.linear(precise, self.matrix).to(force.dtype)
+        found: Tensor = _Response.apply(precise, self)  # type: ignore[no-untyped-call]
+        return found.to(force.dtype)
 
     @cached_property
     def factor(self) -> StoredFactor | None:
@@ -119,9 +124,9 @@ class Compliance(nn.Module):
         return len(self.matrix) > 0 or self.blocks_on(device) is not None
 
     @cached_property
-    def quick(self) -> StoredFactor | None:
-        """The same for forces in single precision."""
-        return None if self.factor is None else in_single_precision(self.factor, len(self.order))
+    def quick(self) -> StoredFactor:
+        """Factor of K for forces in single precision."""
+        return in_single_precision(self.equilibrium.undeformed, len(self.order))
 
     def stiffness(self, dofs: NDArray[np.int64]) -> csr_array:
         """K in N/m, (n_dofs, n_dofs), in some order of its degrees of freedom."""
@@ -138,7 +143,6 @@ class Compliance(nn.Module):
         """Solve with the factor, in the precision of the forces: (N, d · n_free) → same."""
         is_double = force.dtype == np.float64
         factor = self.equilibrium.undeformed if is_double else self.quick
-        assert factor is not None
         found = np.zeros_like(force)
         found[:, self.order] = factor.solve(force[:, self.order].T).T
         return found
@@ -183,7 +187,8 @@ class Compliance(nn.Module):
 
     def _solved(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond by the dense matrix, or solves."""
-        return force @ self.matrix.numpy() if len(self.matrix) else self.solve(force)
+        is_dense = len(self.matrix) > 0 and self.size <= BY_MATRIX
+        return force @ self.matrix.numpy() if is_dense else self.solve(force)
 
 
 @torch.inference_mode(False)

@@ -23,6 +23,7 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
+from surrogate.descent.aim import require_positive
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.grip import Body, Predict, load_beside
 from surrogate.touch.linear_body import LinearBody
@@ -31,7 +32,7 @@ from surrogate.touch.linear_contact import linear_contact
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-TOLERANCE = 1e-4  # depth, or distance of nodes that bear forces, over the largest displacement
+TOLERANCE = 1e-3  # of frames
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave
@@ -72,6 +73,9 @@ class Touch:
     Parameters
     ----------
     model : Surrogate
+    tolerance : float
+        Largest depth of a node, and distance of one that bears a force, over the largest
+        displacement.
 
     Attributes
     ----------
@@ -81,11 +85,13 @@ class Touch:
     Raises
     ------
     InputError
-        If the body's material or elements are none of the learner's.
+        If the body's material or elements are none of the learner's, or the tolerance is not
+        positive.
     """
 
-    def __init__(self, model: Body) -> None:
-        geometry = model.geometry
+    def __init__(self, model: Body, tolerance: float = TOLERANCE) -> None:
+        require_positive("tolerance", tolerance)
+        geometry, self.tolerance = model.geometry, tolerance
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
         self.surface: Numbers = on_surface[geometry.free[on_surface].any(axis=1)]
         self._model, self._geometry = model, geometry
@@ -136,7 +142,7 @@ class Touch:
             return np.asarray(shows(total))
 
         if self._holds:
-            search = Search(self._body, self._at_rest, self.surface, predicted)
+            search = Search(self._body, self._at_rest, self.surface, predicted, self.tolerance)
             search.force, search.field = self._force, self._field
             if predict is not self._shown_by or not np.array_equal(acting, self._acting):
                 search.predict(self._force)
@@ -240,6 +246,8 @@ class Search:
         Its nodes.
     predicted : callable
         Forces of the tool on the surface in N, (n, d), to displacements in m, (n_nodes, d).
+    tolerance : float
+        As that of `Touch`.
 
     Attributes
     ----------
@@ -254,9 +262,15 @@ class Search:
     field: Array
 
     def __init__(
-        self, body: LinearBody, at_rest: Array, surface: Numbers, predicted: Predict
+        self,
+        body: LinearBody,
+        at_rest: Array,
+        surface: Numbers,
+        predicted: Predict,
+        tolerance: float = TOLERANCE,
     ) -> None:
         self._body, self._at_rest, self._surface = body, at_rest, surface
+        self._tolerance = tolerance
         self._predicted, self.predictions = predicted, 0
 
     def predict(self, force: Array) -> None:
@@ -297,7 +311,7 @@ class Search:
         body, last, is_first = self._body, self.predictions + MOST, True
         while True:
             wrong = self.wrong(tool, back)
-            if wrong <= TOLERANCE * float(np.abs(self.field).max()):
+            if wrong <= self._tolerance * float(np.abs(self.field).max()):
                 return True
             force, x = self.force, self.positions()
             wanted = linear_contact(body, tool, x, force, back)

@@ -14,6 +14,7 @@ from surrogate.touch.grip import Body, Grip, GripFrame, Held, Predict
 from surrogate.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
+SINGLE = 1e-4  # tolerance of a contact that is no frame
 
 
 class Correctable(Body, Protocol):
@@ -69,7 +70,7 @@ def pushed(
     require_dead("tool", given)
     if isinstance(tool, str):
         tool = parse_tool(tool, model.geometry.dimension)
-    touch = Touch(model)
+    touch = Touch(model, min(SINGLE, tolerance or SINGLE))
     frame = touch.move(tool, given.forces)
     if correct:
         return touch.correct(tool, given.forces)
