@@ -93,7 +93,7 @@ class Descent:
         estimate, allowed = units.written(self.estimate), units.written(MARGIN * self.allowed)
         return (
             f"the tolerance is not reached after {self.directions} directions: estimated error "
-            f"{estimate}, expected at most {allowed}"
+            f"{estimate}, expected at most {allowed} in {IN_A_ROW} of them in a row"
         )
 
     def summary(self, units: Units) -> str:

@@ -23,13 +23,13 @@ from shared_schema.tools import Tool
 from surrogate.certify.correction import Correction, iterated
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.tool_springs import ToolSprings
+from surrogate.touch.halved_steps import halved_steps
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
 ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
 FIRST, TIGHTER = 1e-6, 1e-2  # residual over the forces in the first round, and how it gets less
-SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 START = "contact with the tool"
 
 
@@ -81,26 +81,27 @@ class ContactNewton:
         depth = max(0.0, -float(tool.gap(self._at_rest + u[0, self._surface]).min()))
         sizes = np.linalg.norm(force, axis=1)
         springs = ToolSprings(tool, self._surface, self._at_rest, self._stiffness, sizes)
-        share, step, iterations = 0.0, 1.0, 0
-        while share < 1.0:
-            aim = min(1.0, share + step)
-            try:
-                found, sizes = self._balanced(replace(springs, back=(1 - aim) * depth), f, u)
-            except WorkError as error:
-                step /= 2
-                if step < SMALLEST:
-                    raise WorkError(
-                        "no equilibrium with the tool is found: it enters the body by "
-                        f"{share:.0%} of its depth ({error})"
-                    ) from None
-                continue
-            iterations += found.iterations
-            u, springs = found.displacement[None], replace(springs, multipliers=sizes)
-            share, step = aim, 2 * step
-        at_nodes = found.displacement[: body.nodes]
-        found = replace(found, displacement=at_nodes, iterations=iterations)
+        found = list[Correction]()
+
+        def go(share: float) -> None:
+            nonlocal springs
+            at = found[-1].displacement[None] if found else u
+            balanced, sizes = self._balanced(replace(springs, back=(1 - share) * depth), f, at)
+            found.append(balanced)
+            springs = replace(springs, multipliers=sizes)
+
+        halved_steps(
+            go,
+            lambda share: (
+                f"no equilibrium with the tool is found: it enters the body by {share:.0%} of its "
+                "depth"
+            ),
+        )
+        at_nodes = found[-1].displacement[: body.nodes]
+        iterations = sum(each.iterations for each in found)
         normal = tool.normal(self._at_rest + at_nodes[self._surface])
-        return found, sizes[:, None] * normal
+        last = replace(found[-1], displacement=at_nodes, iterations=iterations)
+        return last, springs.multipliers[:, None] * normal
 
     def reaction(self, tool: Tool, last: Tool, field: Array, force: Array) -> Array:
         r"""Resultant in N, (d,), of a tool close to the last one, linear around its equilibrium.

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import WorkError
 from surrogate.certify.correction import Correction, iterated
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.touch.halved_steps import halved_steps
 
 Array = NDArray[np.float64]
 START = "last state of the grips"
 SMALL = 1e-6  # of an edge of a cell: displacement whose difference is taken
-SMALLEST = 1 / 64  # part of the displacement that a step applies
 
 
 class HeldNewton:
@@ -66,26 +66,23 @@ class HeldNewton:
         WorkError
             If no stable equilibrium is found.
         """
-        body, f, u = self._body, load[None], field[None]
-        begin = np.where(self._held, field, 0.0)
-        share, step, iterations = 0.0, 1.0, 0
-        while share < 1.0:
-            aim = min(1.0, share + step)
-            moved = np.where(self._held, begin + aim * (wanted - begin) - u[0], 0.0)
-            try:
-                found = iterated(body, f, self._lifted(u, f, moved[None]), START)
-            except WorkError as error:
-                step /= 2
-                if step < SMALLEST:
-                    raise WorkError(
-                        f"no equilibrium of the held body is found beyond {share:.0%} of the "
-                        f"displacement ({error})"
-                    ) from None
-                continue
-            u, iterations = found.displacement[None], iterations + found.iterations
-            share, step = aim, 2 * step
-        out = self._free.out_of_balance(u, f)[0]
-        return replace(found, iterations=iterations), np.where(self._held, out, 0.0)
+        f, begin, found = load[None], np.where(self._held, field, 0.0), list[Correction]()
+
+        def go(share: float) -> None:
+            u = found[-1].displacement if found else field
+            moved = np.where(self._held, begin + share * (wanted - begin) - u, 0.0)
+            lifted = self._lifted(u[None], f, moved[None])
+            found.append(iterated(self._body, f, lifted, START))
+
+        halved_steps(
+            go,
+            lambda share: (
+                f"no equilibrium of the held body is found beyond {share:.0%} of the displacement"
+            ),
+        )
+        out = self._free.out_of_balance(found[-1].displacement[None], f)[0]
+        iterations = sum(each.iterations for each in found)
+        return replace(found[-1], iterations=iterations), np.where(self._held, out, 0.0)
 
     def _lifted(self, u: Array, f: Array, moved: Array) -> Array:
         """Move held components, and the rest with them to first order: (1, n_nodes, d)."""

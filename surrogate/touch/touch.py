@@ -26,6 +26,7 @@ from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.grip import Body, Predict, load_beside
+from surrogate.touch.halved_steps import halved_steps
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
 
@@ -37,7 +38,6 @@ INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave
 SHORTEST = 1 / 8  # part of a step
-SMALLEST = 1 / 64  # part of the tool's depth that a step applies
 
 
 @dataclass(frozen=True)
@@ -291,20 +291,19 @@ class Search:
     def find(self, tool: Tool) -> None:
         """Find the forces; WorkError if none are found, however small the steps."""
         depth = max(0.0, -float(tool.gap(self.positions()).min()))
-        share, step = 0.0, 1.0
-        while share < 1.0:
-            aim = min(1.0, share + step)
+
+        def go(share: float) -> None:
             force, field = self.force, self.field
-            if self._converges(tool, (1 - aim) * depth):
-                share, step = aim, 2 * step
-                continue
-            self.force, self.field = force, field
-            step /= 2
-            if step < SMALLEST:
-                raise WorkError(
-                    f"no forces of the tool are found: it enters the body by {share:.0%} of its "
-                    f"depth after {self.predictions} predictions"
-                )
+            if not self._converges(tool, (1 - share) * depth):
+                self.force, self.field = force, field
+                raise WorkError(f"{self.predictions} predictions")
+
+        halved_steps(
+            go,
+            lambda share: (
+                f"no forces of the tool are found: it enters the body by {share:.0%} of its depth"
+            ),
+        )
 
     def _converges(self, tool: Tool, back: float) -> bool:
         """Find the contact with a tool whose surface is withdrawn by a length in m."""
