@@ -6,12 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
-from surrogate.data.case_loads import families_of, trained_loads
+from surrogate.data.case_loads import Loads, families_of, trained_loads
 from surrogate.data.load_families import TRAINED, random_loads
+from surrogate.inference.body import TrainedBody
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics import FollowerPressure
 
 Array = NDArray[np.float64]
+
+
+def loads_of(surrogate: TrainedBody, family: str = TRAINED) -> Loads:
+    """Random dead loads of a run's training, or of another family; InputError as `drawn_loads`."""
+    data = surrogate.description.data
+    limit, numbers = data.info.force.max_abs, data.load_numbers
+    return trained_loads(surrogate.geometry, data.case, limit, numbers, family)
 
 
 def drawn_loads(
@@ -45,8 +53,7 @@ def drawn_loads(
     """
     body, data = surrogate.geometry, surrogate.description.data
     if not body.surfaces:
-        limit, numbers = data.info.force.max_abs, data.load_numbers
-        return trained_loads(body, data.case, limit, numbers, family).draw(count, random)
+        return loads_of(surrogate, family).draw(count, random)
     families = families_of(data.case)
     ranges = [given["range"] for given in families if given["family"] == "pressure"]
     forces = np.zeros((count, *body.coordinates.shape))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean, as_tuple
-from surrogate.data.case_loads import trained_loads
+from surrogate.inference.fresh_loads import loads_of
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.modal_equilibrium import (
     BalancedCoefficients,
@@ -67,9 +67,7 @@ def fit_balance(
     every = Cubature(*np.divmod(chosen, per_cell), volumes.ravel()[chosen])
     every = every._replace(weights=every.weights * volumes.sum() / every.weights.sum())
     body = _equilibrium(surrogate, modes, every)
-    data = surrogate.description.data
-    limit, numbers = data.info.force.max_abs, data.load_numbers
-    family = trained_loads(surrogate.geometry, data.case, limit, numbers)
+    family = loads_of(surrogate)
     columns, totals, flat = [], [], modes.reshape(len(modes), -1)
     each = max(1, EQUATIONS * points // loads)
     for _ in range(loads):

@@ -27,9 +27,10 @@ from shared_schema.common.atomic_file import require_writable
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.data.case_loads import Loads, trained_loads
+from surrogate.data.case_loads import Loads
 from surrogate.device import choose_device
 from surrogate.hardware import hardware
+from surrogate.inference.fresh_loads import loads_of
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.out_of_balance import Equilibrium
@@ -114,9 +115,7 @@ def descend(
     surrogate: Surrogate, config: TrainedModel, refinement: Refinement
 ) -> list[dict[str, float]]:
     """Train a network in place; return the lines of measures, one for every `EPOCH` steps."""
-    data = surrogate.description.data
-    limit, numbers = data.info.force.max_abs, data.load_numbers
-    family = trained_loads(surrogate.geometry, data.case, limit, numbers, refinement.family)
+    family = loads_of(surrogate, refinement.family)
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
     descent = Descent(surrogate.balanced(), family, refinement)
