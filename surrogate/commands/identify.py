@@ -11,7 +11,8 @@ from surrogate.command_options import add_device, add_out, add_run, positive, sh
 
 UNKNOWN = (
     "what is sought: forces at a place X,Y[,Z], on a patch X,Y[,Z],R or a group, 'somewhere' on "
-    "the surface (one force), 'body-force', 'young-modulus'; repeatable"
+    "the surface (one force), 'body-force', 'young-modulus', 'young-modulus:GROUP' of a zone; "
+    "repeatable"
 )
 
 

@@ -16,7 +16,14 @@ from shared_schema.common.solution_file import write_solution
 from surrogate.data.geometry import Geometry
 from surrogate.identification.markers import Markers, read_markers
 from surrogate.identification.search import Candidate, Finished, Search
-from surrogate.identification.unknowns import BODY_FORCE, SOMEWHERE, YOUNG_MODULUS, Unknowns
+from surrogate.identification.unknowns import (
+    BODY_FORCE,
+    SOMEWHERE,
+    YOUNG_MODULUS,
+    Unknowns,
+    zones_of,
+)
+from surrogate.identification.zoned_response import moduli_of_zones
 from surrogate.inference.given_load import given_load
 from surrogate.inference.stiffness import modulus_at_rest
 from surrogate.inference.surrogate import Surrogate
@@ -139,8 +146,9 @@ def identify(
         At most places on or in the body; some may be wrong.
     unknown : sequence of str
         What is sought: places as ``--load`` names them ("4,1", "4,1,0.5,0.2" or a group of the
-        mesh), "somewhere" (one force at an unknown node of the surface), "body-force" and
-        "young-modulus" (of a body of one material, beside a known load).
+        mesh), "somewhere" (one force at an unknown node of the surface), "body-force",
+        "young-modulus" (of a body of one material, beside a known load) and
+        "young-modulus:GROUP" (of a zone, by equilibria of the finite elements).
     load, body_force
         Known loads, as `Surrogate.solve` takes them.
     noise : float, optional
@@ -172,10 +180,14 @@ def identify(
     given = given_load(geometry, load, nearest, body_force, needed=False)
     if given.surfaces:
         raise InputError("load: expected forces beside what is sought, no pressure")
-    modulus = 0.0
-    if YOUNG_MODULUS in unknown:
-        modulus = modulus_at_rest(model.description.data.material)
-    unknowns = Unknowns.of(geometry, unknown, given.forces, modulus, nearest)
+    material, moduli = model.description.data.material, np.empty(0)
+    if zones := zones_of(unknown):
+        if SOMEWHERE in unknown or YOUNG_MODULUS in unknown:
+            raise InputError(f"unknown: {', '.join(unknown)}: expected zones beside known places")
+        moduli = moduli_of_zones(model.balanced().geometry, material, zones)
+    elif YOUNG_MODULUS in unknown:
+        moduli = np.array([modulus_at_rest(material)])
+    unknowns = Unknowns.of(geometry, unknown, given.forces, moduli, nearest)
     count = len(unknowns.names) + geometry.dimension * (SOMEWHERE in unknown)
     if count >= markers.moved.size:
         raise InputError(
@@ -207,11 +219,11 @@ def described(
             spread += candidate.share * float(distance) ** 2
     std, width = np.sqrt(np.diag(covariance)), best.fit.half_width(level)
     values, lower, upper = theta.copy(), theta - width * std, theta + width * std
-    if unknowns.has_modulus:
+    if count := len(unknowns.moduli):
         for ends in (values, lower, upper):
-            ends[-1] = unknowns.young_modulus * np.exp(ends[-1])
-        std[-1] *= values[-1]
-    factor = np.exp(theta[-1]) if unknowns.has_modulus else 1.0
+            ends[-count:] = unknowns.young_moduli(ends)
+        std[-count:] *= values[-count:]
+    factor = np.exp(theta[-1]) if unknowns.softens else 1.0
     return Identification(
         names=unknowns.names,
         values=values,

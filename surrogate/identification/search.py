@@ -12,8 +12,14 @@ from shared_schema.common.errors import WorkError
 from surrogate.descent import Aim
 from surrogate.identification.least_squares import Fit, fit
 from surrogate.identification.place import Places, likely_places
-from surrogate.identification.responses import Body, ExactResponse, PredictedResponse
+from surrogate.identification.responses import (
+    Body,
+    ExactResponse,
+    PredictedResponse,
+    Response,
+)
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
+from surrogate.identification.zoned_response import ZonedResponse
 
 Array = NDArray[np.float64]
 
@@ -75,11 +81,21 @@ class Search:
         self._noise, self._size = noise, float(np.abs(moved).max())
 
     def known(self, unknowns: Unknowns) -> list[Candidate]:
-        """Fit forces at known places."""
+        """Fit forces at known places, and moduli."""
         strengths = np.abs(self._linear(unknowns.patterns)).max(axis=(0, 1))
         scale = self._scale(strengths, unknowns)
-        found = self._fitted(unknowns, np.zeros(len(scale)), scale)
+        found = self._fitted(unknowns, self._begin(unknowns), scale)
         return [self._candidate(unknowns, found, scale)]
+
+    def _begin(self, unknowns: Unknowns) -> Array:
+        """Where the search begins: without forces, or linearly, as zones at rest tell nothing."""
+        count = len(unknowns.patterns)
+        begin = np.zeros(count + len(unknowns.moduli))
+        if unknowns.zones and count:
+            known = self._linear(unknowns.known[None])[..., 0]
+            columns = self._linear(unknowns.patterns).reshape(-1, count)
+            begin[:count] = np.linalg.lstsq(columns, (self._moved - known).ravel(), rcond=None)[0]
+        return begin
 
     def somewhere(self, unknowns: Unknowns) -> list[Candidate]:
         """Fit a force at any node of the surface, with all others; the most likely node first."""
@@ -94,7 +110,7 @@ class Search:
             return unknowns.at(int(places.nodes[number]), SOMEWHERE)
 
         def fitted(number: int, forces: Array) -> Fit:
-            begin = np.append(forces, [0.0] * unknowns.has_modulus)
+            begin = np.append(forces, np.zeros(len(unknowns.moduli)))
             return self._fitted(unknowns_at(number), begin, scale_at(number))
 
         likely = likely_places(
@@ -122,6 +138,8 @@ class Search:
             If no equilibrium is found, or the estimate of the error does not settle.
         """
         given = self._body, best.unknowns, self._at_markers, best.scale
+        if best.unknowns.zones:
+            return Finished(best.fit, 0.0)
         if confirm:
             return Finished(self._fit(ExactResponse(*given), best.fit.theta), 0.0)
         error = self._error(best)
@@ -149,12 +167,16 @@ class Search:
             )
         return np.asarray(certificate.error)
 
-    def _fit(self, response: PredictedResponse | ExactResponse, begin: Array) -> Fit:
+    def _fit(self, response: Response, begin: Array) -> Fit:
         return fit(response.model, self._moved, begin, response.scale, self._noise)
 
+    def _response(self, unknowns: Unknowns, scale: Array) -> Response:
+        """Predictions, or, if moduli of zones are sought, equilibria."""
+        kind = ZonedResponse if unknowns.zones else PredictedResponse
+        return kind(self._body, unknowns, self._at_markers, scale)
+
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
-        response = PredictedResponse(self._body, unknowns, self._at_markers, scale)
-        return self._fit(response, begin)
+        return self._fit(self._response(unknowns, scale), begin)
 
     def _candidate(
         self,
@@ -164,7 +186,7 @@ class Search:
         node: int | None = None,
         share: float = 1.0,
     ) -> Candidate:
-        response = PredictedResponse(self._body, unknowns, self._at_markers, scale)
+        response = self._response(unknowns, scale)
         slopes = response.slopes(found.theta, found.state)
         return Candidate(unknowns, found, scale, slopes, node, share)
 
@@ -182,4 +204,4 @@ class Search:
             raise WorkError(
                 "the markers do not tell all that is sought: some of it moves none of them"
             )
-        return np.append(self._size / strengths, [SOFTER] * unknowns.has_modulus)
+        return np.append(self._size / strengths, np.full(len(unknowns.moduli), SOFTER))

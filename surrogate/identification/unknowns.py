@@ -5,7 +5,8 @@ The load is that of some parameters θ,
 .. math:: f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad E = E_0 \, e^{φ},
 
 with known forces :math:`f_0`, unit forces :math:`b_k` along each axis at each sought place, and
-Young's modulus :math:`E_0` of the run. Without a sought modulus φ = 0.
+Young's modulus :math:`E_0` of the run. Without a sought modulus φ = 0. Sought moduli of zones of
+the body, :math:`E_z = E_{z,0} \, e^{φ_z}`, leave f as it is.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ BODY_FORCE = "body-force"
 YOUNG_MODULUS = "young-modulus"
 SOMEWHERE = "somewhere"
 AXES = "xyz"
+OF_ZONE = f"{YOUNG_MODULUS}:"
 
 
 @dataclass(frozen=True)
@@ -35,22 +37,22 @@ class Unknowns:
     Attributes
     ----------
     names : tuple of str
-        Of each parameter, such as "4,1 x"; that of φ is last.
+        Of each parameter, such as "4,1 x"; those of φ are last.
     known : array, (n_nodes, d)
         f₀ in N.
     patterns : array, (K, n_nodes, d)
         b_k: 1 N in all, or those of 1 N/m³.
-    young_modulus : float
-        E₀ in Pa.
-    has_modulus : bool
-        Whether φ is sought.
+    moduli : array, (q,)
+        E₀ in Pa of every φ that is sought.
+    zones : tuple of str
+        Groups of the materials that they belong to; empty if they are those of the whole body.
     """
 
     names: tuple[str, ...]
     known: Array
     patterns: Array
-    young_modulus: float
-    has_modulus: bool
+    moduli: Array
+    zones: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -58,7 +60,7 @@ class Unknowns:
         geometry: Geometry,
         texts: Sequence[str],
         known: Array,
-        young_modulus: float,
+        moduli: Array,
         nearest: bool = False,
     ) -> Unknowns:
         """Read what is sought.
@@ -68,9 +70,10 @@ class Unknowns:
         geometry : Geometry
         texts : sequence of str
             Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
-            "young-modulus", and "somewhere", which `at` brings in.
+            "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere", which `at` brings
+            in.
         known : array, (n_nodes, d)
-        young_modulus : float
+        moduli : array, (q,)
         nearest : bool
             Let places beside a node mean the nearest one.
 
@@ -84,7 +87,7 @@ class Unknowns:
         names: list[str] = []
         patterns: list[Array] = []
         for text in texts:
-            if text in (YOUNG_MODULUS, SOMEWHERE):
+            if text == SOMEWHERE or is_modulus(text):
                 continue
             for axis, unit in enumerate(np.eye(geometry.dimension)):
                 load, values = CommandLoads(geometry.loaded_body), ",".join(map(str, unit))
@@ -94,30 +97,40 @@ class Unknowns:
                     load.add(f"{text}:{values}", nearest)
                 names.append(f"{text} {AXES[axis]}")
                 patterns.append(load.forces)
-        has_modulus = YOUNG_MODULUS in texts
-        if has_modulus and not known.any():
+        zones = zones_of(texts)
+        if YOUNG_MODULUS in texts and not known.any():
             raise InputError(
                 "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
                 "expected a load that is known beside it"
             )
-        names += [YOUNG_MODULUS] * has_modulus
+        names += [text for text in texts if is_modulus(text)]
         if not names and SOMEWHERE not in texts:
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
         shape = (len(patterns), *geometry.coordinates.shape)
         stacked = np.array(patterns).reshape(shape)
-        return cls(tuple(names), known, stacked, young_modulus, has_modulus)
+        return cls(tuple(names), known, stacked, moduli, zones)
+
+    @property
+    def softens(self) -> bool:
+        """Whether φ is that of the whole body."""
+        return len(self.moduli) > len(self.zones)
+
+    def young_moduli(self, theta: Array) -> Array:
+        """Sought moduli in Pa, (q,); infinite beyond all numbers."""
+        with np.errstate(over="ignore"):
+            return np.asarray(self.moduli * np.exp(theta[len(theta) - len(self.moduli) :]))
 
     def forces(self, theta: Array) -> Array:
-        """f(θ) in N for a body of E₀: (..., n) → (..., n_nodes, d)."""
+        """f(θ) in N, for a body of E₀ if its own is sought: (..., n) → (..., n_nodes, d)."""
         count = len(self.patterns)
         total = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
-        if self.has_modulus:
+        if self.softens:
             total = total * np.exp(-theta[..., -1, None, None])
         return np.asarray(total)
 
     def slopes(self, theta: Array) -> Array:
         """∂f/∂θ, (p, n_nodes, d)."""
-        if not self.has_modulus:
+        if not self.softens:
             return self.patterns
         softened = self.patterns * np.exp(-theta[-1])
         return np.concatenate([softened, -self.forces(theta)[None]])
@@ -130,3 +143,13 @@ class Unknowns:
         names = tuple(f"{text} {axis}" for axis in AXES[:d])
         patterns = np.concatenate([units, self.patterns])
         return replace(self, names=names + self.names, patterns=patterns)
+
+
+def is_modulus(text: str) -> bool:
+    """Whether Young's modulus is sought, of the body or a zone."""
+    return text == YOUNG_MODULUS or text.startswith(OF_ZONE)
+
+
+def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
+    """Zones whose moduli are sought."""
+    return tuple(text.removeprefix(OF_ZONE) for text in texts if text.startswith(OF_ZONE))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.runs.folder import RunFolder
+from tests.surrogate.mechanics.bodies import with_zones
 
 LOAD, YOUNG = "4,1:0.5,-3", 1200.0  # Pa; the run has 500
 
@@ -74,16 +74,8 @@ def test_refusals(beam: surrogate.Surrogate, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def zoned(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """The load series of a body whose free end is of another group, with equal moduli."""
-    geometry = dataset.geometry
-    middle = geometry.coordinates[geometry.cells, 0].mean(axis=1)
-    parts = (middle > np.median(middle)).astype(np.int64)
-    material = {**dataset.manifest.case["material"]}
-    materials = [{**material, "group": "root"}, {**material, "group": "end"}]
-    case = {**dataset.manifest.case, "material": materials}
-    manifest = dataset.manifest.model_copy(update={"case": case})
-    body = replace(dataset, geometry=replace(geometry, parts=parts), manifest=manifest)
     run = RunFolder(tmp_path_factory.mktemp("zoned") / "run")
-    surrogate.train({"model": "series"}, body, run.folder, device="cpu")
+    surrogate.train({"model": "series"}, with_zones(dataset), run.folder, device="cpu")
     return run
 
 

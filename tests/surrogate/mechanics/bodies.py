@@ -53,6 +53,18 @@ def zoned(cell_type: str) -> tuple[Geometry, tuple[NeoHookean, NeoHookean]]:
     return replace(geometry, parts=half), (MATERIAL, soft)
 
 
+def with_zones(dataset: Dataset) -> Dataset:
+    """The same samples for a body whose free end is of another group; nobody looks at them."""
+    geometry = dataset.geometry
+    middle = geometry.coordinates[geometry.cells, 0].mean(axis=1)
+    parts = (middle > np.median(middle)).astype(np.int64)
+    material = {**dataset.manifest.case["material"]}
+    materials = [{**material, "group": "root"}, {**material, "group": "end"}]
+    case = {**dataset.manifest.case, "material": materials}
+    manifest = dataset.manifest.model_copy(update={"case": case})
+    return replace(dataset, geometry=replace(geometry, parts=parts), manifest=manifest)
+
+
 def end_load(geometry: Geometry, *force: float) -> np.ndarray:
     """Return a force in N at the last node, the corner farthest from the origin."""
     forces = np.zeros_like(geometry.coordinates)
