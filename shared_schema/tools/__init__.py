@@ -6,6 +6,7 @@ Lengths are in m; in the plane a sphere is a disc.
 `tool`            what all tools tell: distance, normal, curvature
 `shapes`          planes, spheres and capsules in closed form
 `closed_surface`  any closed surface of triangles, at a pose
+`displaced`       any tool, elsewhere
 `given_tool`      tools as commands take them
 `contact`         what a tool does to a body
 ================  ===========================================================
@@ -13,6 +14,7 @@ Lengths are in m; in the plane a sphere is a disc.
 
 from shared_schema.tools.closed_surface import Mesh
 from shared_schema.tools.contact import Contact, contact_line
+from shared_schema.tools.displaced import Displaced
 from shared_schema.tools.given_tool import parse_tool
 from shared_schema.tools.shapes import Capsule, Plane, Sphere
 from shared_schema.tools.tool import Tool, require_outside
@@ -20,6 +22,7 @@ from shared_schema.tools.tool import Tool, require_outside
 __all__ = [
     "Capsule",
     "Contact",
+    "Displaced",
     "Mesh",
     "Plane",
     "Sphere",

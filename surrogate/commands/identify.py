@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.bodies.load_options import add_loads
+from shared_schema.common.bodies.load_options import add_loads, add_tool
 from shared_schema.common.command_line import Commands, add_command
 from surrogate.command_options import add_device, add_out, add_run, positive, share
 
 UNKNOWN = (
     "what is sought: forces at a place X,Y[,Z], on a patch X,Y[,Z],R or a group, 'somewhere' on "
     "the surface (one force), 'body-force', 'young-modulus', 'young-modulus:GROUP' of a zone; "
-    "repeatable"
+    "'tool' (--tool says which, and about where); repeatable"
 )
 
 
@@ -31,6 +31,7 @@ def add_to(commands: Commands) -> None:
         "--unknown", action="append", required=True, metavar="PLACE|GROUP|…", help=UNKNOWN
     )
     add_loads(parser)
+    add_tool(parser)
     deviation = "standard deviation of a component of the markers in m (default: estimated)"
     parser.add_argument("--noise", type=positive, metavar="S", help=deviation)
     probability = "probability of the intervals (default 0.9)"
@@ -56,6 +57,7 @@ def run(options: argparse.Namespace) -> None:
         options.unknown,
         [*options.load, *options.forces],
         body_force=options.body_force,
+        tool=options.tool,
         noise=options.noise,
         level=options.level,
         nearest=options.nearest,

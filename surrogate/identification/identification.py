@@ -13,12 +13,14 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.common.solution_file import write_solution
+from shared_schema.tools import Tool, parse_tool, require_outside
 from surrogate.data.geometry import Geometry
 from surrogate.identification.markers import Markers, read_markers
 from surrogate.identification.search import Candidate, Finished, Search
 from surrogate.identification.unknowns import (
     BODY_FORCE,
     SOMEWHERE,
+    TOOL,
     YOUNG_MODULUS,
     Unknowns,
     zones_of,
@@ -39,7 +41,8 @@ class Identification:
     Attributes
     ----------
     names : tuple of str
-        Of the parameters: force components in N, body forces in N/m³, Young's modulus in Pa.
+        Of the parameters: force components in N, body forces in N/m³, Young's modulus in Pa, how
+        far a tool is from where it was given, in m.
     values, std, lower, upper : array, (p,)
         Estimates, standard deviations, and ends of intervals of the probability `level`.
     level : float
@@ -91,6 +94,8 @@ class Identification:
                 unit = f"{units.force}/{units.length}³"
             elif name.startswith("young"):
                 unit = units.stress
+            elif name.startswith(TOOL):
+                unit = units.length
             found.append(f"{name}: {value:.5g} {unit} ({low:.5g} to {high:.5g})")
         if self.place is not None and self.place_std is not None:
             at = ",".join(f"{x:.5g}" for x in self.place)
@@ -132,12 +137,13 @@ def identify(
     load: Sequence[str] = (),
     *,
     body_force: str | Sequence[float] | None = None,
+    tool: str | Tool | None = None,
     noise: float | None = None,
     level: float = LEVEL,
     nearest: bool = False,
     confirm: bool = False,
 ) -> Identification:
-    """Find forces and stiffness of a body from markers that have moved.
+    """Find forces, the place of a tool, or stiffness of a body from markers that have moved.
 
     Parameters
     ----------
@@ -148,9 +154,11 @@ def identify(
         What is sought: places as ``--load`` names them ("4,1", "4,1,0.5,0.2" or a group of the
         mesh), "somewhere" (one force at an unknown node of the surface), "body-force",
         "young-modulus" (of a body of one material, beside a known load) and
-        "young-modulus:GROUP" (of a zone, by equilibria of the finite elements).
+        "young-modulus:GROUP" (of a zone, by equilibria of the finite elements); or "tool" alone.
     load, body_force
         Known loads, as `Surrogate.solve` takes them.
+    tool : str or Tool, optional
+        As `Surrogate.solve` takes it, about where it is: what is found is how far it is from there.
     noise : float, optional
         Standard deviation of a component of the markers in m; it is estimated if it is not given.
     level : float
@@ -187,7 +195,13 @@ def identify(
         moduli = moduli_of_zones(model.balanced().geometry, material, zones)
     elif YOUNG_MODULUS in unknown:
         moduli = np.array([modulus_at_rest(material)])
-    unknowns = Unknowns.of(geometry, unknown, given.forces, moduli, nearest)
+    if isinstance(tool, str):
+        tool = parse_tool(tool, geometry.dimension)
+    if tool is not None:
+        if confirm:
+            raise InputError("confirm: expected without a tool, whose contact is predicted")
+        require_outside(tool, geometry.coordinates, geometry.free)
+    unknowns = Unknowns.of(geometry, unknown, given.forces, moduli, nearest, tool)
     count = len(unknowns.names) + geometry.dimension * (SOMEWHERE in unknown)
     if count >= markers.moved.size:
         raise InputError(
@@ -235,7 +249,7 @@ def described(
         place_std=None if place is None else float(np.sqrt(spread)),
         displacement=best.fit.state,
         std_displacement=np.sqrt(variance),
-        force=unknowns.forces(theta) * factor,
+        force=best.force * factor,
         noise=best.fit.sigma,
         left_out=~best.fit.counts,
         model_error=best.model_error,

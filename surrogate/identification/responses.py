@@ -30,7 +30,7 @@ class Body(Protocol):
     def equilibrium(self) -> Equilibrium:
         """The equilibrium of the body."""
 
-    def predict(self, forces: Any) -> Any:
+    def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
         """Nodal forces in N to displacements in m, (n_nodes, d) or (N, n_nodes, d)."""
 
     def certify(self, forces: Any, predicted: Any, *, pressure: Any = None) -> Any:
@@ -80,6 +80,10 @@ class Response(ABC):
     @abstractmethod
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ, (n_nodes, d, p)."""
+
+    def forces(self, theta: Array) -> Array:
+        """Dead forces of u(θ) in N, (n_nodes, d)."""
+        return self.unknowns.forces(theta)
 
     def _value(self, theta: Array) -> tuple[Array, Array]:
         field = self.field(theta) + self._shift

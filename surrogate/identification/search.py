@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from shared_schema.common.errors import WorkError
+from shared_schema.common.errors import InputError, WorkError
 from surrogate.descent import Aim
 from surrogate.identification.least_squares import Fit, fit
 from surrogate.identification.place import Places, likely_places
@@ -18,6 +18,7 @@ from surrogate.identification.responses import (
     PredictedResponse,
     Response,
 )
+from surrogate.identification.tool_response import ToolResponse
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
 from surrogate.identification.zoned_response import ZonedResponse
 
@@ -55,10 +56,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Finished:
-    """A fit without the error of predictions, and that error at the markers in m."""
+    """A fit without the error of predictions, that error at the markers in m, and the forces."""
 
     fit: Fit
     model_error: float
+    force: Array
 
 
 class Search:
@@ -81,7 +83,14 @@ class Search:
         self._noise, self._size = noise, float(np.abs(moved).max())
 
     def known(self, unknowns: Unknowns) -> list[Candidate]:
-        """Fit forces at known places, and moduli."""
+        """Fit forces at known places, and moduli; or the place of a tool."""
+        if unknowns.tool is not None:
+            scale = np.full(len(unknowns.names), self._size)
+            begin = self._response(unknowns, scale).forces(0 * scale)
+            if np.array_equal(begin, unknowns.known):
+                raise InputError("tool: it touches nothing, expected it about where it pushes")
+            found = self._fitted(unknowns, np.zeros(len(scale)), scale)
+            return [self._candidate(unknowns, found, scale)]
         strengths = np.abs(self._linear(unknowns.patterns)).max(axis=(0, 1))
         scale = self._scale(strengths, unknowns)
         found = self._fitted(unknowns, self._begin(unknowns), scale)
@@ -137,16 +146,21 @@ class Search:
         WorkError
             If no equilibrium is found, or the estimate of the error does not settle.
         """
-        given = self._body, best.unknowns, self._at_markers, best.scale
+        given, theta = (self._body, best.unknowns, self._at_markers, best.scale), best.fit.theta
         if best.unknowns.zones:
-            return Finished(best.fit, 0.0)
+            return Finished(best.fit, 0.0, best.unknowns.forces(theta))
         if confirm:
-            return Finished(self._fit(ExactResponse(*given), best.fit.theta), 0.0)
-        error = self._error(best)
-        found = self._fit(PredictedResponse(*given, shift=-error), best.fit.theta)
-        return Finished(found, float(np.abs(self._at_markers @ error).max()))
+            exact = ExactResponse(*given)
+            found = self._fit(exact, theta)
+            return Finished(found, 0.0, exact.forces(found.theta))
+        response = self._response(best.unknowns, best.scale)
+        error = self._error(best.fit.state, response.forces(theta))
+        shifted = self._response(best.unknowns, best.scale, -error)
+        found = self._fit(shifted, theta)
+        left = float(np.abs(self._at_markers @ error).max())
+        return Finished(found, left, shifted.forces(found.theta))
 
-    def _error(self, best: Candidate) -> Array:
+    def _error(self, state: Array, forces: Array) -> Array:
         """Error of the prediction in m: by directions, or, where they do not arrive, Newton steps.
 
         Raises
@@ -154,7 +168,6 @@ class Search:
         WorkError
             If neither settles.
         """
-        forces, state = best.unknowns.forces(best.fit.theta), best.fit.state
         found, descent = self._body.descend(forces, None, state, Aim(TOLERANCE))
         if descent.reached:
             return np.asarray(state - found)
@@ -170,10 +183,11 @@ class Search:
     def _fit(self, response: Response, begin: Array) -> Fit:
         return fit(response.model, self._moved, begin, response.scale, self._noise)
 
-    def _response(self, unknowns: Unknowns, scale: Array) -> Response:
+    def _response(self, unknowns: Unknowns, scale: Array, shift: Array | float = 0.0) -> Response:
         """Predictions, or, if moduli of zones are sought, equilibria."""
-        kind = ZonedResponse if unknowns.zones else PredictedResponse
-        return kind(self._body, unknowns, self._at_markers, scale)
+        kind: type[Response] = ZonedResponse if unknowns.zones else PredictedResponse
+        kind = kind if unknowns.tool is None else ToolResponse
+        return kind(self._body, unknowns, self._at_markers, scale, shift)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
         return self._fit(self._response(unknowns, scale), begin)

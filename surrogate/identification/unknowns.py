@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError
+from shared_schema.tools import Tool
 from surrogate.data.geometry import Geometry
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 BODY_FORCE = "body-force"
 YOUNG_MODULUS = "young-modulus"
 SOMEWHERE = "somewhere"
+TOOL = "tool"
 AXES = "xyz"
 OF_ZONE = f"{YOUNG_MODULUS}:"
 
@@ -46,6 +48,8 @@ class Unknowns:
         E₀ in Pa of every φ that is sought.
     zones : tuple of str
         Groups of the materials that they belong to; empty if they are those of the whole body.
+    tool : Tool or None
+        A tool whose place is sought: θ is how far it is from there, in m.
     """
 
     names: tuple[str, ...]
@@ -53,6 +57,7 @@ class Unknowns:
     patterns: Array
     moduli: Array
     zones: tuple[str, ...] = ()
+    tool: Tool | None = None
 
     @classmethod
     def of(
@@ -62,6 +67,7 @@ class Unknowns:
         known: Array,
         moduli: Array,
         nearest: bool = False,
+        tool: Tool | None = None,
     ) -> Unknowns:
         """Read what is sought.
 
@@ -76,15 +82,23 @@ class Unknowns:
         moduli : array, (q,)
         nearest : bool
             Let places beside a node mean the nearest one.
+        tool : Tool, optional
+            What "tool" means, which is then sought alone.
 
         Raises
         ------
         InputError
-            If there is no such place, or one is named twice.
+            If there is no such place, or one is named twice, or the tool is not what is sought.
         """
+        if (tool is not None) != (list(texts) == [TOOL]):
+            raise InputError(f"unknown: {', '.join(texts)}: expected 'tool' alone, and a tool")
+        if tool is not None:
+            names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
+            none = np.empty((0, *geometry.coordinates.shape))
+            return cls(names, known, none, np.empty(0), tool=tool)
         if len(set(texts)) < len(texts):
             raise InputError(f"unknown: {', '.join(texts)}: expected each once")
-        names: list[str] = []
+        sought: list[str] = []
         patterns: list[Array] = []
         for text in texts:
             if text == SOMEWHERE or is_modulus(text):
@@ -95,7 +109,7 @@ class Unknowns:
                     load.add_body_force(values)
                 else:
                     load.add(f"{text}:{values}", nearest)
-                names.append(f"{text} {AXES[axis]}")
+                sought.append(f"{text} {AXES[axis]}")
                 patterns.append(load.forces)
         zones = zones_of(texts)
         if YOUNG_MODULUS in texts and not known.any():
@@ -103,12 +117,12 @@ class Unknowns:
                 "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
                 "expected a load that is known beside it"
             )
-        names += [text for text in texts if is_modulus(text)]
-        if not names and SOMEWHERE not in texts:
+        sought += [text for text in texts if is_modulus(text)]
+        if not sought and SOMEWHERE not in texts:
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
         shape = (len(patterns), *geometry.coordinates.shape)
         stacked = np.array(patterns).reshape(shape)
-        return cls(tuple(names), known, stacked, moduli, zones)
+        return cls(tuple(sought), known, stacked, moduli, zones)
 
     @property
     def softens(self) -> bool:

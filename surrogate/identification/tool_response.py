@@ -1,0 +1,45 @@
+"""Displacement fields of a body that a tool pushes, by the place of the tool."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.tools import Displaced
+from surrogate.identification.responses import Response
+from surrogate.touch.touch import Touch, TouchFrame
+
+Array = NDArray[np.float64]
+CONTACT = 1e-5  # tolerance of the contact: differences are not to see it
+DIFFERENCE = 1e-2  # of a change that matters
+
+
+class ToolResponse(Response):
+    """Predictions with the tool at θ m from where it is given, and their forward differences."""
+
+    _touch: Touch | None = None
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m; NaN where no contact is found."""
+        try:
+            return self._frame(theta).displacement
+        except (InputError, WorkError):  # the tool may not be there
+            return np.full(self.unknowns.known.shape, np.nan)
+
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ."""
+        steps, here = DIFFERENCE * self.scale, field - self._shift
+        moved = [self.field(theta + step) for step in np.diag(steps)]
+        rates = (np.array(moved) - here) / steps[:, None, None]
+        return np.asarray(np.moveaxis(rates, 0, -1))
+
+    def forces(self, theta: Array) -> Array:
+        """Forces of the tool, and those that are known, in N."""
+        return np.asarray(self.unknowns.known + self._frame(theta).force)
+
+    def _frame(self, theta: Array) -> TouchFrame:
+        assert self.unknowns.tool is not None
+        self._touch = self._touch or Touch(self.body, CONTACT)
+        tool = Displaced(self.unknowns.tool, tuple(map(float, theta)))
+        return self._touch.move(tool, self.unknowns.known)
