@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from experiments.framework.experiment import Findings
 from experiments.framework.machine import ROOT
-from experiments.gpu.setting import GpuSetting
+from experiments.gpu.setting import GpuSetting, Results
 
 CLOSING = 10.0  # s for what pytest says in the end
 SMALL = "tests/surrogate/training/test_precision.py"
@@ -28,13 +28,15 @@ def gpu_tests(setting: GpuSetting) -> Findings:
     command += [f"--junitxml={report.absolute()}", *([SMALL] if setting.small else marked_files())]
     with (setting.out / "gpu-tests.log").open("w") as log:
         tests = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT)
+        ended: Results = {}
         try:
             tests.wait(max(1.0, setting.seconds_left - CLOSING))
         except subprocess.TimeoutExpired:
             tests.send_signal(signal.SIGINT)  # pytest then says what has failed
             tests.wait()
+            ended = {"timed_out": True}
     if not report.is_file():
-        return Findings(numbers={"command": command[1:], "timed_out": True})
+        return Findings(numbers={"command": command[1:], **ended})
     cases = list(ElementTree.parse(report).iter("testcase"))
 
     def named(*outcomes: str) -> list[str]:
@@ -53,5 +55,6 @@ def gpu_tests(setting: GpuSetting) -> Findings:
             "passed": len(cases) - len(failed) - len(skipped),
             "failed": failed,
             "skipped": skipped,
+            **ended,
         }
     )

@@ -100,8 +100,8 @@ class Compliance(nn.Module):
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, d · n_free) → same."""
         precise = force.to(self.matrix.dtype) if len(self.matrix) else force
-        is_traced = torch.compiler.is_compiling() or force.device.type != "cpu"
-        if len(self.matrix) and (is_traced or self.size <= BY_MATRIX):
+        elsewhere = torch.compiler.is_compiling() or force.device.type != "cpu"
+        if len(self.matrix) and (elsewhere or self._by_matrix):
             return functional.linear(precise, self.matrix).to(force.dtype)
         found: Tensor = _Response.apply(precise, self)  # type: ignore[no-untyped-call]
         return found.to(force.dtype)
@@ -187,8 +187,12 @@ class Compliance(nn.Module):
 
     def _solved(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond by the dense matrix, or solves."""
-        is_dense = len(self.matrix) > 0 and self.size <= BY_MATRIX
-        return force @ self.matrix.numpy() if is_dense else self.solve(force)
+        return force @ self.matrix.numpy() if self._by_matrix else self.solve(force)
+
+    @property
+    def _by_matrix(self) -> bool:
+        """Whether a CPU responds by K⁻¹."""
+        return len(self.matrix) > 0 and self.size <= BY_MATRIX
 
 
 @torch.inference_mode(False)

@@ -33,7 +33,7 @@ from surrogate.touch.linear_contact import linear_contact
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-TOLERANCE = 1e-3  # of frames
+TOLERANCE = 1e-3  # of frames, of the largest displacement
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave
@@ -267,7 +267,7 @@ class Search:
         at_rest: Array,
         surface: Numbers,
         predicted: Predict,
-        tolerance: float = TOLERANCE,
+        tolerance: float,
     ) -> None:
         self._body, self._at_rest, self._surface = body, at_rest, surface
         self._tolerance = tolerance
