@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,10 @@ from surrogate.identification.responses import (
     PredictedResponse,
     Response,
 )
-from surrogate.identification.tool_response import ToolResponse
+from surrogate.identification.tool_response import CONTACT, ToolResponse
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
 from surrogate.identification.zoned_response import ZonedResponse
+from surrogate.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -185,9 +187,14 @@ class Search:
 
     def _response(self, unknowns: Unknowns, scale: Array, shift: Array | float = 0.0) -> Response:
         """Predictions, or, if moduli of zones are sought, equilibria."""
-        kind: type[Response] = ZonedResponse if unknowns.zones else PredictedResponse
-        kind = kind if unknowns.tool is None else ToolResponse
-        return kind(self._body, unknowns, self._at_markers, scale, shift)
+        given = self._body, unknowns, self._at_markers, scale, shift
+        if unknowns.tool is not None:
+            return ToolResponse(self._touch, *given)
+        return ZonedResponse(*given) if unknowns.zones else PredictedResponse(*given)
+
+    @cached_property
+    def _touch(self) -> Touch:
+        return Touch(self._body, CONTACT)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
         return self._fit(self._response(unknowns, scale), begin)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +18,19 @@ DIFFERENCE = 1e-2  # of a change that matters
 
 
 class ToolResponse(Response):
-    """Predictions with the tool at θ m from where it is given, and their forward differences."""
+    """Predictions with the tool at θ m from where it is given, and their forward differences.
 
-    _touch: Touch | None = None
+    Parameters
+    ----------
+    touch : Touch
+        Of the body, with the tolerance `CONTACT`; fits that follow one another share it.
+    given
+        As `Response` takes them.
+    """
+
+    def __init__(self, touch: Touch, *given: Any) -> None:
+        super().__init__(*given)
+        self._touch = touch
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m; NaN where no contact is found."""
@@ -40,6 +52,5 @@ class ToolResponse(Response):
 
     def _frame(self, theta: Array) -> TouchFrame:
         assert self.unknowns.tool is not None
-        self._touch = self._touch or Touch(self.body, CONTACT)
         tool = Displaced(self.unknowns.tool, tuple(map(float, theta)))
         return self._touch.move(tool, self.unknowns.known)
