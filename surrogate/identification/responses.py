@@ -11,27 +11,17 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
-from surrogate.data.geometry import Geometry
 from surrogate.identification.least_squares import Model
 from surrogate.identification.unknowns import Unknowns
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.touch import body as touch
 
 Array = NDArray[np.float64]
 
 DIFFERENCE = 3e-3  # of a change that matters
 
 
-class Body(Protocol):
+class Body(touch.Body, Protocol):
     """What is identified, such as a `Surrogate`."""
-
-    geometry: Geometry
-
-    @property
-    def equilibrium(self) -> Equilibrium:
-        """The equilibrium of the body."""
-
-    def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
-        """Nodal forces in N to displacements in m, (n_nodes, d) or (N, n_nodes, d)."""
 
     def certify(self, forces: Any, predicted: Any, *, pressure: Any = None) -> Any:
         """Certificate of a displacement, whose `error` is in m."""

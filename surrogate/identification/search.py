@@ -194,7 +194,7 @@ class Search:
 
     @cached_property
     def _touch(self) -> Touch:
-        return Touch(self._body, CONTACT)
+        return Touch(self._body, CONTACT, corrected=False)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
         return self._fit(self._response(unknowns, scale), begin)

@@ -14,16 +14,17 @@ negative in a step,
 The stiffness of the grip at rest, :math:`B_0`, follows from the columns of :math:`K^{-1}`. Where a
 step makes the residual larger, a part of it is taken; where that does not help, B is measured by
 small changes of the forces, and the displacement is applied in steps. Frames that follow one
-another begin at the forces of the last one. Where no forces are found, Newton's method finds the
-body with its grips (`surrogate.touch.held_newton`).
+another begin at the forces of the last one; between them, what it has left unbalanced corrects the
+predictions (`surrogate.touch.defect_correction`). Where no forces are found, Newton's method finds
+the body with its grips (`surrogate.touch.held_newton`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,14 +34,13 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
-from surrogate.data.geometry import Geometry
-from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.touch.body import Body, Predict, load_beside
+from surrogate.touch.defect_correction import DefectCorrection
 from surrogate.touch.held_newton import HeldNewton
 
 Array = NDArray[np.float64]
 Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
-Predict: TypeAlias = Callable[[Array], Array]
 
 TOLERANCE = 1e-6  # residual over the largest held displacement
 ACCEPTED, SLOW = 1e-4, 0.5  # residual that will do, once a step leaves so large a part of it
@@ -77,26 +77,19 @@ class GripFrame:
     correction: Correction | None = None
 
 
-class Body(Protocol):
-    """What can be held, such as a `Surrogate`."""
+@dataclass(frozen=True)
+class Shown:
+    """The field in m that is shown under forces in N of grips and beside them."""
 
-    geometry: Geometry
+    field: Array
+    grips: Array
+    acting: Array
+    predict: Predict | None
 
-    @property
-    def equilibrium(self) -> Equilibrium:
-        """The equilibrium of the body."""
-
-    def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
-        """Nodal forces in N to displacements in m, both (n_nodes, d)."""
-
-
-def load_beside(geometry: Geometry, load: Array | None) -> Array:
-    """Nodal forces in N beside those of grips or tools, (n_nodes, d); InputError if wrong."""
-    if load is None:
-        return np.zeros(geometry.coordinates.shape)
-    given = CommandLoads(geometry.loaded_body)
-    given.add_forces(load)
-    return given.forces
+    def is_of(self, grips: Array, acting: Array, predict: Predict | None) -> bool:
+        """Whether it is the field of these forces."""
+        same = np.array_equal(grips, self.grips) and np.array_equal(acting, self.acting)
+        return same and predict is self.predict
 
 
 class Grip:
@@ -115,6 +108,9 @@ class Grip:
         places to displacements in m says the same, with None for a component that stays free.
     nearest : bool
         Let places beside a node mean the nearest one.
+    corrected : bool, optional
+        Whether the predictions of a frame are corrected by what the last one has left unbalanced;
+        by default, all but those of load series.
 
     Attributes
     ----------
@@ -132,7 +128,14 @@ class Grip:
         are none of the learner's.
     """
 
-    def __init__(self, model: Body, held: Held, nearest: bool = False) -> None:
+    def __init__(
+        self,
+        model: Body,
+        held: Held,
+        nearest: bool = False,
+        *,
+        corrected: bool | None = None,
+    ) -> None:
         together = CommandLoads(model.geometry.loaded_body)
         components, displacements = [], []
         for text in _texts(held, model.geometry.dimension):
@@ -145,6 +148,8 @@ class Grip:
         self.notes = tuple(together.notes)
         self._model, self._dofs = model, np.flatnonzero(together.moved)
         self._search = ForceSearch(stiffness_at_rest(model, together.moved))
+        self._defect = DefectCorrection(model, corrected)
+        self._shown: Shown | None = None
         self._field: Array = np.zeros(together.moved.shape)
 
     @checked_arguments
@@ -175,15 +180,21 @@ class Grip:
             If no forces are found.
         """
         wanted, acting = self._given(displacements, load)
-        predict = predict or self._model.predict
-        target, held = wanted.ravel()[self._dofs], np.zeros(wanted.size)
-        last: Array = np.zeros(wanted.shape)
+        self._correct_predictions(predict)
+        shows, shown, count = predict or self._model.predict, self._shown, 0
+        target = wanted.ravel()[self._dofs]
 
         def displaced(forces: Array) -> Array:
-            nonlocal last
+            nonlocal shown, count
+            held = np.zeros(wanted.size)
             held[self._dofs] = forces
-            last = np.asarray(predict(acting + held.reshape(wanted.shape)))
-            return last.ravel()[self._dofs]
+            grips = held.reshape(wanted.shape)
+            if shown is None or not shown.is_of(grips, acting, predict):
+                count += 1
+                total = acting + grips
+                field = self._defect.corrected(np.asarray(shows(total)), total)
+                shown = Shown(field, grips, acting, predict)
+            return shown.field.ravel()[self._dofs]
 
         try:
             self._search.find(displaced, target)  # asks for the forces that it finds last
@@ -192,8 +203,9 @@ class Grip:
                 return self.correct(displacements, load)
             except WorkError:
                 raise error from None
-        self._field = last
-        return self._frame(last, held.reshape(wanted.shape), self._search.predictions)
+        assert shown is not None
+        self._shown, self._field = shown, shown.field
+        return self._frame(shown.field, shown.grips, count)
 
     @checked_arguments
     def correct(self, displacements: ArrayLike, load: Array | None = None) -> GripFrame:
@@ -210,8 +222,18 @@ class Grip:
         if not self.can_correct:
             raise WorkError("grips are not corrected on elements with points between the nodes")
         found, force = self._newton.find(wanted, acting, self._field)
-        self._field = found.displacement
+        self._field, self._shown = found.displacement, None
         return self._frame(found.displacement, force, 0, found)
+
+    def _correct_predictions(self, predict: Predict | None) -> None:
+        """Take over what the last frame tells, if it shows predictions of the model."""
+        last = self._shown
+        if last is None or predict is not None or last.predict is not None:
+            self._defect.forget()
+            self._shown = None
+        else:
+            change = self._defect.improve(last.field, last.acting + last.grips)
+            self._shown = replace(last, field=last.field + change)
 
     @property
     def can_correct(self) -> bool:

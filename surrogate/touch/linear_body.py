@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.touch.grip import Body
+from surrogate.touch.body import Body
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -24,8 +24,9 @@ from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
+from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
-from surrogate.touch.grip import Body, Predict, load_beside
+from surrogate.touch.defect_correction import DefectCorrection
 from surrogate.touch.halved_steps import halved_steps
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
@@ -76,6 +77,9 @@ class Touch:
     tolerance : float
         Largest depth of a node, and distance of one that bears a force, over the largest
         displacement.
+    corrected : bool, optional
+        Whether the predictions of a frame are corrected by what the last one has left unbalanced;
+        by default, all but those of load series.
 
     Attributes
     ----------
@@ -89,7 +93,9 @@ class Touch:
         positive.
     """
 
-    def __init__(self, model: Body, tolerance: float = TOLERANCE) -> None:
+    def __init__(
+        self, model: Body, tolerance: float = TOLERANCE, corrected: bool | None = None
+    ) -> None:
         require_positive("tolerance", tolerance)
         geometry, self.tolerance = model.geometry, tolerance
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
@@ -97,6 +103,7 @@ class Touch:
         self._model, self._geometry = model, geometry
         self._at_rest = geometry.coordinates[self.surface]
         self._body = LinearBody(model, self.surface)
+        self._defect = DefectCorrection(model, corrected)
         self._tool: Tool | None = None
         self.let_go()
 
@@ -104,6 +111,7 @@ class Touch:
         """Forget the last frame."""
         shape = self._geometry.coordinates.shape
         self._body.forget()
+        self._defect.forget()
         self._force: Array = np.zeros(self._at_rest.shape)
         self._acting, self._field = np.zeros(shape), np.zeros(shape)
         self._shown_by: object = None
@@ -134,12 +142,11 @@ class Touch:
             If no forces are found.
         """
         acting, shows = self._acting_with(tool, load), predict or self._model.predict
+        self._correct_predictions(predict)
 
         def predicted(force: Array) -> Array:
-            total = acting.copy()
-            total[self.surface] += force
-            total[~self._geometry.free] = 0.0  # supports bear these
-            return np.asarray(shows(total))
+            total = self._all_forces(acting, force)
+            return self._defect.corrected(np.asarray(shows(total)), total)
 
         if self._holds:
             search = Search(self._body, self._at_rest, self.surface, predicted, self.tolerance)
@@ -178,6 +185,21 @@ class Touch:
             found, force = self._newton.find(tool, acting, self._field, self._force)
         self._shown_by = self._newton
         return self._frame(tool, acting, found.displacement, force, 0, found)
+
+    def _correct_predictions(self, predict: Predict | None) -> None:
+        """Take over what the last frame tells, if it shows predictions of the model."""
+        if predict is not None or self._shown_by is not None:
+            self._defect.forget()
+        elif self._tool is not None:
+            force = self._all_forces(self._acting, self._force)
+            self._field = self._field + self._defect.improve(self._field, force)
+
+    def _all_forces(self, acting: Array, on_surface: Array) -> Array:
+        """Those of a tool and those beside it in N, (n_nodes, d); supports bear the others."""
+        total = acting.copy()
+        total[self.surface] += on_surface
+        total[~self._geometry.free] = 0.0
+        return total
 
     @cached_property
     def _newton(self) -> ContactNewton:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool, parse_tool
-from surrogate.touch.grip import Body, Grip, GripFrame, Held, Predict
+from surrogate.touch.body import Body, Predict
+from surrogate.touch.grip import Grip, GripFrame, Held
 from surrogate.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ def gripped(
         As `Grip` and `Grip.move`; InputError if a pressure acts.
     """
     require_dead("held", given)
-    grip = Grip(model, held, nearest)
+    grip = Grip(model, held, nearest, corrected=False)
     given.notes += grip.notes
     frame = grip.move(grip.displacements, given.forces)
     if correct and grip.can_correct:
@@ -70,7 +71,7 @@ def pushed(
     require_dead("tool", given)
     if isinstance(tool, str):
         tool = parse_tool(tool, model.geometry.dimension)
-    touch = Touch(model, min(SINGLE, tolerance or SINGLE))
+    touch = Touch(model, min(SINGLE, tolerance or SINGLE), corrected=False)
     frame = touch.move(tool, given.forces)
     if correct:
         return touch.correct(tool, given.forces)

@@ -1,0 +1,47 @@
+"""A body that can be held and pushed, and the loads beside that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.command_loads import CommandLoads
+from surrogate.data.geometry import Geometry
+from surrogate.descent.driven_body import DrivenBody
+from surrogate.mechanics.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+Predict: TypeAlias = Callable[[Array], Array]
+
+
+class Body(Protocol):
+    """What can be held and pushed, such as a `Surrogate`."""
+
+    geometry: Geometry
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The equilibrium of the body."""
+
+    @property
+    def driven_body(self) -> DrivenBody:
+        """The body as directions see it."""
+
+    @property
+    def has_series(self) -> bool:
+        """Whether predictions are those of a load series, which leave little to correct."""
+
+    def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
+        """Nodal forces in N to displacements in m, both (n_nodes, d)."""
+
+
+def load_beside(geometry: Geometry, load: Array | None) -> Array:
+    """Nodal forces in N beside those of grips or tools, (n_nodes, d); InputError if wrong."""
+    if load is None:
+        return np.zeros(geometry.coordinates.shape)
+    given = CommandLoads(geometry.loaded_body)
+    given.add_forces(load)
+    return given.forces

@@ -1,0 +1,126 @@
+"""Predictions that are corrected from frame to frame come to the finite elements' equilibrium."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import surrogate
+from shared_schema.tools import Sphere
+from surrogate.touch.defect_correction import DefectCorrection
+
+Array = NDArray[np.float64]
+TOO_FAR = 1.1  # what the wrong predictions are times too large
+PLACE, DEPTH, FRAMES = "4,1", 0.2, 30
+
+
+class WrongPredictions:
+    """A body whose predictions are all too large."""
+
+    has_series = False
+
+    def __init__(self, model: surrogate.Surrogate) -> None:
+        self.geometry, self.equilibrium = model.geometry, model.equilibrium
+        self.driven_body, self._model = model.driven_body, model
+
+    def predict(self, forces: Any, **_: Any) -> Any:
+        return TOO_FAR * self._model.predict(forces)
+
+
+@pytest.fixture(scope="module")
+def beam() -> surrogate.Surrogate:
+    return surrogate.load("beam2d_any")
+
+
+def disc(depth: float) -> Sphere:
+    """A disc in the upper face of a beam of 4 × 1 m."""
+    return Sphere((3.0, 1.3 - depth), 0.3)
+
+
+def off(found: Array, truth: Array) -> float:
+    """Distance over the largest displacement or force."""
+    return float(np.abs(found - truth).max() / np.abs(truth).max())
+
+
+def test_body_that_is_kept_still_comes_to_its_equilibrium(beam: surrogate.Surrogate) -> None:
+    touch, truth = surrogate.Touch(WrongPredictions(beam)), surrogate.Touch(beam).correct(disc(0.1))
+    errors = [off(touch.move(disc(0.1)).force, truth.force) for _ in range(12)]
+    assert errors[0] > 0.05
+    assert errors[-1] < 2e-3
+    assert off(touch.move(disc(0.1)).displacement, truth.displacement) < 2e-3
+
+
+def test_frames_of_a_tool(beam: surrogate.Surrogate) -> None:
+    """What is left is what changes in one frame, at no more predictions."""
+    body, frames = WrongPredictions(beam), {}
+    for corrected in (False, True):
+        touch, predictions = surrogate.Touch(body, corrected=corrected), 0
+        for depth in np.linspace(0, DEPTH, FRAMES + 1)[1:]:
+            frames[corrected] = touch.move(disc(depth))
+            predictions += frames[corrected].predictions
+        assert predictions < 3 * FRAMES
+    truth = surrogate.Touch(beam).correct(disc(DEPTH))
+    assert off(frames[False].reaction, truth.reaction) > 0.05
+    assert off(frames[True].reaction, truth.reaction) < 0.01
+    largest = np.abs(truth.displacement).max()
+    assert max(frames[True].penetration, frames[True].apart) < 1e-3 * largest
+
+
+def test_frames_of_a_grip(beam: surrogate.Surrogate) -> None:
+    grip, plain = (
+        surrogate.Grip(WrongPredictions(beam), [PLACE], corrected=way) for way in (None, False)
+    )
+    for height in np.linspace(0, -0.6, FRAMES):
+        frame, other = grip.move([(0.0, height)]), plain.move([(0.0, height)])
+    truth = surrogate.Grip(beam, [PLACE]).correct([(0.0, -0.6)])
+    assert off(other.reactions, truth.reactions) > 0.02
+    assert off(frame.reactions, truth.reactions) < 2e-3
+    assert off(frame.displacement, truth.displacement) < 2e-3
+
+
+def test_unloaded_body_is_at_rest(beam: surrogate.Surrogate) -> None:
+    touch = surrogate.Touch(WrongPredictions(beam))
+    for _ in range(3):
+        assert touch.move(disc(0.1)).force.any()
+    lifted = touch.move(disc(-0.5))
+    assert not lifted.force.any()
+    assert not lifted.displacement.any()
+
+
+def test_load_series_and_own_predictions_are_not_corrected(beam: surrogate.Surrogate) -> None:
+    touch = surrogate.Touch(beam)
+    for _ in range(3):
+        frame = touch.move(disc(0.1))
+    np.testing.assert_array_equal(frame.displacement, beam.predict(frame.force))
+    body = WrongPredictions(beam)
+    touch = surrogate.Touch(body)
+    for _ in range(3):
+        frame = touch.move(disc(0.1), predict=body.predict)
+    np.testing.assert_array_equal(frame.displacement, body.predict(frame.force))
+
+
+def test_shift_that_does_not_help_is_given_up(beam: surrogate.Surrogate) -> None:
+    """Where cells are inverted there is nothing to learn; the shift of before is taken back."""
+    defect = DefectCorrection(WrongPredictions(beam))
+    force = np.zeros(beam.geometry.coordinates.shape)
+    force[-1] = (0.0, -1.0)
+    shift = defect.improve(beam.predict(force) * TOO_FAR, force)
+    assert shift.any()
+    inverted = beam.geometry.coordinates * (-2.0, 0.0)
+    assert beam.equilibrium.inverted(inverted[None])[0]
+    np.testing.assert_array_equal(defect.improve(inverted, force), -shift)
+    assert not defect.shift.any()
+
+
+def test_steps_are_not_longer_than_the_motion(beam: surrogate.Surrogate) -> None:
+    """However large the forces out of balance are."""
+    defect = DefectCorrection(WrongPredictions(beam))
+    force = np.zeros(beam.geometry.coordinates.shape)
+    force[-1] = (0.0, -1.0)
+    field = beam.predict(force)
+    step = defect.improve(field, 100 * force)
+    longest = np.linalg.norm(field, axis=1).max()
+    assert np.linalg.norm(step, axis=1).max() == pytest.approx(longest)
