@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.material import NeoHookean
 from surrogate.descent.carried_compliance import CarriedCompliance
 from surrogate.descent.cell_fields import CellFields, jacobian
 from surrogate.descent.soft_modes import Softening, SoftModes
@@ -20,6 +21,7 @@ from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.hyperelastic import stress
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.series.stress_series import Factors
 
 Array = NDArray[np.float64]
 
@@ -47,7 +49,7 @@ class State:
 
 @dataclass(frozen=True)
 class DrivenBody:
-    """A body whose predictions are driven towards the equilibrium.
+    r"""A body whose predictions are driven towards the equilibrium.
 
     Attributes
     ----------
@@ -59,6 +61,9 @@ class DrivenBody:
     modes : SoftModes
     means : Softening or None
         By the means over cells; None as `fields`.
+    factors : array, (3, n_cells), or None
+        μ, g and d of the stress :math:`P = μ F + (g (J - 1) - μ + d (1 - 1 / J)) \, cof F` in Pa
+        (`surrogate.series.stress_series`); None if a material is not Neo-Hookean.
     """
 
     equilibrium: Equilibrium
@@ -66,6 +71,7 @@ class DrivenBody:
     fields: CellFields | None
     modes: SoftModes
     means: Softening | None
+    factors: Array | None
 
     @classmethod
     def of(cls, equilibrium: Equilibrium) -> DrivenBody:
@@ -76,7 +82,8 @@ class DrivenBody:
         if by_points:
             of_cells = CellFields(equilibrium, means=True)
             means = Softening(of_cells, modes.modes, modes.energies)
-        return cls(equilibrium, CarriedCompliance(equilibrium), fields, modes, means)
+        compliance, factors = CarriedCompliance(equilibrium), factors_of(equilibrium.solid)
+        return cls(equilibrium, compliance, fields, modes, means, factors)
 
     def under(self, pressure: FollowerPressure | None) -> DrivenBody:
         """Return the same body, under the pressures of one load case as well."""
@@ -106,9 +113,10 @@ class DrivenBody:
         if self.means is None or not dead:
             return -np.inf
         f = self.means.fields.deformation_gradient(u)
-        if not bool((jacobian(f)[0] > 0).all()):
+        piola = self._piola(f)
+        if piola is None:
             return -np.inf
-        return float(self.means.quotients(f, self._piola(f)).min(initial=1.0))
+        return float(self.means.quotients(f, piola).min(initial=1.0))
 
     def is_inverted(self, u: Array) -> bool:
         """Whether a displacement (n_points, d) inverts a cell."""
@@ -124,13 +132,26 @@ class DrivenBody:
             inverted = bool(solid.inverted(one)[0])
             return None if inverted else (solid.internal_forces(one)[0].numpy(),)
         f = self.fields.deformation_gradient(u)
-        if not bool((jacobian(f)[0] > 0).all()):
-            return None
         piola = self._piola(f)
-        return self.fields.forces(piola), f, piola
+        return None if piola is None else (self.fields.forces(piola), f, piola)
 
-    def _piola(self, f: Array) -> Array:
-        """P in Pa of F at the points of the cells: (d, d, n) each."""
+    def _piola(self, f: Array) -> Array | None:
+        """P in Pa of F at the points of the cells, (d, d, n) each; None if J is not positive."""
+        j, cofactors = jacobian(f)
+        if not bool((j > 0).all()):
+            return None
         solid = self.equilibrium.solid
-        of_cells = torch.from_numpy(f).reshape(*f.shape[:2], len(solid.cells), 1, -1)
-        return solid.by_material(stress, of_cells).flatten(2).numpy()
+        if self.factors is None:
+            of_cells = torch.from_numpy(f).reshape(*f.shape[:2], len(solid.cells), 1, -1)
+            return solid.by_material(stress, of_cells).flatten(2).numpy()
+        mu, growth, decay = np.repeat(self.factors, len(j) // self.factors.shape[1], axis=1)
+        s = growth * (j - 1) - mu + decay * (1 - 1 / j)
+        return np.asarray(mu * f + s * cofactors)
+
+
+def factors_of(solid: Solid) -> Array | None:
+    """Factors of the stress in the cells, (3, n_cells); None if a material is not Neo-Hookean."""
+    materials = [material for material in solid.materials if isinstance(material, NeoHookean)]
+    if len(materials) < len(solid.materials):
+        return None
+    return np.array([Factors.of(each) for each in materials]).T[:, solid.material_of_cells()]
