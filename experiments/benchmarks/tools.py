@@ -4,7 +4,7 @@ A sphere comes from outside to a random point of the free surface, where it touc
 the body, and goes in along the normal by a random depth, in a number of frames. The truth is the
 equilibrium of the finite elements with the tool.
 
-    python -m experiments benchmark tools beam3d_any_reduced:200 finger3d:40
+    python -m experiments benchmark tools beam3d_any_reduced:200 runs/finger:40
 
 writes its record and its page.
 """
@@ -33,7 +33,7 @@ from shared_schema.common import Parser, WorkError
 from shared_schema.tools import Sphere
 
 Array = NDArray[np.float64]
-NETWORKS = ["beam3d_any_reduced:200", "finger3d:40", "beam2d_any:200"]
+NETWORKS = ["beam2d_any:200", "beam3d_any_reduced:200"]
 RADIUS = 0.3  # of the smallest side of the body
 DEPTHS = (0.05, 0.25)  # least and largest, of the same
 FRAMES = 30

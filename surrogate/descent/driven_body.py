@@ -1,7 +1,7 @@
 """A body as directions see it: out-of-balance forces of single states, and the inverse of tangents.
 
 What does not depend on the load is made once. Forces that are a sum over quadrature points are
-summed in compiled loops (`surrogate.descent.cell_stress`), in a third to a sixth of the time; others
+summed in compiled loops (`surrogate.descent.cell_stress`), in a third of the time or less; others
 are those of the solid.
 """
 
