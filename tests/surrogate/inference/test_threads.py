@@ -164,7 +164,7 @@ CALLS: dict[str, Callable[[Surrogate, Array, int], Any]] = {
 def test_every_public_name_is_called() -> None:
     """Names of `Surrogate` that threads may use, but for what only says what it is."""
     called = {name.partition(",")[0] for name in CALLS}
-    said = {"balanced", "is_probabilistic", "is_stochastic", "precision", "run"}
+    said = {"balanced", "has_series", "is_probabilistic", "is_stochastic", "precision", "run"}
     said |= {"require_stochastic"}
     said |= {"prepare", "with_young_moduli"}  # which write, or make another model
     inner = {"descend", "driven_body", "mean_and_last_term"}  # in predict
