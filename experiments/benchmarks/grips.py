@@ -31,7 +31,7 @@ from experiments.framework.report import markdown_table
 from shared_schema.common import Parser, WorkError
 
 Array = NDArray[np.float64]
-NETWORKS = ["beam2d_any:200", "lshape2d_any:200", "beam3d_any_reduced:200", "breast3d:200"]
+NETWORKS = ["beam2d_any:200", "lshape2d_any:200", "beam3d_any_reduced:200"]
 FRAMES = 30
 
 
