@@ -26,8 +26,8 @@ KINDS = {
     "modal-gp": "GP on modal loads",
 }
 RUNS = tuple(f"{case}-{kind}" for case in BODIES for kind in KINDS)
-TOUCHED = {"liver3d_touch": 600}  # bodies whose surface is made ready, and whose network is
-# balanced as well: points of the energy
+TOUCHED = {"liver3d_touch": (300, 400)}  # bodies whose surface is made ready, and whose network
+# is balanced as well: points of the energy, and random loads for which they are chosen
 LEAST_ENERGY = "least energy in its modes"
 WITH_DIRECTIONS = f"load series, directions to {TOLERANCE:g}"
 
@@ -78,6 +78,6 @@ def predictors(resources: Resources) -> Iterator[Predictor]:
             yield Predictor(run, BODIES[case], WITH_DIRECTIONS, surrogate, TOLERANCE)
         if kind == "reduced" and case in TOUCHED:
             balanced = load(resources.trained(run).folder, resources.device.type)
-            points = TOUCHED[case]
-            balance(balanced, fit_balance(balanced, points, loads=points))
+            points, loads = TOUCHED[case]
+            balance(balanced, fit_balance(balanced, points, loads=loads))
             yield Predictor(run, BODIES[case], f"{KINDS[kind]}, {LEAST_ENERGY}", balanced)
