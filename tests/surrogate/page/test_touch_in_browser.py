@@ -50,7 +50,8 @@ def pushed(page: OpenPage, node: int, down: float, steps: int = 6) -> Sphere:
 
 def by_the_program(model: surrogate.Surrogate, tool: Sphere, way: float) -> NDArray[np.float64]:
     """Resultant of a sphere that has come from outside, along the last axis."""
-    touch, last = surrogate.Touch(model, 1e-4), np.eye(tool.dimension)[-1]
+    touch = surrogate.Touch(model, 1e-4, corrected=False)  # as the page
+    last = np.eye(tool.dimension)[-1]
     for away in np.linspace(way, 0, 7):
         centre = tuple(float(value) for value in tool.begin + away * last)
         reaction = touch.move(Sphere(centre, tool.radius)).reaction
