@@ -61,9 +61,9 @@ class CellStress:
         if self._factors is None:
             of_cells = torch.from_numpy(f).reshape(*f.shape[:2], cells, 1, -1)
             return solid.by_material(stress, of_cells).flatten(2).numpy()
-        mu, growth, decay = np.repeat(self._factors, len(j) // cells, axis=1)
         if isinstance(solid, MeanDilationSolid):
             return self._of_mean_dilation(f, j, cofactors)
+        mu, growth, decay = np.repeat(self._factors, len(j) // cells, axis=1)
         return np.asarray(mu * f + factor(j, mu, growth, decay) * cofactors)
 
     def _of_mean_dilation(self, f: Array, j: Array, cofactors: Array) -> Array:

@@ -129,12 +129,7 @@ class Grip:
     """
 
     def __init__(
-        self,
-        model: Body,
-        held: Held,
-        nearest: bool = False,
-        *,
-        corrected: bool | None = None,
+        self, model: Body, held: Held, nearest: bool = False, *, corrected: bool | None = None
     ) -> None:
         together = CommandLoads(model.geometry.loaded_body)
         components, displacements = [], []

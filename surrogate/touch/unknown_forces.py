@@ -41,7 +41,7 @@ def gripped(
         As `Grip` and `Grip.move`; InputError if a pressure acts.
     """
     require_dead("held", given)
-    grip = Grip(model, held, nearest, corrected=False)
+    grip = Grip(model, held, nearest)
     given.notes += grip.notes
     frame = grip.move(grip.displacements, given.forces)
     if correct and grip.can_correct:
@@ -71,7 +71,7 @@ def pushed(
     require_dead("tool", given)
     if isinstance(tool, str):
         tool = parse_tool(tool, model.geometry.dimension)
-    touch = Touch(model, min(SINGLE, tolerance or SINGLE), corrected=False)
+    touch = Touch(model, min(SINGLE, tolerance or SINGLE))
     frame = touch.move(tool, given.forces)
     if correct:
         return touch.correct(tool, given.forces)

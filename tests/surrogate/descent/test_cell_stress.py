@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 
 from surrogate.descent.cell_fields import CellFields
 from surrogate.descent.cell_stress import CellStress
-from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
-from tests.surrogate.descent.test_carried_compliance import KINDS, STIFF, body_of
-from tests.surrogate.mechanics.bodies import MATERIAL, box
+from tests.surrogate.descent.test_carried_compliance import KINDS, body_of
 
 TAYLOR_HOOD = "triangle, points between, mean dilation"
 TWO_SOFT_PARTS = "hexahedron, mean dilation, two materials"
 
 
-def body(kind: str) -> Equilibrium:
-    if kind != TWO_SOFT_PARTS:
-        return body_of(kind)
-    geometry = replace(box("hexahedron"), mean_dilation=True)
-    half = (geometry.coordinates[geometry.cells, 0].mean(axis=1) > 1).astype(int)
-    return Equilibrium(replace(geometry, parts=half), (MATERIAL, STIFF))
-
-
 @pytest.mark.parametrize("kind", [*(each for each in KINDS if each != TAYLOR_HOOD), TWO_SOFT_PARTS])
 def test_forces(kind: str) -> None:
-    equilibrium = body(kind)
+    equilibrium = body_of(kind)
     assert CellStress.is_known(equilibrium.solid)
     fields, stress = CellFields(equilibrium), CellStress(equilibrium.solid)
     u = 0.02 * np.random.default_rng(3).normal(size=equilibrium.free.shape)
