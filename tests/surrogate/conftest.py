@@ -242,6 +242,12 @@ def _one_thread() -> None:
     torch.set_num_threads(1)
 
 
+@pytest.fixture(autouse=True)
+def _random_numbers_of_the_test() -> None:
+    """Each test draws the same numbers, alone and after others."""
+    torch.manual_seed(0)
+
+
 @pytest.fixture(scope="session")
 def make_dataset() -> Callable[..., Path]:
     return build
