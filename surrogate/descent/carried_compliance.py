@@ -2,18 +2,19 @@ r"""The compliance of the undeformed body, carried to a deformed state.
 
 The tangent K(u) of a body that is bent far is not like K(0), since its parts are turned. A change
 of displacement y of the undeformed body becomes one of the deformed body whose gradient is, as
-nearly as one can be, that of y seen from the turned and stretched material, :math:`F \, ∇y`:
+nearly as one can be, that of y seen from the turned and stretched material, :math:`\bar F ∇y`:
 
 .. math::
-    T y = \arg\min_z \sum_q w_q μ_q \, |∇z - F_q ∇y|^2
-        = L^{-1} \sum_q w_q μ_q \, (F_q ∇y) \, ∇N, \qquad
+    T y = \arg\min_z \sum_q w_q μ_q \, |∇z - \bar F_c ∇y|^2, \quad
+    (T y)_a = \sum_b (L^{-1})_{ab} \sum_c \sum_e k^c_{be} \, \bar F_c \, y_e, \qquad
     P = T \, K(0)^{-1} T^T \approx K(u)^{-1}
 
-with the Laplacian :math:`L_{ab} = \sum_q w_q μ_q \, ∇N_a · ∇N_b` of every component at the nodes
-where it is free. Where F is a rotation everywhere, T is this rotation, and P is exact
-for a body whose supports turn with it; at rest T = 1. P is symmetric and positive definite. It
-costs a solve with the factor of K(0), which is kept, and two with that of L, whose band is narrower
-by the number of components.
+with the mean deformation gradient of a cell :math:`\bar F_c`, and the Laplacian
+:math:`L = \sum_c k^c` of every component at the nodes where it is free, of the cells
+:math:`k^c_{ab} = \sum_{q ∈ c} w_q μ_q \, ∇N_a · ∇N_b`. Where F is a rotation everywhere, T is this
+rotation, and P is exact for a body whose supports turn with it; at rest T = 1. P is symmetric and
+positive definite. It costs a solve with the factor of K(0), which is kept, and two with that of L,
+whose band is narrower by the number of components.
 
 Turning *gradients* is better than turning the displacements of nodes by their rotations R: the
 modes of a slender body that are soft at rest remain soft, whereas R y of a bending mode y stretches
@@ -39,6 +40,7 @@ from surrogate.descent.cell_fields import CellFields, Values, product
 from surrogate.mechanics.compliance import in_single_precision
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.stiffness_layout import stiffness_layout
+from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
 LARGE = 4000  # degrees of freedom from which on single precision saves time
@@ -63,8 +65,11 @@ class CarriedCompliance:
         parts = equilibrium.geometry.parts if len(moduli) > 1 else None
         of_cells = np.array(moduli)[np.zeros(len(volumes), dtype=int) if parts is None else parts]
         weights = volumes * of_cells[:, None]
-        self._fields = CellFields(equilibrium, weights, np.float32 if large else np.float64)
+        precision = np.float32 if large else np.float64
+        self._fields = CellFields(equilibrium, weights, precision)
+        self._means = CellFields(equilibrium, dtype=precision, means=True)
         metric = np.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
+        self._metric: Values = metric.astype(precision)
         mesh, self._laplacians = (equilibrium.geometry.coordinates, equilibrium.geometry.cells), []
         alike, number = np.unique(self._free, axis=1, return_inverse=True)
         for kind, free in enumerate(alike.T):
@@ -79,12 +84,12 @@ class CarriedCompliance:
 
     def at(self, u: Array) -> Callable[[Array], Array]:
         """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
-        return partial(self._carried, self._fields.deformation_gradient(u))
+        return partial(self._carried, self._means.deformation_gradient(u))
 
     def turned(self, u: Array, y: Array) -> Array:
         """T y at a state u, (n_points, d) in m each."""
-        f, fields = self._fields.deformation_gradient(u), self._fields
-        return self._projected(product(f, fields.slopes(y))).astype(np.float64)
+        y = y.astype(self._metric.dtype)
+        return self._turned(self._means.deformation_gradient(u), y).astype(np.float64)
 
     def warped(self, u: Array) -> Array:
         """The state of finite rotations next to a linear response: (n_points, d) in m → same."""
@@ -95,24 +100,22 @@ class CarriedCompliance:
         slopes = product(exponential(turn), stretch)
         for i in range(len(h)):
             slopes[i, i] -= 1
-        return self._projected(slopes).astype(np.float64)
+        return self._poisson(self._fields.forces(slopes)).astype(np.float64)
 
     def _carried(self, f: Values, force: Array) -> Array:
         """T K(0)⁻¹ Tᵀ r."""
         unit = float(np.abs(force).max())
         if not 0 < unit < np.inf:
             return np.zeros_like(force) * unit
-        fields = self._fields
-        s = self._poisson((force / unit).astype(fields.dtype))
-        back = fields.forces(product(f.swapaxes(0, 1), fields.slopes(s)))
+        s = self._poisson((force / unit).astype(f.dtype))
+        back = laplacians_of_turned(self._means.cells, self._metric, f.swapaxes(0, 1), s)
         y = np.zeros(back.size, back.dtype)
         y[self._dofs] = self._factor.solve(back.ravel()[self._dofs])
-        carried = self._projected(product(f, fields.slopes(y.reshape(back.shape))))
-        return carried.astype(np.float64) * unit
+        return self._turned(f, y.reshape(back.shape)).astype(np.float64) * unit
 
-    def _projected(self, slopes: Values) -> Values:
-        """The displacement whose gradient is next to a given one: (d, d, n) → (n_points, d)."""
-        return self._poisson(self._fields.forces(slopes))
+    def _turned(self, f: Values, y: Values) -> Values:
+        """T y, with F of the cells."""
+        return self._poisson(laplacians_of_turned(self._means.cells, self._metric, f, y))
 
     def _poisson(self, right: Values) -> Values:
         """L⁻¹ of every component: (n_points, d) → same, zero where it is held."""
@@ -120,6 +123,37 @@ class CarriedCompliance:
         for places, factor in self._laplacians:
             found[places] = factor.solve(right[places])
         return found
+
+
+@compiled
+def laplacians_of_turned(cells: NDArray[np.int64], metric: Values, f: Values, y: Values) -> Values:
+    """Σ_c k_c F_c y: (n_points, d) → same.
+
+    Parameters
+    ----------
+    cells : array of int, (n_cells, n_corners)
+    metric : array, (n_cells, n_corners, n_corners)
+        Laplacians k of the cells.
+    f : array, (d, d, n_cells)
+    y : array, (n_points, d)
+    """
+    count, corners = cells.shape
+    d = len(f)
+    out, turned = np.zeros_like(y), np.empty((corners, d), y.dtype)
+    for c in range(count):
+        for b in range(corners):
+            for i in range(d):
+                total = y.dtype.type(0)
+                for j in range(d):
+                    total += f[i, j, c] * y[cells[c, b], j]
+                turned[b, i] = total
+        for a in range(corners):
+            for i in range(d):
+                total = y.dtype.type(0)
+                for b in range(corners):
+                    total += metric[c, a, b] * turned[b, i]
+                out[cells[c, a], i] += total
+    return out
 
 
 def exponential(w: Values) -> Values:

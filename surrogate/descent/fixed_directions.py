@@ -52,6 +52,7 @@ class FixedDirections(nn.Module):
 
     free: Tensor
     laplacian: Tensor
+    shares: Tensor
 
     def __init__(self, equilibrium: Equilibrium, response: LinearResponse, count: int) -> None:
         super().__init__()
@@ -62,6 +63,8 @@ class FixedDirections(nn.Module):
         solid = equilibrium.solid
         self.operators = CellOperators(geometry, material, solid.gradients, weights_of_zones(solid))
         self.register_buffer("free", torch.from_numpy(equilibrium.free.T), persistent=False)
+        shares = solid.volumes / solid.volumes.sum(1, True)
+        self.register_buffer("shares", shares, persistent=False)
         small = len(equilibrium.layout.dofs) <= DENSE
         laplacian = torch.from_numpy(inverse_laplacians(equilibrium))
         precision = torch.float64 if small else torch.float32
@@ -117,7 +120,7 @@ class FixedDirections(nn.Module):
         for s, y, inverse in reversed(pairs):
             shares.append((dot(s, q) * inverse)[:, None, None])
             q = q - shares[-1] * y
-        found = self._carried(deformation_gradient(h), q)
+        found = self._carried(self._mean_deformation(h), q)
         for (s, y, inverse), share in zip(pairs, reversed(shares), strict=True):
             found = found + (share - (dot(y, found) * inverse)[:, None, None]) * s
         return found
@@ -128,6 +131,13 @@ class FixedDirections(nn.Module):
         force = self.operators.forces(product(f.transpose(1, 2), back)) * self.free
         slopes = self.operators.gradient(self.response.respond(force))
         return self._poisson(self.operators.forces(product(f, slopes)))
+
+    def _mean_deformation(self, h: Tensor) -> Tensor:
+        """F̄ of the cells, at their points: (N, d, d, n_points) → same."""
+        of_cells = h.unflatten(-1, self.shares.shape)
+        return deformation_gradient(
+            (of_cells * self.shares).sum(-1, True).expand_as(of_cells).flatten(-2)
+        )
 
     def _poisson(self, right: Tensor) -> Tensor:
         """L⁻¹ of every component, zero where it is held."""

@@ -1,15 +1,17 @@
-r"""Correction of predictions from frame to frame, by the forces that the last one left unbalanced.
+r"""Correction of predictions from frame to frame, by the forces that they leave unbalanced.
 
-Frames show a prediction ũ of the forces f and a shift δ, :math:`u = ũ(f) + δ`. Between two of them
+Frames show a prediction ũ of the forces f and a shift δ, :math:`u = ũ(f) + δ`. In each of them,
+once the forces are found roughly,
 
 .. math:: δ ← δ - P(u) \, r(u), \qquad r(u) = f_{int}(u) - f, \qquad P(u) ≈ K(u)^{-1},
 
 one step of defect correction (Böhmer, Hemker and Stetter, *The defect correction approach*, 1984),
-with the carried compliance P (`surrogate.descent.carried_compliance`). Frames that follow one
-another are alike, and so are the errors of their predictions: what is left is how much these change
-in one frame, and a body that is kept still comes to its equilibrium.
+with the carried compliance P (`surrogate.descent.carried_compliance`); then the forces are found
+with the new shift. Frames that follow one another are alike, and so are the errors of their
+predictions: what is left is a part of what these change in one frame, and a body that is kept still
+comes to its equilibrium.
 
-A step is at most as long as the motion of the last frame, or as the step before it. P is positive
+A step is at most as long as the motion since the last one, or as the last one itself. P is positive
 definite, so that a body which its contact alone keeps from snapping is not pushed away by it; where
 a body has stiffened so much that P is too long, steps do not grow.
 """
@@ -37,6 +39,7 @@ class DefectCorrection:
 
     Attributes
     ----------
+    wanted : bool
     shift : array, (n_nodes, d)
         δ in m.
     """
@@ -44,7 +47,7 @@ class DefectCorrection:
     shift: Array
 
     def __init__(self, model: Body, wanted: bool | None = None) -> None:
-        self._model, self._wanted = model, not model.has_series if wanted is None else wanted
+        self._model, self.wanted = model, not model.has_series if wanted is None else wanted
         self.forget()
 
     def forget(self) -> None:
@@ -62,14 +65,15 @@ class DefectCorrection:
         Parameters
         ----------
         field, force : array, (n_nodes, d)
-            Displacement in m that the last frame shows, and all forces in N under which it does.
+            Displacement in m that is shown, and all forces in N under which it is.
         """
-        if not self._wanted:
+        if not force.any():
+            self.forget()  # and what is shown has no shift
             return self.shift
         before, body, equilibrium = self.shift, self._model.driven_body, self._model.equilibrium
         points = equilibrium.forces_at_points(force[None])[0]
         u = equilibrium.at_points(field[None])[0]
-        state = body.state(u, points) if force.any() else None
+        state = body.state(u, points)
         if state is not None:
             step = -body.compliance.at(u)(state.r)[: equilibrium.nodes]
             allowed, length = max(longest(field - self._field), self._step), longest(step)

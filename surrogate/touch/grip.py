@@ -5,18 +5,10 @@ A surrogate predicts the displacement u of given nodal forces. Of a grip the dis
 
 .. math:: r(g) = \bar u - u_H(f + g) = 0
 
-Broyden's method needs predictions alone. With the change s of the forces and y of the residual's
-negative in a step,
-
-.. math:: s = B r, \qquad B ← B + \frac{(s - B y) \, s^T B}{s^T B y}, \qquad
-          B_0 = \big((K^{-1})_{HH}\big)^{-1}
-
-The stiffness of the grip at rest, :math:`B_0`, follows from the columns of :math:`K^{-1}`. Where a
-step makes the residual larger, a part of it is taken; where that does not help, B is measured by
-small changes of the forces, and the displacement is applied in steps. Frames that follow one
-another begin at the forces of the last one; between them, what it has left unbalanced corrects the
-predictions (`surrogate.touch.defect_correction`). Where no forces are found, Newton's method finds
-the body with its grips (`surrogate.touch.held_newton`).
+by Broyden's method, which needs predictions alone (`surrogate.touch.force_search`). Frames that
+follow one another begin at the forces of the last one. What is left unbalanced corrects the
+predictions, once a frame (`surrogate.touch.defect_correction`). Where no forces are found, Newton's
+method finds the body with its grips (`surrogate.touch.held_newton`).
 """
 
 from __future__ import annotations
@@ -37,18 +29,12 @@ from surrogate.certify.correction import Correction
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.defect_correction import DefectCorrection
+from surrogate.touch.force_search import ROUGHLY, ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
 
 Array = NDArray[np.float64]
 Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
 
-TOLERANCE = 1e-6  # residual over the largest held displacement
-ACCEPTED, SLOW = 1e-4, 0.5  # residual that will do, once a step leaves so large a part of it
-MOST = 40  # predictions of one step
-LARGER = 1.5  # of residuals that a full step may leave
-SHORTER, SHORTEST = 1 / 3, 1e-2  # parts of a step
-FEW, SMALL = 12, 1e-3  # components for which B is measured, by so small a part of a step
-SMALLEST = 1 / 64  # part of the displacement that a step applies
 COLUMNS = 64  # of K⁻¹ at once
 
 
@@ -109,8 +95,8 @@ class Grip:
     nearest : bool
         Let places beside a node mean the nearest one.
     corrected : bool, optional
-        Whether the predictions of a frame are corrected by what the last one has left unbalanced;
-        by default, all but those of load series.
+        Whether the predictions of a frame are corrected by what they leave unbalanced; by default,
+        all but those of load series.
 
     Attributes
     ----------
@@ -175,9 +161,10 @@ class Grip:
             If no forces are found.
         """
         wanted, acting = self._given(displacements, load)
-        self._correct_predictions(predict)
         shows, shown, count = predict or self._model.predict, self._shown, 0
         target = wanted.ravel()[self._dofs]
+        if predict is not None or shown is None:
+            self._defect.forget()
 
         def displaced(forces: Array) -> Array:
             nonlocal shown, count
@@ -192,6 +179,11 @@ class Grip:
             return shown.field.ravel()[self._dofs]
 
         try:
+            if predict is None and self._defect.wanted:
+                self._search.find(displaced, target, ROUGHLY)
+                assert shown is not None
+                change = self._defect.improve(shown.field, acting + shown.grips)
+                shown = replace(shown, field=shown.field + change)
             self._search.find(displaced, target)  # asks for the forces that it finds last
         except WorkError as error:
             try:
@@ -219,16 +211,6 @@ class Grip:
         found, force = self._newton.find(wanted, acting, self._field)
         self._field, self._shown = found.displacement, None
         return self._frame(found.displacement, force, 0, found)
-
-    def _correct_predictions(self, predict: Predict | None) -> None:
-        """Take over what the last frame tells, if it shows predictions of the model."""
-        last = self._shown
-        if last is None or predict is not None or last.predict is not None:
-            self._defect.forget()
-            self._shown = None
-        else:
-            change = self._defect.improve(last.field, last.acting + last.grips)
-            self._shown = replace(last, field=last.field + change)
 
     @property
     def can_correct(self) -> bool:
@@ -260,118 +242,6 @@ class Grip:
     ) -> GripFrame:
         reactions = np.einsum("nd,pnd->pd", force, self.components)
         return GripFrame(field, force, reactions, predictions, correction)
-
-
-class ForceSearch:
-    """Broyden's method for the forces of a grip; it begins where it has ended before.
-
-    Parameters
-    ----------
-    stiffness : array, (m, m)
-        Of the held components at rest, in N/m.
-
-    Attributes
-    ----------
-    predictions : int
-        Number of predictions of the last search.
-    """
-
-    def __init__(self, stiffness: Array) -> None:
-        self._at_rest, self.predictions = stiffness, 0
-        self.begin_at_rest()
-
-    def begin_at_rest(self) -> None:
-        """Forget where the last search has ended."""
-        self._stiffness, self._is_measured = self._at_rest, True
-        self._forces = self._reached = np.zeros(len(self._at_rest))
-
-    def find(self, displaced: Predict, target: Array) -> Array:
-        """Find forces in N, (m,), under which `displaced` is the target in m, the last one asked.
-
-        Raises
-        ------
-        WorkError
-            If none are found, however small the steps.
-        """
-        self.predictions, step, share = 0, 1.0, 0.0
-        begin = self._reached
-        while share < 1.0:
-            aim = min(1.0, share + step)
-            if self._converges(displaced, begin + aim * (target - begin)):
-                share, step = aim, 2 * step
-                continue
-            if self._measures(displaced, step * float(np.abs(target - begin).max())):
-                continue
-            step /= 2
-            if step >= SMALLEST:
-                continue
-            if not begin.any():
-                off = f"{share:.0%} of the displacement after {self.predictions} predictions"
-                raise WorkError(f"no forces are found that hold the body so: they reach {off}")
-            self.begin_at_rest()
-            begin, step, share = self._reached, 1.0, 0.0
-        return self._forces
-
-    def _measures(self, displaced: Predict, length: float) -> bool:
-        """Measure B where the search stands, by a small force at each of a few components, once.
-
-        The forces would move the body at rest by a part of a length in m.
-        """
-        if len(self._forces) > FEW or self._is_measured:
-            return False
-        small = SMALL * length * np.diag(self._at_rest)
-        before = displaced(self._forces)
-        moved = [displaced(self._forces + force) - before for force in np.diag(small)]
-        self.predictions += 1 + len(moved)
-        slopes = np.array(moved).T / small
-        if not np.isfinite(slopes).all() or np.linalg.cond(slopes) > 1 / SMALL**2:
-            return False
-        self._stiffness, self._is_measured = inverse(slopes), True
-        return True
-
-    def _converges(self, displaced: Predict, target: Array) -> bool:
-        """Go to a target; the state stays as it is if that fails."""
-        forces, stiffness = self._forces, self._stiffness
-        residual = target - displaced(forces)
-        self.predictions += 1
-        size = max(np.abs(target).max(), np.abs(residual).max())
-        last, left = self.predictions + MOST, np.abs(residual).max()
-        while left > TOLERANCE * size:
-            change, part = stiffness @ residual, 1.0
-            allowed = LARGER * np.linalg.norm(residual)
-            while True:
-                moved = part * change
-                remains = target - displaced(forces + moved)
-                self.predictions += 1
-                stiffness = updated(stiffness, moved, residual - remains)
-                if np.linalg.norm(remains) <= allowed:
-                    break
-                part, allowed = SHORTER * part, np.linalg.norm(residual)
-                if part < SHORTEST or self.predictions >= last:
-                    return False
-            before, left = left, np.abs(remains).max()
-            forces, residual = forces + moved, remains
-            if left <= ACCEPTED * size and left > SLOW * before:
-                break
-            if self.predictions >= last:
-                return False
-        self._forces, self._stiffness, self._reached = forces, stiffness, target
-        self._is_measured = False
-        return True
-
-
-def updated(stiffness: Array, change: Array, effect: Array) -> Array:
-    """Broyden's update of an inverse: the same, but for the effect of a change of the forces."""
-    response = stiffness @ effect
-    slope = float(change @ response)
-    if not np.isfinite(effect).all() or abs(slope) <= 1e-3 * float(change @ change):
-        return stiffness
-    return stiffness + np.outer(change - response, change @ stiffness) / slope
-
-
-def inverse(matrix: Array) -> Array:
-    """Inverse of a matrix."""
-    return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:

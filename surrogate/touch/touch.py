@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 TOLERANCE = 1e-3  # of frames, of the largest displacement
+ROUGHLY = 1e-2  # of the largest displacement, before predictions are corrected
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave
@@ -78,8 +79,8 @@ class Touch:
         Largest depth of a node, and distance of one that bears a force, over the largest
         displacement.
     corrected : bool, optional
-        Whether the predictions of a frame are corrected by what the last one has left unbalanced;
-        by default, all but those of load series.
+        Whether the predictions of a frame are corrected by what they leave unbalanced; by default,
+        all but those of load series.
 
     Attributes
     ----------
@@ -142,19 +143,24 @@ class Touch:
             If no forces are found.
         """
         acting, shows = self._acting_with(tool, load), predict or self._model.predict
-        self._correct_predictions(predict)
+        if predict is not None or self._shown_by is not None:
+            self._defect.forget()
 
         def predicted(force: Array) -> Array:
             total = self._all_forces(acting, force)
             return self._defect.corrected(np.asarray(shows(total)), total)
 
         if self._holds:
-            search = Search(self._body, self._at_rest, self.surface, predicted, self.tolerance)
+            search = Search(self._body, self._at_rest, self.surface, predicted)
             search.force, search.field = self._force, self._field
             if predict is not self._shown_by or not np.array_equal(acting, self._acting):
                 search.predict(self._force)
             try:
-                search.find(tool)
+                if predict is None and self._defect.wanted:
+                    search.find(tool, max(self.tolerance, ROUGHLY))
+                    force = self._all_forces(acting, search.force)
+                    search.field = search.field + self._defect.improve(search.field, force)
+                search.find(tool, self.tolerance)
             except WorkError:
                 pass
             else:
@@ -185,14 +191,6 @@ class Touch:
             found, force = self._newton.find(tool, acting, self._field, self._force)
         self._shown_by = self._newton
         return self._frame(tool, acting, found.displacement, force, 0, found)
-
-    def _correct_predictions(self, predict: Predict | None) -> None:
-        """Take over what the last frame tells, if it shows predictions of the model."""
-        if predict is not None or self._shown_by is not None:
-            self._defect.forget()
-        elif self._tool is not None:
-            force = self._all_forces(self._acting, self._force)
-            self._field = self._field + self._defect.improve(self._field, force)
 
     def _all_forces(self, acting: Array, on_surface: Array) -> Array:
         """Those of a tool and those beside it in N, (n_nodes, d); supports bear the others."""
@@ -268,8 +266,6 @@ class Search:
         Its nodes.
     predicted : callable
         Forces of the tool on the surface in N, (n, d), to displacements in m, (n_nodes, d).
-    tolerance : float
-        As that of `Touch`.
 
     Attributes
     ----------
@@ -284,15 +280,9 @@ class Search:
     field: Array
 
     def __init__(
-        self,
-        body: LinearBody,
-        at_rest: Array,
-        surface: Numbers,
-        predicted: Predict,
-        tolerance: float,
+        self, body: LinearBody, at_rest: Array, surface: Numbers, predicted: Predict
     ) -> None:
         self._body, self._at_rest, self._surface = body, at_rest, surface
-        self._tolerance = tolerance
         self._predicted, self.predictions = predicted, 0
 
     def predict(self, force: Array) -> None:
@@ -310,13 +300,19 @@ class Search:
         bears = self.force.any(axis=1)
         return max(0.0, -float(gap.min()), float(np.abs(gap[bears]).max(initial=0.0)))
 
-    def find(self, tool: Tool) -> None:
-        """Find the forces; WorkError if none are found, however small the steps."""
+    def find(self, tool: Tool, tolerance: float) -> None:
+        """Find the forces to a tolerance as that of `Touch`.
+
+        Raises
+        ------
+        WorkError
+            If none are found, however small the steps.
+        """
         depth = max(0.0, -float(tool.gap(self.positions()).min()))
 
         def go(share: float) -> None:
             force, field = self.force, self.field
-            if not self._converges(tool, (1 - share) * depth):
+            if not self._converges(tool, (1 - share) * depth, tolerance):
                 self.force, self.field = force, field
                 raise WorkError(f"{self.predictions} predictions")
 
@@ -327,12 +323,12 @@ class Search:
             ),
         )
 
-    def _converges(self, tool: Tool, back: float) -> bool:
+    def _converges(self, tool: Tool, back: float, tolerance: float) -> bool:
         """Find the contact with a tool whose surface is withdrawn by a length in m."""
         body, last, is_first = self._body, self.predictions + MOST, True
         while True:
             wrong = self.wrong(tool, back)
-            if wrong <= self._tolerance * float(np.abs(self.field).max()):
+            if wrong <= tolerance * float(np.abs(self.field).max()):
                 return True
             force, x = self.force, self.positions()
             wanted = linear_contact(body, tool, x, force, back)

@@ -11,7 +11,7 @@ import pytest
 import surrogate
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.command_line import main
-from surrogate.touch.grip import ACCEPTED, ForceSearch
+from surrogate.touch.force_search import ACCEPTED, ForceSearch
 
 PLACE, CORNERS = "4,1", ["4,1", "4,0"]  # at the end of a beam of 4 × 1 m
 

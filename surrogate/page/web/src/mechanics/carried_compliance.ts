@@ -1,9 +1,10 @@
 /**
  * The compliance of the undeformed body, carried to a state, as `surrogate/descent/carried_compliance.py`:
  *
- *   P = T K(0)⁻¹ Tᵀ,  T y = L⁻¹ Σ_q w_q (F_q ∇y) ∇N
+ *   P = T K(0)⁻¹ Tᵀ,  (T y)_a = Σ_b (L⁻¹)_ab Σ_c Σ_e k^c_be F_c y_e
  *
- * with the Laplacian L of every component; the modulus of a body of one material cancels.
+ * with the mean F of a cell, the Laplacian k of a cell, and that of every component, L; the modulus of a
+ * body of one material cancels.
  */
 
 import type { Equilibrium } from "./equilibrium";
@@ -17,10 +18,16 @@ interface Laplacian {
 
 export class CarriedCompliance {
   private readonly laplacians: Laplacian[] = [];
+  private readonly ofCells: Float64Array;
 
   constructor(private readonly equilibrium: Equilibrium) {
     const { solid, order, size } = equilibrium;
     const { d, cells, corners } = solid;
+    const entries = corners * corners;
+    this.ofCells = new Float64Array(solid.cellCount * entries);
+    for (let cell = 0; cell < solid.cellCount; cell++) {
+      solid.cellLaplacian(cell, this.ofCells.subarray(cell * entries, (cell + 1) * entries));
+    }
     const alike = new Map<string, Laplacian>();
     for (let i = 0; i < d; i++) {
       const nodes = order.filter((dof) => dof % d === i).map((dof) => (dof - i) / d);
@@ -30,7 +37,7 @@ export class CarriedCompliance {
         const layout = new Layout(cells, corners, 1, nodes, size / d);
         const factor = layout.factor(
           layout.assembled((cell, k) => {
-            solid.cellLaplacian(cell, k);
+            k.set(this.ofCells.subarray(cell * entries, (cell + 1) * entries));
           }),
         );
         if (!factor) throw new Error("the supports do not hold the body");
@@ -43,26 +50,37 @@ export class CarriedCompliance {
 
   /** P of a state: forces in N to displacements in m, (nodes · d). */
   at(u: Float64Array): (force: Float64Array) => Float64Array {
-    const { solid } = this.equilibrium;
-    const { d } = solid;
-    const f = solid.slopes(u);
-    for (let i = 0; i < f.length; i++) if ((i % (d * d)) % (d + 1) === 0) f[i] += 1;
+    const f = this.equilibrium.solid.meanDeformation(u);
     return (force) => {
-      const back = solid.forcesOf(this.product(f, solid.slopes(this.poisson(force)), true));
+      const back = this.laplaciansOfTurned(f, this.poisson(force), true);
       const response = this.equilibrium.linearResponse(back);
-      return this.poisson(solid.forcesOf(this.product(f, solid.slopes(response), false)));
+      return this.poisson(this.laplaciansOfTurned(f, response, false));
     };
   }
 
-  /** F H, or Fᵀ H, at the quadrature points: (points, d, d). */
-  private product(f: Float64Array, h: Float64Array, transposed: boolean): Float64Array {
-    const { d } = this.equilibrium.solid;
-    const found = new Float64Array(h.length);
-    for (let point = 0; point < h.length; point += d * d) {
-      for (let i = 0; i < d; i++) {
-        for (let k = 0; k < d; k++) {
-          const factor = f[point + (transposed ? k * d + i : i * d + k)];
-          for (let j = 0; j < d; j++) found[point + i * d + j] += factor * h[point + k * d + j];
+  /** Σ_c k_c F_c y, or that of Fᵀ: (nodes · d). */
+  private laplaciansOfTurned(
+    f: Float64Array,
+    y: Float64Array,
+    transposed: boolean,
+  ): Float64Array {
+    const { d, cells, corners } = this.equilibrium.solid;
+    const found = new Float64Array(y.length);
+    const turned = new Float64Array(corners * d);
+    for (let first = 0, cell = 0; first < cells.length; first += corners, cell++) {
+      turned.fill(0);
+      for (let b = 0; b < corners; b++) {
+        for (let i = 0; i < d; i++) {
+          for (let j = 0; j < d; j++) {
+            const factor = f[cell * d * d + (transposed ? j * d + i : i * d + j)];
+            turned[b * d + i] += factor * y[cells[first + b] * d + j];
+          }
+        }
+      }
+      for (let a = 0; a < corners; a++) {
+        for (let b = 0; b < corners; b++) {
+          const k = this.ofCells[(first + a) * corners + b];
+          for (let i = 0; i < d; i++) found[cells[first + a] * d + i] += k * turned[b * d + i];
         }
       }
     }

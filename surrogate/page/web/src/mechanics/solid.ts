@@ -129,6 +129,22 @@ export class Solid {
     return found;
   }
 
+  /** Mean of F over every cell, (cells, d, d). */
+  meanDeformation(u: Float64Array): Float64Array {
+    const { points, volumes } = this.parts;
+    const size = this.d * this.d;
+    const found = new Float64Array(this.cellCount * size);
+    for (let cell = 0; cell < this.cellCount; cell++) {
+      const volume = volumes.subarray(cell * points, (cell + 1) * points).reduce((a, b) => a + b);
+      for (let point = cell * points; point < (cell + 1) * points; point++) {
+        this.deform(u, cell, point);
+        const share = volumes[point] / volume;
+        for (let i = 0; i < size; i++) found[cell * size + i] += share * this.f[i];
+      }
+    }
+    return found;
+  }
+
   /**
    * E(Σ_k c_k u_k) from the slopes H_k of the terms, infinite if a cell is inverted; with A_k = F⁻¹ H_k
    *

@@ -1,0 +1,144 @@
+r"""Forces under which a body moves as it is told, by Broyden's method.
+
+Sought are forces g with :math:`r(g) = \bar u - u_H(g) = 0`, where :math:`u_H(g)` is what is
+predicted. With the change s of the forces and y of the residual's negative in a step,
+
+.. math:: s = B r, \qquad B ← B + \frac{(s - B y) \, s^T B}{s^T B y}, \qquad
+          B_0 = \big((K^{-1})_{HH}\big)^{-1}
+
+The stiffness at rest, :math:`B_0`, follows from the columns of :math:`K^{-1}`. Where a step makes
+the residual larger, a part of it is taken; where that does not help, B is measured by small changes
+of the forces, and the displacement is applied in steps (Broyden, *A class of methods for solving
+nonlinear simultaneous equations*, 1965).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import WorkError
+from surrogate.touch.body import Predict
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-5  # residual over the largest held displacement
+ROUGHLY = 1e-2  # before predictions are corrected
+ACCEPTED, SLOW = 1e-4, 0.5  # residual that will do, once a step leaves so large a part of it
+MOST = 40  # predictions of one step
+LARGER = 1.5  # of residuals that a full step may leave
+SHORTER, SHORTEST = 1 / 3, 1e-2  # parts of a step
+FEW, SMALL = 12, 1e-3  # components for which B is measured, by so small a part of a step
+SMALLEST = 1 / 64  # part of the displacement that a step applies
+
+
+class ForceSearch:
+    """Broyden's method for the forces of a grip; it begins where it has ended before.
+
+    Parameters
+    ----------
+    stiffness : array, (m, m)
+        Of the held components at rest, in N/m.
+
+    Attributes
+    ----------
+    predictions : int
+        Number of predictions of the last search.
+    """
+
+    def __init__(self, stiffness: Array) -> None:
+        self._at_rest, self.predictions = stiffness, 0
+        self.begin_at_rest()
+
+    def begin_at_rest(self) -> None:
+        """Forget where the last search has ended."""
+        self._stiffness, self._is_measured = self._at_rest, True
+        self._forces = self._reached = np.zeros(len(self._at_rest))
+
+    def find(self, displaced: Predict, target: Array, tolerance: float = TOLERANCE) -> Array:
+        """Find forces in N, (m,), under which `displaced` is the target in m, the last one asked.
+
+        Raises
+        ------
+        WorkError
+            If none are found, however small the steps.
+        """
+        self.predictions, step, share = 0, 1.0, 0.0
+        begin = self._reached
+        while share < 1.0:
+            aim = min(1.0, share + step)
+            if self._converges(displaced, begin + aim * (target - begin), tolerance):
+                share, step = aim, 2 * step
+                continue
+            if self._measures(displaced, step * float(np.abs(target - begin).max())):
+                continue
+            step /= 2
+            if step >= SMALLEST:
+                continue
+            if not begin.any():
+                off = f"{share:.0%} of the displacement after {self.predictions} predictions"
+                raise WorkError(f"no forces are found that hold the body so: they reach {off}")
+            self.begin_at_rest()
+            begin, step, share = self._reached, 1.0, 0.0
+        return self._forces
+
+    def _measures(self, displaced: Predict, length: float) -> bool:
+        """Measure B where the search stands, by a small force at each of a few components, once.
+
+        The forces would move the body at rest by a part of a length in m.
+        """
+        if len(self._forces) > FEW or self._is_measured:
+            return False
+        small = SMALL * length * np.diag(self._at_rest)
+        before = displaced(self._forces)
+        moved = [displaced(self._forces + force) - before for force in np.diag(small)]
+        self.predictions += 1 + len(moved)
+        slopes = np.array(moved).T / small
+        if not np.isfinite(slopes).all() or np.linalg.cond(slopes) > 1 / SMALL**2:
+            return False
+        self._stiffness, self._is_measured = inverse(slopes), True
+        return True
+
+    def _converges(self, displaced: Predict, target: Array, tolerance: float) -> bool:
+        """Go to a target; the state stays as it is if that fails."""
+        forces, stiffness = self._forces, self._stiffness
+        residual = target - displaced(forces)
+        self.predictions += 1
+        size = max(np.abs(target).max(), np.abs(residual).max())
+        last, left = self.predictions + MOST, np.abs(residual).max()
+        while left > tolerance * size:
+            change, part = stiffness @ residual, 1.0
+            allowed = LARGER * np.linalg.norm(residual)
+            while True:
+                moved = part * change
+                remains = target - displaced(forces + moved)
+                self.predictions += 1
+                stiffness = updated(stiffness, moved, residual - remains)
+                if np.linalg.norm(remains) <= allowed:
+                    break
+                part, allowed = SHORTER * part, np.linalg.norm(residual)
+                if part < SHORTEST or self.predictions >= last:
+                    return False
+            before, left = left, np.abs(remains).max()
+            forces, residual = forces + moved, remains
+            if left <= max(ACCEPTED, tolerance) * size and left > SLOW * before:
+                break
+            if self.predictions >= last:
+                return False
+        self._forces, self._stiffness, self._reached = forces, stiffness, target
+        self._is_measured = False
+        return True
+
+
+def updated(stiffness: Array, change: Array, effect: Array) -> Array:
+    """Broyden's update of an inverse: the same, but for the effect of a change of the forces."""
+    response = stiffness @ effect
+    slope = float(change @ response)
+    if not np.isfinite(effect).all() or abs(slope) <= 1e-3 * float(change @ change):
+        return stiffness
+    return stiffness + np.outer(change - response, change @ stiffness) / slope
+
+
+def inverse(matrix: Array) -> Array:
+    """Inverse of a matrix."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
