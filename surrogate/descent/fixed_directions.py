@@ -134,10 +134,9 @@ class FixedDirections(nn.Module):
 
     def _mean_deformation(self, h: Tensor) -> Tensor:
         """F̄ of the cells, at their points: (N, d, d, n_points) → same."""
-        of_cells = h.unflatten(-1, self.shares.shape)
-        return deformation_gradient(
-            (of_cells * self.shares).sum(-1, True).expand_as(of_cells).flatten(-2)
-        )
+        of_cells = h.reshape(*h.shape[:3], *self.shares.shape)
+        means = (of_cells * self.shares).sum(-1, True).expand_as(of_cells)
+        return deformation_gradient(means.reshape(h.shape))
 
     def _poisson(self, right: Tensor) -> Tensor:
         """L⁻¹ of every component, zero where it is held."""

@@ -64,7 +64,7 @@ def test_the_same_directions(kind: str) -> None:
             np.testing.assert_allclose(found[row], u, atol=1e-9 * longest(u))
             assert estimates[row] == pytest.approx(estimate, rel=1e-6)
     truth = correct(body, single, found[0].numpy()).displacement
-    assert longest(found[0].numpy() - truth) < 3e-2 * longest(truth)
+    assert longest(found[0].numpy() - truth) < 4e-2 * longest(truth)
 
 
 def test_no_step_inverts_cells() -> None:

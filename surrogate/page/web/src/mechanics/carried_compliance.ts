@@ -59,11 +59,7 @@ export class CarriedCompliance {
   }
 
   /** Σ_c k_c F_c y, or that of Fᵀ: (nodes · d). */
-  private laplaciansOfTurned(
-    f: Float64Array,
-    y: Float64Array,
-    transposed: boolean,
-  ): Float64Array {
+  private laplaciansOfTurned(f: Float64Array, y: Float64Array, transposed: boolean): Float64Array {
     const { d, cells, corners } = this.equilibrium.solid;
     const found = new Float64Array(y.length);
     const turned = new Float64Array(corners * d);
