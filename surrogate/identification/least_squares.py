@@ -18,7 +18,7 @@ n − p degrees of freedom, or of a normal distribution if σ is given.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -137,6 +137,47 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
         np.linalg.norm(measured - value, axis=1),
         None if sigma is not None else freedom,
         state,
+    )
+
+
+def wild_cost(lengths: Array, sigma: float) -> float:
+    """Sum of squares over the variance; wild rows count for a constant."""
+    return float((np.minimum(lengths / sigma, WILD) ** 2).sum())
+
+
+def stepped(
+    best: Fit, measured: Array, theta: Array, value: Array, slopes: Array, scale: Array
+) -> Fit:
+    """Take one Gauss–Newton step from other parameters, with the rows and the noise of a fit.
+
+    Parameters
+    ----------
+    best : Fit
+    measured : array, (m, d)
+    theta, scale : array, (p,)
+    value : array, (m, d)
+        h(θ).
+    slopes : array, (m, d, p)
+
+    Returns
+    -------
+    Fit
+        Of the linear model around θ, whose state is the step, (p,).
+
+    Raises
+    ------
+    WorkError
+        If the data do not determine the parameters.
+    """
+    jacobian = slopes[best.counts].reshape(-1, len(theta))
+    inverted = inverse(jacobian.T @ jacobian, scale)
+    step = inverted @ (jacobian.T @ (measured - value)[best.counts].ravel())
+    return replace(
+        best,
+        theta=theta + step,
+        covariance=best.sigma**2 * inverted,
+        lengths=np.linalg.norm(measured - value - slopes @ step, axis=1),
+        state=step,
     )
 
 

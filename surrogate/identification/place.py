@@ -5,7 +5,8 @@ A linear body moves the markers by :math:`A_a g` under a force g on node a, with
 symmetric). Nodes are ranked by the robust sum of squares that is left. The first ones are fitted,
 with the predictions in place of the linear body. What these move the markers more than the linear
 body does, under the best force found, is then taken from the measured displacements, and the nodes
-are ranked again, until no new ones are among the first.
+are ranked again, until no new ones are among the first. As a rule many nodes fit as well as the
+best one, within the noise: the last ranking names all that may bear the force.
 """
 
 from __future__ import annotations
@@ -18,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
-from shared_schema.point_tree import PointTree
-from surrogate.identification.least_squares import FLOOR, WILD, Fit, cauchy
+from surrogate.identification.least_squares import FLOOR, Fit, cauchy, wild_cost
 from surrogate.identification.responses import Body
 
 Array = NDArray[np.float64]
@@ -27,8 +27,7 @@ Numbers = NDArray[np.int64]
 
 ROUNDS = 6  # of weights
 ROUNDING = 1e-12
-FIRST = 5  # nodes of a ranking that are fitted
-NEIGHBOURS = 6  # nodes around the best one that are fitted
+FIRST = 3  # nodes of a ranking that are fitted
 RANKINGS = 6
 
 
@@ -64,8 +63,6 @@ class Places:
         others = np.broadcast_to(beside, (len(self.nodes), *beside.shape))
         self._matrix = np.concatenate([of_nodes, others], axis=-1)  # (n, m, d, d + K)
         self._sigma, self._dimension = sigma, d
-        self._places = geometry.coordinates[self.nodes]
-        self._tree = PointTree(self._places)
 
     def strengths(self, number: int) -> Array:
         """Largest displacement of a marker by each force of 1 N, (d + K,), in m."""
@@ -75,14 +72,8 @@ class Places:
         """Displacements of the markers of the linear body in m, (m, d), by (d + K,) in N."""
         return np.asarray(self._matrix[number] @ forces)
 
-    def around(self, number: int) -> list[int]:
-        """Numbers of neighbours."""
-        count = min(NEIGHBOURS + 1, len(self.nodes))
-        near = self._tree.query(self._places[number], count)[1]
-        return list(map(int, np.atleast_1d(near)))
-
-    def ranked(self, moved: Array) -> tuple[list[int], Array]:
-        """Numbers of the first nodes, and the forces in N with which they fit, (FIRST, d + K)."""
+    def ranked(self, moved: Array, count: int = FIRST) -> tuple[list[int], Array]:
+        """Numbers of the first nodes, and the forces in N with which they fit, (count, d + K)."""
         weights, floor = np.ones(self._matrix.shape[:2]), FLOOR * float(np.abs(moved).max())
         for _ in range(ROUNDS):
             rows = weights[:, :, None, None] * self._matrix
@@ -95,23 +86,32 @@ class Places:
             off = np.linalg.norm(moved - fitted, axis=2)
             weights = cauchy(off / np.sqrt(self._dimension), self._sigma, floor)
         noise = self._sigma or max(float(np.median(off, axis=1).min()), floor)
-        first = np.argsort(np.log1p((off / noise) ** 2).sum(axis=1))[:FIRST]
+        first = np.argsort(np.log1p((off / noise) ** 2).sum(axis=1))[:count]
         return list(map(int, first)), found[first]
 
 
 @dataclass(frozen=True)
-class Likely:
-    """A node that the force may act on: its number among the places, fit and probability."""
+class BestPlace:
+    """The node that fits best.
+
+    Attributes
+    ----------
+    number : int
+        Among the places.
+    fit : Fit
+    aim : array, (m, d)
+        Displacements of the markers in m that the linear body has to reach, around this fit.
+    """
 
     number: int
     fit: Fit
-    share: float
+    aim: Array
 
 
-def likely_places(
+def best_place(
     places: Places, moved: Array, fitted: Callable[[int, Array], Fit], at: Callable[[Fit], Array]
-) -> list[Likely]:
-    """Fit predictions at the nodes that may bear the force; the most likely node first.
+) -> BestPlace:
+    """Fit predictions at nodes that may bear the force, until no better one is found.
 
     Parameters
     ----------
@@ -128,43 +128,27 @@ def likely_places(
     WorkError
         If there is none.
     """
-    fits: dict[int, Fit | None] = {}
-    aim, best = moved, None
+    fits: dict[int, Fit] = {}
+    tried: set[int] = set()
+    best, aim = None, moved
     for _ in range(RANKINGS):
         first, forces = places.ranked(aim)
-        begins = dict(zip(first, forces, strict=True))
-        if best is not None:
-            count = forces.shape[1]
-            near = fits[best]
-            assert near is not None
-            begins |= dict.fromkeys(places.around(best), near.theta[:count])
-        new = {number: begin for number, begin in begins.items() if number not in fits}
-        for number, begin in new.items():
+        if tried.issuperset(first):
+            break
+        for number, begin in zip(first, forces, strict=True):
+            if number in tried:
+                continue
+            tried.add(number)
             try:
                 fits[number] = fitted(number, begin)
             except WorkError:
-                fits[number] = None
-        likely = shares(fits)
-        if not likely or not new:
+                continue
+        if not fits:
             break
-        best = likely[0].number
-        aim = moved - at(likely[0].fit) + places.moved(best, likely[0].fit.theta[: forces.shape[1]])
-    likely = shares(fits)
-    if not likely:
+        sigma = min(fit.sigma for fit in fits.values())
+        best = min(fits, key=lambda number: wild_cost(fits[number].lengths, sigma))
+        fit = fits[best]
+        aim = moved - at(fit) + places.moved(best, fit.theta[: forces.shape[1]])
+    if best is None:
         raise WorkError("no place of a force is found that fits the markers")
-    return likely
-
-
-def shares(fits: dict[int, Fit | None]) -> list[Likely]:
-    """Probabilities of fits by their sums of squares; wild markers count for a constant."""
-    found = {number: fit for number, fit in fits.items() if fit is not None}
-    if not found:
-        return []
-    sigma = min(fit.sigma for fit in found.values())
-    costs = np.array([(np.minimum(fit.lengths / sigma, WILD) ** 2).sum() for fit in found.values()])
-    share = np.exp(-(costs - costs.min()) / 2)
-    likely = [
-        Likely(number, fit, float(part))
-        for (number, fit), part in zip(found.items(), share / share.sum(), strict=True)
-    ]
-    return sorted(likely, key=lambda one: -one.share)
+    return BestPlace(best, fits[best], aim)
