@@ -58,6 +58,7 @@ def surface_points(geometry: Any, count: int, rng: np.random.Generator) -> tuple
 def compare(name: str, count: int, seed: int, task: str, truth_run: str | None) -> Results:
     """Identify random loads on one body."""
     model = surrogate.load(name)
+    model.prepare("surface")
     exact = surrogate.load(truth_run or name)
     here, there = model.geometry, exact.geometry
     length = float(np.ptp(here.coordinates, axis=0).max())
@@ -216,7 +217,8 @@ def page(results: Results) -> str:
         "both at a known place, beside a known weight. Errors of the field\n(worst node, or worst "
         "marker with another mesh) and of the place are relative to the length, those of forces "
         f"and modulus\nto themselves. *Inside* are intervals of {LEVEL:.0%}, of parameters and of "
-        "single components of the field; *place within 2 s*: within twice\nits uncertainty."
+        "single components of the field; *place within 2 s*: within twice\nits uncertainty. The "
+        "surface is prepared (`Surrogate.prepare`) before times are measured."
         f"\n\n{rows}"
     )
 

@@ -7,6 +7,7 @@
 `responses`       fields of the unknowns and their derivatives: predicted, or exact
 `least_squares`   robust nonlinear fits with their covariance
 `place`           the node that a force acts on
+`candidates`      states that fit, and the probabilities of the nodes of a force
 `search`          fits of one place or many, then without the error of the surrogate
 ================  =============================================================================
 """

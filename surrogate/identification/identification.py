@@ -15,8 +15,9 @@ from shared_schema.common.keys.units import Units
 from shared_schema.common.solution_file import write_solution
 from shared_schema.tools import Tool, parse_tool, require_outside
 from surrogate.data.geometry import Geometry
+from surrogate.identification.candidates import Candidate
 from surrogate.identification.markers import Markers, read_markers
-from surrogate.identification.search import Candidate, Finished, Search
+from surrogate.identification.search import Finished, Search
 from surrogate.identification.unknowns import (
     BODY_FORCE,
     SOMEWHERE,

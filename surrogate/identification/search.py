@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,10 +11,10 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.descent import Aim
-from surrogate.identification.least_squares import Fit, fit, stepped, wild_cost
+from surrogate.identification.candidates import Candidate, Start, likely_candidates
+from surrogate.identification.least_squares import Fit, fit
 from surrogate.identification.place import Places, best_place
 from surrogate.identification.responses import (
-    DIFFERENCE,
     Body,
     ExactResponse,
     PredictedResponse,
@@ -30,42 +30,6 @@ Array = NDArray[np.float64]
 SOFTER = 0.3  # change of φ that matters
 TOLERANCE = 1e-3  # of the prediction whose error is estimated, relative
 MANY = 64  # places that may bear a force
-SHARE = 1e-3  # probability of places that are left out of uncertainties
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A fit of predictions.
-
-    Attributes
-    ----------
-    unknowns : Unknowns
-    fit : Fit
-    scale : array, (p,)
-    slopes : array, (n_nodes, d, p)
-        ∂u/∂θ.
-    node : int or None
-        Where the force acts that may act somewhere.
-    share : float
-        Its probability among all places.
-    """
-
-    unknowns: Unknowns
-    fit: Fit
-    scale: Array
-    slopes: Array
-    node: int | None = None
-    share: float = 1.0
-
-
-@dataclass(frozen=True)
-class Begin:
-    """Parameters of a force on one node, from which a step is taken."""
-
-    unknowns: Unknowns
-    theta: Array
-    scale: Array
-    node: int
 
 
 @dataclass(frozen=True)
@@ -146,47 +110,11 @@ class Search:
             for number, begin in zip(numbers, forces, strict=True)
             if number != best.number
         }
-        return self._likely(
-            best.fit,
-            [
-                Begin(unknowns_at(number), theta, scale_at(number), int(places.nodes[number]))
-                for number, theta in begins.items()
-            ],
-        )
-
-    def _likely(self, best: Fit, begins: list[Begin]) -> list[Candidate]:
-        """Gauss–Newton steps of many places at once; those of small probability are left out."""
-        points = [
-            begin.theta + np.vstack([0 * begin.scale, np.diag(DIFFERENCE * begin.scale)])
-            for begin in begins
+        starts = [
+            Start(unknowns_at(number), theta, scale_at(number), int(places.nodes[number]))
+            for number, theta in begins.items()
         ]
-        loads = np.array([b.unknowns.forces(at) for b, at in zip(begins, points, strict=True)])
-        shape = loads.shape
-        predicted = np.asarray(self._body.predict(loads.reshape(-1, *shape[2:]))).reshape(shape)
-        found = []
-        for begin, fields in zip(begins, predicted, strict=True):
-            state = fields[0]
-            steps = (DIFFERENCE * begin.scale)[:, None, None]
-            slopes = np.moveaxis((fields[1:] - state) / steps, 0, -1)
-            seen = [self._at_markers @ field for field in (state, *np.moveaxis(slopes, -1, 0))]
-            if not np.isfinite(seen).all():
-                continue
-            value, rates = seen[0], np.moveaxis(np.array(seen[1:]), 0, -1)
-            try:
-                step = stepped(best, self._moved, begin.theta, value, rates, begin.scale)
-            except WorkError:
-                continue
-            fit = replace(step, state=state + slopes @ step.state)
-            found.append(Candidate(begin.unknowns, fit, begin.scale, slopes, begin.node))
-        costs = np.array([wild_cost(one.fit.lengths, best.sigma) for one in found])
-        shares = np.exp((costs.min() - costs) / 2)
-        shares /= shares.sum()
-        kept = [
-            replace(one, share=float(share))
-            for one, share in zip(found, shares, strict=True)
-            if share > SHARE
-        ]
-        return sorted(kept, key=lambda one: -one.share)
+        return likely_candidates(self._body, self._moved, self._at_markers, best.fit, starts)
 
     def finished(self, best: Candidate, confirm: bool) -> Finished:
         """Fit the best candidate once more: without the estimated error, or exactly.

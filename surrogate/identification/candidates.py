@@ -1,0 +1,116 @@
+r"""States that fit the markers, and the probability of the places of a force among them.
+
+Many nodes may bear a force that fits as well as the best one. From parameters that are close to a
+fit, one Gauss–Newton step is enough, and the predictions of all nodes are one batch. With the noise
+σ of the best fit, and all nodes of the surface alike beforehand, the probability of node a is
+
+.. math:: p_a \propto \exp\Big(-\frac12 \sum_m \min(|r_m| / σ, c)^2\Big)
+
+with what the step leaves of the markers, :math:`r_m`; wild ones count for a constant c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from shared_schema.common.errors import WorkError
+from surrogate.identification.least_squares import Fit, stepped, wild_cost
+from surrogate.identification.responses import DIFFERENCE, Body
+from surrogate.identification.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+SHARE = 1e-3  # probability of places that are left out of uncertainties
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fit of predictions.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    fit : Fit
+    scale : array, (p,)
+    slopes : array, (n_nodes, d, p)
+        ∂u/∂θ.
+    node : int or None
+        Where the force acts that may act somewhere.
+    share : float
+        Its probability among all places.
+    """
+
+    unknowns: Unknowns
+    fit: Fit
+    scale: Array
+    slopes: Array
+    node: int | None = None
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """Parameters θ of a force on one node, (p,), with the sizes of changes that matter, (p,)."""
+
+    unknowns: Unknowns
+    theta: Array
+    scale: Array
+    node: int
+
+
+def likely_candidates(
+    body: Body, moved: Array, at_markers: csr_array, best: Fit, starts: list[Start]
+) -> list[Candidate]:
+    """Take a step from every start, and return the candidates, the most likely one first.
+
+    Parameters
+    ----------
+    body : Surrogate
+    moved : array, (m, d)
+        Displacements of the markers in m.
+    at_markers : csr_array, (m, n_nodes)
+    best : Fit
+        Of one of the nodes, whose noise and wild markers count.
+    starts : list of Start
+        At least one, from which predictions are finite.
+
+    Raises
+    ------
+    WorkError
+        If the markers do not determine the parameters of any.
+    """
+    points = [
+        start.theta + np.vstack([0 * start.scale, np.diag(DIFFERENCE * start.scale)])
+        for start in starts
+    ]
+    loads = np.array([one.unknowns.forces(at) for one, at in zip(starts, points, strict=True)])
+    nodes = loads.shape[2:]
+    predicted = np.asarray(body.predict(loads.reshape(-1, *nodes))).reshape(loads.shape)
+    found = []
+    for start, fields in zip(starts, predicted, strict=True):
+        rates = (fields[1:] - fields[0]) / (DIFFERENCE * start.scale)[:, None, None]
+        seen = np.array([at_markers @ field for field in (fields[0], *rates)])
+        if not np.isfinite(seen).all():
+            continue
+        slopes, their = np.moveaxis(rates, 0, -1), np.moveaxis(seen[1:], 0, -1)
+        try:
+            step = stepped(best, moved, start.theta, seen[0], their, start.scale)
+        except WorkError:
+            continue
+        fit = replace(step, state=fields[0] + slopes @ step.state)
+        found.append(Candidate(start.unknowns, fit, start.scale, slopes, start.node))
+    if not found:
+        raise WorkError("the markers do not tell all that is sought")
+    costs = np.array([wild_cost(one.fit.lengths, best.sigma) for one in found])
+    shares = np.exp((costs.min() - costs) / 2)
+    shares /= shares.sum()
+    kept = [
+        replace(one, share=float(share))
+        for one, share in zip(found, shares, strict=True)
+        if share > SHARE
+    ]
+    return sorted(kept, key=lambda one: -one.share)
