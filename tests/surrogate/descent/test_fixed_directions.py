@@ -54,7 +54,7 @@ def test_the_same_directions(kind: str) -> None:
     starts = body.linear_response(forces / 3)
     starts[3] = 0
     response = LinearResponse(body.geometry, body.solid.materials, False, torch.float64)
-    for count in (1, 5):
+    for count in (1, 6):
         fixed = FixedDirections(body, response, count)
         found, estimates = fixed(torch.from_numpy(forces), torch.from_numpy(starts))
         assert not found[2].any()
@@ -64,7 +64,7 @@ def test_the_same_directions(kind: str) -> None:
             np.testing.assert_allclose(found[row], u, atol=1e-9 * longest(u))
             assert estimates[row] == pytest.approx(estimate, rel=1e-6)
     truth = correct(body, single, found[0].numpy()).displacement
-    assert longest(found[0].numpy() - truth) < 4e-2 * longest(truth)
+    assert longest(found[0].numpy() - truth) < 3e-2 * longest(truth)
 
 
 def test_no_step_inverts_cells() -> None:
