@@ -30,11 +30,10 @@ from experiments.measures.alarms import alarms, alarms_of_errors, judge, judge_u
 from experiments.measures.certificates import SETTLED, Certified, certified, fast_measures
 from experiments.measures.corrections import Work, efforts
 from shared_schema.common import Parser
-from shared_schema.common.drawing import make_drawing, make_figure, save, styled
+from shared_schema.common.drawing import save
 from surrogate import Dataset, read_dataset
-from surrogate.certify import Certificate
+from surrogate.figures import error_beside_certificate
 from surrogate.inference import drawn_loads, fit_fast_certificate
-from surrogate.measures import node_errors
 
 Array = NDArray[np.float64]
 LOADS = 300  # of every kind
@@ -55,7 +54,7 @@ def measure(options: argparse.Namespace) -> Results:
     few = force[: options.unusual or len(force)]
     inside, unusual = judge(model, few, PASSES), judge_unusual(model, few, PASSES)
     if options.figure is not None:
-        draw(options.figure, model, force, reference, predicted, found.certificate)
+        draw(options.figure, found, reference)
     return {
         "case": dataset.manifest.name,
         "degrees_of_freedom": int(model.equilibrium.free.sum()),
@@ -113,29 +112,11 @@ def fast(dataset: Dataset, found: Certified, reference: Array) -> Results:
     return results
 
 
-@styled
-def draw(
-    path: Path,
-    model: surrogate.Surrogate,
-    force: Array,
-    truth: Array,
-    predicted: Array,
-    found: Certificate,
-) -> None:
-    """Draw prediction, true error and estimated error of the test load with the largest tip."""
+def draw(path: Path, found: Certified, truth: Array) -> None:
+    """Draw the test load with the third largest displacement of a component."""
     shown = int(np.argsort(np.abs(truth).max(axis=(1, 2)))[-3])
-    figure = make_figure(12.0, 2.9)
-    x = model.geometry.coordinates
-    fields = {
-        "displacement in m": np.linalg.norm(predicted[shown], axis=1),
-        "true error in mm": 1e3 * node_errors(predicted[shown], truth[shown]),
-        "estimated error in mm": 1e3 * np.linalg.norm(found.error[shown], axis=1),
-    }
-    for position, (label, values) in zip((131, 132, 133), fields.items(), strict=True):
-        drawing = make_drawing(figure, model.geometry, position)
-        drawing.coloured(x + predicted[shown], values, label)
-        drawing.finish()
-    save(figure, path)
+    of_load = found.predicted[shown], truth[shown], found.certificate.error[shown]
+    save(error_beside_certificate(found.surrogate.geometry, *of_load), path)
 
 
 def alarm_names(results: Results) -> list[str]:

@@ -139,20 +139,19 @@ def laplacians_of_turned(cells: NDArray[np.int64], metric: Values, f: Values, y:
     """
     count, corners = cells.shape
     d = len(f)
-    out, turned = np.zeros_like(y), np.empty((corners, d), y.dtype)
+    out, forces = np.zeros_like(y), np.empty((d, corners), y.dtype)
     for c in range(count):
+        forces[:] = 0
         for b in range(corners):
             for i in range(d):
-                total = y.dtype.type(0)
+                turned = y.dtype.type(0)
                 for j in range(d):
-                    total += f[i, j, c] * y[cells[c, b], j]
-                turned[b, i] = total
+                    turned += f[i, j, c] * y[cells[c, b], j]
+                for a in range(corners):
+                    forces[i, a] += metric[c, b, a] * turned
         for a in range(corners):
             for i in range(d):
-                total = y.dtype.type(0)
-                for b in range(corners):
-                    total += metric[c, a, b] * turned[b, i]
-                out[cells[c, a], i] += total
+                out[cells[c, a], i] += forces[i, a]
     return out
 
 

@@ -107,14 +107,19 @@ def slopes_in_cells(cells: NDArray[np.int64], gradients: Values, u: Values) -> V
     u : array, (n_nodes, d)
     """
     count, corners, d, points = gradients.shape
-    out = np.zeros((d, d, count * points), u.dtype)
+    rows = gradients.reshape(count, corners, d * points)
+    out, slopes = np.zeros((d, d, count * points), u.dtype), np.empty((d, d * points), u.dtype)
     for c in range(count):
+        slopes[:] = 0
         for a in range(corners):
             for i in range(d):
                 x = u[cells[c, a], i]
-                for j in range(d):
-                    for q in range(points):
-                        out[i, j, c * points + q] += x * gradients[c, a, j, q]
+                for k in range(d * points):
+                    slopes[i, k] += x * rows[c, a, k]
+        for i in range(d):
+            for j in range(d):
+                for q in range(points):
+                    out[i, j, c * points + q] = slopes[i, j * points + q]
     return out
 
 
@@ -133,19 +138,18 @@ def forces_of_cells(
     nodes : int
     """
     count, corners, d, points = gradients.shape
-    out = np.zeros((nodes, d), stress.dtype)
-    weighted = np.empty((d, d, points), stress.dtype)
+    rows = gradients.reshape(count, corners, d * points)
+    out, weighted = np.zeros((nodes, d), stress.dtype), np.empty((d, d * points), stress.dtype)
     for c in range(count):
         for i in range(d):
             for j in range(d):
                 for q in range(points):
                     p = c * points + q
-                    weighted[i, j, q] = stress[i, j, p] * volumes[p]
+                    weighted[i, j * points + q] = stress[i, j, p] * volumes[p]
         for a in range(corners):
             for i in range(d):
                 total = stress.dtype.type(0)
-                for j in range(d):
-                    for q in range(points):
-                        total += weighted[i, j, q] * gradients[c, a, j, q]
+                for k in range(d * points):
+                    total += weighted[i, k] * rows[c, a, k]
                 out[cells[c, a], i] += total
     return out

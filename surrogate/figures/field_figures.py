@@ -91,3 +91,30 @@ def error_beside_uncertainty(
     right.finish(left.extent())
     legend_below(figure, columns=1)
     return figure
+
+
+@styled
+def error_beside_certificate(
+    geometry: Geometry, predicted: Array, reference: Array, estimated: Array
+) -> Figure:
+    """Draw a prediction, its nodal error and the one that a certificate estimates, side by side.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    predicted, reference, estimated : array, (n_nodes, d)
+        U, u and the estimate of U − u in m.
+    """
+    figure, units = make_figure(12.0, 2.9), geometry.units
+    error, estimate = node_errors(predicted, reference), np.linalg.norm(estimated, axis=1)
+    unit, factor = units.drawn(error, estimate)
+    fields = (
+        drawn(units, np.linalg.norm(predicted, axis=1), "displacement"),
+        (factor * error, f"{NODAL_ERROR} [{unit}]"),
+        (factor * estimate, f"error by the certificate [{unit}]"),
+    )
+    for position, (values, name) in zip((131, 132, 133), fields, strict=True):
+        drawing = make_drawing(figure, geometry, position)
+        drawing.coloured(geometry.coordinates + predicted, values, name)
+        drawing.finish()
+    return figure

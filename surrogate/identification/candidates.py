@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
 from surrogate.identification.least_squares import Fit, stepped, wild_cost
-from surrogate.identification.responses import DIFFERENCE, Body
+from surrogate.identification.responses import DIFFERENCE, Body, differences
 from surrogate.identification.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -92,11 +92,11 @@ def likely_candidates(
     predicted = np.asarray(body.predict(loads.reshape(-1, *nodes))).reshape(loads.shape)
     found = []
     for start, fields in zip(starts, predicted, strict=True):
-        rates = (fields[1:] - fields[0]) / (DIFFERENCE * start.scale)[:, None, None]
-        seen = np.array([at_markers @ field for field in (fields[0], *rates)])
+        seen = np.array([at_markers @ field for field in fields])
         if not np.isfinite(seen).all():
             continue
-        slopes, their = np.moveaxis(rates, 0, -1), np.moveaxis(seen[1:], 0, -1)
+        steps = DIFFERENCE * start.scale
+        slopes, their = (differences(of[1:], of[0], steps) for of in (fields, seen))
         try:
             step = stepped(best, moved, start.theta, seen[0], their, start.scale)
         except WorkError:

@@ -96,8 +96,7 @@ class PredictedResponse(Response):
         """∂u/∂θ."""
         steps = DIFFERENCE * self.scale
         ahead = np.asarray(self.body.predict(self.unknowns.forces(theta + np.diag(steps))))
-        rates = (ahead - (field - self._shift)) / steps[:, None, None]
-        return np.asarray(np.moveaxis(rates, 0, -1))
+        return differences(ahead, field - self._shift, steps)
 
 
 class ExactResponse(Response):
@@ -115,3 +114,8 @@ class ExactResponse(Response):
             raise WorkError("the equilibrium that fits the markers is not stable")
         rates = respond(self.unknowns.slopes(theta))
         return np.asarray(np.moveaxis(rates, 0, -1))
+
+
+def differences(ahead: Array, field: Array, steps: Array) -> Array:
+    """Forward differences of fields, (p, n_nodes, d), by steps of θ, (p,): (n_nodes, d, p)."""
+    return np.moveaxis((ahead - field) / steps[:, None, None], 0, -1)

@@ -158,10 +158,13 @@ class KeptResponses:
         shares, rest = np.zeros(len(self.units), load.dtype), load
         for number, (inputs, values) in enumerate(self.units):
             step = max(1, len(inputs) // PROBES)
-            of_probes = load[inputs[::step]] / values[::step]
+            probes = load[inputs[::step]]
+            if 2 * np.count_nonzero(probes) <= len(probes):
+                continue
+            of_probes = probes / values[::step]
             share = np.median(of_probes)
             near = np.abs(of_probes - share) <= ROUNDING * abs(share)
-            if share == 0 or 2 * np.count_nonzero(near) <= len(near):
+            if 2 * np.count_nonzero(near) <= len(near):
                 continue
             if rest is load:
                 rest = load.copy()

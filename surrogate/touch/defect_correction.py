@@ -25,6 +25,7 @@ from surrogate.descent.descent import longest
 from surrogate.touch.body import Body
 
 Array = NDArray[np.float64]
+ROUGHLY = 1e-2  # of a search for forces: part of the displacement, before a correction
 FARTHEST = 1.0  # of the largest displacement: a longer shift is given up
 
 

@@ -22,8 +22,7 @@ from surrogate.touch.body import Predict
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-5  # residual over the largest held displacement
-ROUGHLY = 1e-2  # before predictions are corrected
+TOLERANCE = 3e-5  # residual over the largest held displacement
 ACCEPTED, SLOW = 1e-4, 0.5  # residual that will do, once a step leaves so large a part of it
 MOST = 40  # predictions of one step
 LARGER = 1.5  # of residuals that a full step may leave

@@ -28,8 +28,8 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.touch.body import Body, Predict, load_beside
-from surrogate.touch.defect_correction import DefectCorrection
-from surrogate.touch.force_search import ROUGHLY, ForceSearch, inverse
+from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
+from surrogate.touch.force_search import ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
 
 Array = NDArray[np.float64]

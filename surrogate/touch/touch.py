@@ -26,7 +26,7 @@ from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
-from surrogate.touch.defect_correction import DefectCorrection
+from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.halved_steps import halved_steps
 from surrogate.touch.linear_body import LinearBody
 from surrogate.touch.linear_contact import linear_contact
@@ -35,7 +35,6 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 TOLERANCE = 1e-3  # of frames, of the largest displacement
-ROUGHLY = 1e-2  # of the largest displacement, before predictions are corrected
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave

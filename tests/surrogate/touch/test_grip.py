@@ -11,7 +11,7 @@ import pytest
 import surrogate
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.command_line import main
-from surrogate.touch.force_search import ACCEPTED, ForceSearch
+from surrogate.touch.force_search import ACCEPTED, TOLERANCE, ForceSearch
 
 PLACE, CORNERS = "4,1", ["4,1", "4,0"]  # at the end of a beam of 4 × 1 m
 
@@ -109,7 +109,7 @@ def test_search_that_finds_nothing_says_how_far_it_came() -> None:
     with pytest.raises(WorkError, match=r"they reach \d+% of the displacement"):
         search.find(np.tanh, np.array([2.0, 0.0]))
     found = search.find(np.tanh, np.array([0.5, -0.9]))
-    np.testing.assert_allclose(np.tanh(found), [0.5, -0.9], atol=1e-5)
+    np.testing.assert_allclose(np.tanh(found), [0.5, -0.9], atol=TOLERANCE)
 
 
 @pytest.mark.parametrize(
