@@ -127,10 +127,11 @@ class Capsule(Tool):
         """From the nearest point of the segment, (n, d); True where it is inside of it."""
         a = np.array(self.begin)
         axis = np.array(self.end) - a
-        square = float(axis @ axis)
-        t = (x - a) @ axis / square if square else np.zeros(len(x))
-        inside = (t > 0) & (t < 1)
-        return x - a - np.clip(t, 0, 1)[:, None] * axis, inside
+        square, offset = float(axis @ axis), x - a
+        if square == 0:
+            return offset, np.zeros(len(x), dtype=bool)
+        t = offset @ axis / square
+        return offset - np.clip(t, 0, 1)[:, None] * axis, (t > 0) & (t < 1)
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,16 @@ class LinearBody:
     model : Surrogate
     surface : array of int, (n,)
         Nodes.
+
+    Attributes
+    ----------
+    size : float
+        Largest extent of the undeformed surface in m.
     """
 
     def __init__(self, model: Body, surface: Numbers) -> None:
         self._model, self._surface = model, surface
+        self.size = float(np.ptp(model.geometry.coordinates[surface], axis=0).max())
         self._dimension = model.geometry.dimension
         self._places = np.full(len(surface), -1)
         self._columns: Array = np.empty((0, self._dimension, len(surface) * self._dimension))

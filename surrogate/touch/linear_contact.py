@@ -45,13 +45,13 @@ def linear_contact(
     back : float
         Length in m by which the surface of the tool is withdrawn.
     """
-    size = float(np.ptp(x, axis=0).max())
-    gap = tool.gap(x) + back
+    size, gap = body.size, tool.gap(x) + back
     bears = np.asarray(force.any(axis=1))
     close = np.flatnonzero(bears | (gap < REACH * size))
     near = bears[close] | (gap[close] < min(float(gap.min()) / 2, 0.0))
-    total, at = force[close], x[close]
-    sizes = np.maximum((total * tool.normal(at)).sum(axis=1), 0.0)
+    total, at, sizes = force[close], x[close], np.zeros(len(close))
+    acts = bears[close]
+    sizes[acts] = np.maximum((total[acts] * tool.normal(at[acts])).sum(axis=1), 0.0)
     compliance, nodes = np.empty((0, 0)), np.empty(0, np.int64)
     for _ in range(STEPS):
         if near.sum() > len(nodes):
