@@ -7,7 +7,11 @@ import numpy as np
 from shared_schema.common.drawing.deformed_figure import deformed_figure
 from surrogate.data.dataset import Dataset
 from surrogate.data.elements_of_case import with_elements
-from surrogate.figures.field_figures import error_field, uncertainty_field
+from surrogate.figures.field_figures import (
+    error_beside_certificate,
+    error_field,
+    uncertainty_field,
+)
 from surrogate.figures.stress_figures import von_mises_beside_reference
 from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
 
@@ -37,6 +41,20 @@ def test_uncertainty_field_is_in_millimetres_on_the_mean_mesh(dataset: Dataset) 
     corners = np.concatenate([path.vertices for path in mesh.get_paths()])
     np.testing.assert_allclose(corners.min(axis=0), (x + mean).min(axis=0))
     np.testing.assert_allclose(corners.max(axis=0), (x + mean).max(axis=0))
+
+
+def test_error_beside_certificate_in_one_unit(dataset: Dataset) -> None:
+    """A displacement of 50 mm, its error of (3, 4) mm, and an estimate of (6, 8) mm."""
+    x = dataset.geometry.coordinates
+    predicted, error, estimated = (
+        np.broadcast_to(each, x.shape) for each in ([0.03, 0.04], [3e-3, 4e-3], [6e-3, 8e-3])
+    )
+    figure = error_beside_certificate(dataset.geometry, predicted, predicted - error, estimated)
+    fields = [axes for axes in figure.axes if axes.get_ylabel().endswith("[mm]")]
+    drawn = [axes.collections[0].get_array() for axes in figure.axes if axes.get_xlabel()]
+    assert len(fields) == 3
+    for values, expected in zip(drawn, (50, 5, 10), strict=True):
+        np.testing.assert_allclose(np.asarray(values), expected)
 
 
 def test_figures_name_the_units_of_the_case(dataset: Dataset) -> None:

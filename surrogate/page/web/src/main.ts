@@ -221,7 +221,7 @@ async function start(): Promise<void> {
   };
 
   const save = async (kind: "png" | "csv" | "npz"): Promise<void> => {
-    scene.draw();
+    scene.drawWhole();
     const file =
       kind === "csv"
         ? asCsv(state)

@@ -106,6 +106,11 @@ export class BodyMesh {
     uniforms.opacity.value = close ? opacity / 2 : opacity;
   }
 
+  /** Draw the lines of the mesh, or leave them out. */
+  showLines(shown: boolean): void {
+    this.mesh.visible = shown;
+  }
+
   /** Mark a node, or none. */
   mark(node: number | null): void {
     this.cursor.visible = node !== null;

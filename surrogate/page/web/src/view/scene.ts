@@ -26,6 +26,8 @@ const REACH = 0.25; // of the body's diagonal: the arrow of the largest force of
 const GROUND = 0xf7f9fb;
 const NEAR = 16; // pixels around a node
 const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
+const MANY = 10000; // lines that a processor draws only once the picture stands still
+const STILL = 150; // ms
 
 export class Scene {
   readonly body: BodyMesh;
@@ -44,6 +46,9 @@ export class Scene {
   private readonly extent: Vector3;
   private readonly diagonal: number;
   private readonly pickable: number[];
+  /** Whether lines of the mesh are drawn once the picture stands still. */
+  private readonly linesWait: boolean;
+  private timer = 0;
 
   constructor(
     private readonly state: State,
@@ -52,7 +57,9 @@ export class Scene {
     overlay: HTMLElement,
   ) {
     const { content } = state;
-    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    const software = isSoftware();
+    this.linesWait = software && content.lines.length > 2 * MANY;
+    this.renderer = new WebGLRenderer({ canvas, antialias: !software });
     this.renderer.setPixelRatio(window.devicePixelRatio);
     this.renderer.setClearColor(GROUND);
     this.body = new BodyMesh(content);
@@ -150,8 +157,26 @@ export class Scene {
     this.draw();
   }
 
+  /** Draw, for now without the lines of the mesh if there are too many. */
   draw(): void {
+    if (this.linesWait) {
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => {
+        this.drawWhole();
+      }, STILL);
+    }
+    this.render(!this.linesWait);
+  }
+
+  /** Draw with all lines. */
+  drawWhole(): void {
+    clearTimeout(this.timer);
+    this.render(true);
+  }
+
+  private render(withLines: boolean): void {
     const { state } = this;
+    this.body.showLines(withLines);
     const { largest, loadable } = state.content.trained;
     this.arrows.draw(
       state.loads.all,
