@@ -113,11 +113,11 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
 
     at = model.value(theta)
     value, state, theta, slopes = descend(model, measured, theta, at, scale, weigh)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         off = measured - value
         noise = estimated(off, counts, len(theta), size) if sigma is None else sigma
         wild = np.linalg.norm(off, axis=1) > WILD * noise * np.sqrt(off.shape[1])
-        if np.array_equal(~wild, counts) and _ > 0:
+        if np.array_equal(~wild, counts) and number > 0:
             break
         counts = ~wild
         if counts.sum() * off.shape[1] <= len(theta):

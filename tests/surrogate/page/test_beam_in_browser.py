@@ -209,3 +209,22 @@ def test_first_frame_comes_before_the_network(beam: Path, open_page: Open) -> No
     page = open_page(beam)
     marks = page.page.evaluate("performance.getEntriesByType('mark').map((m) => m.name)")
     assert marks == ["first frame", "ready"]
+
+
+def test_lines_of_large_meshes_are_drawn_once_the_picture_stands_still(
+    beam: Path, model: Surrogate, open_page: Open
+) -> None:
+    """Where a processor draws; a saved picture has them."""
+    page = open_page(beam)
+    shown = "surrogatePage.scene.body.mesh.visible"
+    page.drag(corner(model), right=0, up=50)
+    assert page.page.evaluate(shown)  # few lines do not wait
+    page.page.evaluate("surrogatePage.scene.linesWait = true")
+    assert not page.page.evaluate(f"(surrogatePage.scene.draw(), {shown})")
+    page.page.evaluate(
+        f"new Promise((done) => {{ const ask = () => {shown} ? done() : setTimeout(ask, 10);"
+        " ask(); })"
+    )
+    assert page.page.evaluate(
+        f"(surrogatePage.scene.draw(), surrogatePage.scene.drawWhole(), {shown})"
+    )
