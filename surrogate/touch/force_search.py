@@ -22,8 +22,8 @@ from surrogate.touch.body import Predict
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 3e-5  # residual over the largest held displacement
-ACCEPTED, SLOW = 1e-4, 0.5  # residual that will do, once a step leaves so large a part of it
+TOLERANCE = 1e-4  # of frames: residual over the largest held displacement
+SLOW = 0.5  # part of a residual within the tolerance of frames that ends any search, if it is left
 MOST = 40  # predictions of one step
 LARGER = 1.5  # of residuals that a full step may leave
 SHORTER, SHORTEST = 1 / 3, 1e-2  # parts of a step
@@ -106,6 +106,8 @@ class ForceSearch:
         size = max(np.abs(target).max(), np.abs(residual).max())
         last, left = self.predictions + MOST, np.abs(residual).max()
         while left > tolerance * size:
+            if self.predictions >= last:
+                return False
             change, part = stiffness @ residual, 1.0
             allowed = LARGER * np.linalg.norm(residual)
             while True:
@@ -120,10 +122,8 @@ class ForceSearch:
                     return False
             before, left = left, np.abs(remains).max()
             forces, residual = forces + moved, remains
-            if left <= max(ACCEPTED, tolerance) * size and left > SLOW * before:
+            if left <= TOLERANCE * size and left > SLOW * before:
                 break
-            if self.predictions >= last:
-                return False
         self._forces, self._stiffness, self._reached = forces, stiffness, target
         self._is_measured = False
         return True

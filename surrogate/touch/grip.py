@@ -26,10 +26,11 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
+from surrogate.descent.aim import require_positive
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
-from surrogate.touch.force_search import ForceSearch, inverse
+from surrogate.touch.force_search import TOLERANCE, ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
 
 Array = NDArray[np.float64]
@@ -94,6 +95,8 @@ class Grip:
         places to displacements in m says the same, with None for a component that stays free.
     nearest : bool
         Let places beside a node mean the nearest one.
+    tolerance : float
+        Largest error of a held component over the largest held displacement.
     corrected : bool, optional
         Whether the predictions of a frame are corrected by what they leave unbalanced; by default,
         all but those of load series.
@@ -110,13 +113,20 @@ class Grip:
     Raises
     ------
     InputError
-        If there is no such node or group, one is held already, or the body's material or elements
-        are none of the learner's.
+        If there is no such node or group, one is held already, the tolerance is not positive, or
+        the body's material or elements are none of the learner's.
     """
 
     def __init__(
-        self, model: Body, held: Held, nearest: bool = False, *, corrected: bool | None = None
+        self,
+        model: Body,
+        held: Held,
+        nearest: bool = False,
+        *,
+        tolerance: float = TOLERANCE,
+        corrected: bool | None = None,
     ) -> None:
+        require_positive("tolerance", tolerance)
         together = CommandLoads(model.geometry.loaded_body)
         components, displacements = [], []
         for text in _texts(held, model.geometry.dimension):
@@ -128,6 +138,7 @@ class Grip:
         self.components, self.displacements = np.array(components), np.array(displacements)
         self.notes = tuple(together.notes)
         self._model, self._dofs = model, np.flatnonzero(together.moved)
+        self.tolerance = tolerance
         self._search = ForceSearch(stiffness_at_rest(model, together.moved))
         self._defect = DefectCorrection(model, corrected)
         self._shown: Shown | None = None
@@ -180,11 +191,11 @@ class Grip:
 
         try:
             if predict is None and self._defect.wanted:
-                self._search.find(displaced, target, ROUGHLY)
+                self._search.find(displaced, target, max(self.tolerance, ROUGHLY))
                 assert shown is not None
                 change = self._defect.improve(shown.field, acting + shown.grips)
                 shown = replace(shown, field=shown.field + change)
-            self._search.find(displaced, target)  # asks for the forces that it finds last
+            self._search.find(displaced, target, self.tolerance)  # asks for what it finds last
         except WorkError as error:
             try:
                 return self.correct(displacements, load)

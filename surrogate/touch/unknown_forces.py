@@ -16,6 +16,7 @@ from surrogate.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
 SINGLE = 1e-4  # tolerance of a contact that is no frame
+HELD = 1e-5  # of grips that are no frame
 
 
 class Correctable(Body, Protocol):
@@ -41,7 +42,7 @@ def gripped(
         As `Grip` and `Grip.move`; InputError if a pressure acts.
     """
     require_dead("held", given)
-    grip = Grip(model, held, nearest)
+    grip = Grip(model, held, nearest, tolerance=HELD)
     given.notes += grip.notes
     frame = grip.move(grip.displacements, given.forces)
     if correct and grip.can_correct:
