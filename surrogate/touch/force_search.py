@@ -54,8 +54,10 @@ class ForceSearch:
         self._stiffness, self._is_measured = self._at_rest, True
         self._forces = self._reached = np.zeros(len(self._at_rest))
 
-    def find(self, displaced: Predict, target: Array, tolerance: float = TOLERANCE) -> Array:
+    def find(self, displaced: Predict, target: Array, tolerance: float) -> Array:
         """Find forces in N, (m,), under which `displaced` is the target in m, the last one asked.
+
+        It ends once the largest residual, over the largest component, is within the tolerance.
 
         Raises
         ------

@@ -48,9 +48,9 @@ def linear_contact(
     size, gap = body.size, tool.gap(x) + back
     bears = np.asarray(force.any(axis=1))
     close = np.flatnonzero(bears | (gap < REACH * size))
-    near = bears[close] | (gap[close] < min(float(gap.min()) / 2, 0.0))
-    total, at, sizes = force[close], x[close], np.zeros(len(close))
     acts = bears[close]
+    near = acts | (gap[close] < min(float(gap.min()) / 2, 0.0))
+    total, at, sizes = force[close], x[close], np.zeros(len(close))
     sizes[acts] = np.maximum((total[acts] * tool.normal(at[acts])).sum(axis=1), 0.0)
     compliance, nodes = np.empty((0, 0)), np.empty(0, np.int64)
     for _ in range(STEPS):

@@ -107,9 +107,9 @@ def test_search_that_finds_nothing_says_how_far_it_came() -> None:
     """No force moves a body farther than 1 m; then a nearer target is found all the same."""
     search = ForceSearch(np.eye(2))
     with pytest.raises(WorkError, match=r"they reach \d+% of the displacement"):
-        search.find(np.tanh, np.array([2.0, 0.0]))
-    found = search.find(np.tanh, np.array([0.5, -0.9]))
-    np.testing.assert_allclose(np.tanh(found), [0.5, -0.9], atol=TOLERANCE)
+        search.find(np.tanh, np.array([2.0, 0.0]), TOLERANCE)
+    found = search.find(np.tanh, np.array([0.5, -0.9]), 1e-5)
+    np.testing.assert_allclose(np.tanh(found), [0.5, -0.9], atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -136,6 +136,8 @@ def test_wrong_frames_and_loads(beam: surrogate.Surrogate) -> None:
     for wrong in ([(0.0, np.nan)], [(0.0, 0.0, 0.0)], [(0.0, 0.0)] * 2):
         with pytest.raises(InputError, match="expected 1 of 2 finite numbers in m"):
             grip.move(wrong)
+    with pytest.raises(InputError, match="tolerance"):
+        surrogate.Grip(beam, [PLACE], tolerance=0.0)
     with pytest.raises(InputError, match="expected forces beside it, no pressure"):
         surrogate.load("finger3d").solve(
             "notches:1000", held={"0.088,0,0.0079": (0, 0, 0)}, nearest=True
