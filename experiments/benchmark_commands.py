@@ -39,6 +39,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "prediction": "surrogate",
     "refined-liver": "surrogate",
     "scaling": "datagen",
+    "tangents": "surrogate",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",

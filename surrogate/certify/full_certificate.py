@@ -33,7 +33,8 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.correction import HALVINGS, searched
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from surrogate.mechanics.newton_steps import norms
+from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 CONTRACTION = 0.25  # largest Θ of an estimate that is settled

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from surrogate.mechanics.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.neo_hookean import determinant
 

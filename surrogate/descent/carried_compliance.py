@@ -38,8 +38,8 @@ from numpy.typing import NDArray
 
 from surrogate.descent.cell_fields import CellFields, Values, product
 from surrogate.mechanics.compliance import in_single_precision
+from surrogate.mechanics.matrices.stiffness_layout import stiffness_layout
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.stiffness_layout import stiffness_layout
 from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
@@ -85,6 +85,13 @@ class CarriedCompliance:
     def at(self, u: Array) -> Callable[[Array], Array]:
         """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
         return partial(self._carried, self._means.deformation_gradient(u))
+
+    def linear_response(self, force: Array) -> Array:
+        """K(0)⁻¹ f: (N, n_points, d) in N → same in m, in the precision of P."""
+        right, found = force.reshape(len(force), -1), np.zeros((len(force), force[0].size))
+        precise = right[:, self._dofs].astype(self._metric.dtype)
+        found[:, self._dofs] = self._factor.solve(precise.T).T
+        return found.reshape(force.shape)
 
     def turned(self, u: Array, y: Array) -> Array:
         """T y at a state u, (n_points, d) in m each."""

@@ -18,6 +18,7 @@ from surrogate.descent.cell_fields import CellFields, jacobian
 from surrogate.descent.cell_stress import CellStress
 from surrogate.descent.soft_modes import Softening, SoftModes
 from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.matrices.sparse_matrix import SparseLayout, has_pardiso
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 
@@ -52,7 +53,7 @@ class DrivenBody:
     Attributes
     ----------
     equilibrium : Equilibrium
-        Also under the pressures of a load.
+        Also under the pressures of a load. With `compliance` it `iterates`, if factors take longer.
     compliance : CarriedCompliance
     fields : CellFields or None
         None if the forces of a cell are no sum over its points.
@@ -77,11 +78,14 @@ class DrivenBody:
         known = CellStress.is_known(solid)
         fields, stress = (CellFields(equilibrium), CellStress(solid)) if known else (None, None)
         by_points = fields if type(solid) is Solid else None
-        modes, means = SoftModes(equilibrium, by_points), None
+        compliance = CarriedCompliance(equilibrium)
+        modes, means = SoftModes(equilibrium, by_points, compliance.linear_response), None
         if by_points is not None:
             of_cells = CellFields(equilibrium, means=True)
             means = Softening(of_cells, modes.modes, modes.energies)
-        return cls(equilibrium, CarriedCompliance(equilibrium), fields, modes, means, stress)
+        if iterates(equilibrium):
+            equilibrium = equilibrium.iterating(compliance.at)
+        return cls(equilibrium, compliance, fields, modes, means, stress)
 
     def under(self, pressure: FollowerPressure | None) -> DrivenBody:
         """Return the same body, under the pressures of one load case as well."""
@@ -135,3 +139,12 @@ class DrivenBody:
             return None
         forces = self.fields.forces(piola)
         return (forces, f, piola) if type(solid) is Solid else (forces,)
+
+
+def iterates(equilibrium: Equilibrium) -> bool:
+    """Whether iterations solve with a tangent sooner than its factors: a large body's, by SuperLU.
+
+    On 20 000 nodes a certificate takes a third of the time, where PARDISO makes it in half the time
+    of iterations (``docs/benchmarks/tangents-superlu.md`` and ``-pardiso.md``).
+    """
+    return type(equilibrium.layout) is SparseLayout and not has_pardiso()

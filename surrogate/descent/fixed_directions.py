@@ -18,9 +18,9 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.descent.descent import CURVED, MOST, PAIRS, TURNED
-from surrogate.mechanics.band_matrix import BandLayout
 from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.matrices.band_matrix import BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.neo_hookean import determinant, stress
 from surrogate.mechanics.solids.solid import Solid

@@ -17,6 +17,8 @@ with the second Piola–Kirchhoff stress S.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,8 @@ class SoftModes:
     equilibrium : Equilibrium
     fields : CellFields or None
         In double precision.
+    respond : callable
+        Forces (N, n_points, d) in N to linear responses in m.
 
     Attributes
     ----------
@@ -44,14 +48,16 @@ class SoftModes:
         Twice their energies, φ · K(0) φ.
     """
 
-    def __init__(self, equilibrium: Equilibrium, fields: CellFields | None) -> None:
+    def __init__(
+        self, equilibrium: Equilibrium, fields: CellFields | None, respond: Callable[[Array], Array]
+    ) -> None:
         shape = equilibrium.free.shape
         count = min(MODES + BESIDE, len(equilibrium.layout.dofs))
         x = np.random.default_rng(0).normal(size=(count, *shape)) * equilibrium.free
         for _ in range(ITERATIONS):  # subspace iteration
-            rows = equilibrium.linear_response(x).reshape(count, -1)
+            rows = respond(x).reshape(count, -1)
             x = np.linalg.qr(rows.T)[0].T.reshape(x.shape)
-        response = equilibrium.linear_response(x).reshape(count, -1)
+        response = respond(x).reshape(count, -1)
         softness, turn = np.linalg.eigh(response @ x.reshape(count, -1).T)
         order = np.argsort(-softness)[:MODES]
         forces = turn.T[order] @ x.reshape(count, -1)

@@ -144,7 +144,15 @@ class TrainedBody:
 
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""
-        return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
+        return self.solved if pressure is None else self.solved.under(pressure)
+
+    @property
+    def solved(self) -> Equilibrium:
+        """`equilibrium`; it iterates with tangents where that is quicker."""
+        from surrogate.descent.driven_body import iterates
+
+        quicker = iterates(self.equilibrium)
+        return self.driven_body.equilibrium if quicker else self.equilibrium
 
     @cached_property
     def driven_body(self) -> DrivenBody:

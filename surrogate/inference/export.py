@@ -33,10 +33,10 @@ from surrogate.data.load_families import random_loads
 from surrogate.descent.fixed_directions import FixedDirections, require_exportable
 from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.mechanics.matrices.band_matrix import BandCholesky
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.probabilistic.likelihoods import Prediction

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from surrogate.mechanics.follower_pressure import FollowerPressure
     from surrogate.mechanics.linear_response import LinearResponse
     from surrogate.mechanics.load_path import LoadPaths, follow
-    from surrogate.mechanics.out_of_balance import Equilibrium, NewtonSteps, norms
+    from surrogate.mechanics.newton_steps import NewtonSteps, norms
+    from surrogate.mechanics.out_of_balance import Equilibrium
     from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
     from surrogate.mechanics.solids.solid import Solid
     from surrogate.mechanics.stresses import cell_stresses, reactions

@@ -23,13 +23,13 @@ from torch.nn import functional
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, band_order
 from surrogate.mechanics.block_solve import BlockSolve
-from surrogate.mechanics.cell_matrices import sum_of_cells
 from surrogate.mechanics.kept_responses import KeptResponses
+from surrogate.mechanics.matrices.band_matrix import BandCholesky, band_order
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.saddle_point import SaddlePointLayout
+from surrogate.mechanics.matrices.sparse_matrix import SparseFactor
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.saddle_point import SaddlePointLayout
-from surrogate.mechanics.sparse_matrix import SparseFactor
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
-from surrogate.mechanics.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 

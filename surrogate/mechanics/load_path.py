@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from surrogate.mechanics.newton_steps import norms
+from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 SMALL, TINY = 0.001, float(np.finfo(np.float64).tiny)  # h, and no division by zero

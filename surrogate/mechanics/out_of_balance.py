@@ -8,13 +8,6 @@ at the free degrees of freedom; held ones do not move. Equilibrium is r = 0, and
 of Newton's method towards it. Where K is not positive definite, δ is computed with K + τ K(0)
 instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π decreases along δ.
 
-A second step with the same factorisation, the simplified Newton step
-:math:`\bar δ = -K(u)^{-1} r(u + δ)`, tells what δ leaves:
-:math:`Θ = ‖\bar δ‖_2 / ‖δ‖_2` is the contraction of Newton's method (Deuflhard, *Newton Methods for
-Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small. A third step with this
-factorisation tells whether it remains small: where cells at u are far more distorted, and stiffer,
-than those at the equilibrium, the steps become small before they arrive.
-
 Under pressures that follow the surface (`surrogate.mechanics.follower_pressure`),
 
 .. math:: r(u) = f_{int}(u) - f - f_p(u), \qquad K = \frac{∂f_{int}}{∂u} - \frac{∂f_p}{∂u}.
@@ -28,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, TypeAlias
 
@@ -41,55 +33,25 @@ from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.keys.units import SI
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.band_matrix import BandCholesky, BandLU
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.saddle_point import SaddlePointLayout
+from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLU
+from surrogate.mechanics.matrices.saddle_point import SaddlePointLayout
+from surrogate.mechanics.matrices.sparse_matrix import SparseFactor
+from surrogate.mechanics.matrices.stiffness_layout import Layout, stiffness_layout
+from surrogate.mechanics.matrices.tangent_iterations import Iterations
+from surrogate.mechanics.newton_steps import NewtonSteps, norms
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
-from surrogate.mechanics.sparse_matrix import SparseFactor
-from surrogate.mechanics.stiffness_layout import Layout, stiffness_layout
 from surrogate.mechanics.tool_springs import ToolSprings
 
 Array = NDArray[np.float64]
-Factor: TypeAlias = BandCholesky | BandLU | SparseFactor
+Factor: TypeAlias = BandCholesky | BandLU | SparseFactor | Iterations
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
 LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
 AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
-
-
-@dataclass(frozen=True)
-class NewtonSteps:
-    """Newton steps of N displacement fields.
-
-    Attributes
-    ----------
-    steps : array, (N, n_nodes, d)
-        δ in m; zero at clamped nodes.
-    simplified : array, (N, n_nodes, d)
-        Simplified steps from u + δ in m; not finite if a cell is inverted there.
-    further : array, (N, n_nodes, d)
-        Simplified steps from u + δ + δ̄ in m; not finite if a cell is inverted on the way.
-    stable : array of bool, (N,)
-        True where K(u), or its symmetric part, is positive definite.
-    """
-
-    steps: Array
-    simplified: Array
-    further: Array
-    stable: NDArray[np.bool_]
-
-    @property
-    def contraction(self) -> Array:
-        """Θ, (N,); 0 if δ is 0, +∞ if a cell is inverted at u + δ."""
-        return _contraction(self.steps, self.simplified)
-
-    @property
-    def further_contraction(self) -> Array:
-        """Θ of the simplified steps, (N,); 0 if δ̄ is 0, +∞ if a cell is inverted on the way."""
-        return _contraction(self.simplified, self.further)
 
 
 class Equilibrium:
@@ -125,12 +87,15 @@ class Equilibrium:
         Pressures of one load case, which act on all displacements (`under`).
     springs : ToolSprings or None
         Springs to a tool, which push all displacements (`against`).
+    carried : callable or None
+        Preconditioner of a displacement, by which tangents are solved with (`iterating`).
     units : Units
         Labels of what is computed here, for messages.
     """
 
     pressure: FollowerPressure | None = None
     springs: ToolSprings | None = None
+    carried: Callable[[Array], Callable[[Array], Array]] | None = None
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells, geometry.cell_type
@@ -164,6 +129,20 @@ class Equilibrium:
         """Return equilibria of the same body with springs to a tool."""
         body, _ = copy(self), self.undeformed
         body.springs = springs
+        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
+        return body
+
+    def iterating(self, carried: Callable[[Array], Callable[[Array], Array]]) -> Equilibrium:
+        """Return equilibria of the same body that solve with symmetric tangents by iterations.
+
+        Parameters
+        ----------
+        carried : callable
+            From a displacement, (n_nodes, d) in m, to P ≈ K⁻¹ from forces in N to displacements in
+            m, (n_nodes, d) each (`surrogate.descent.carried_compliance`).
+        """
+        body, _ = copy(self), self.undeformed
+        body.carried = carried
         body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
         return body
 
@@ -231,7 +210,7 @@ class Equilibrium:
         finds it from the body's imperfection, and with it which of v and −v.
         """
         layout = self.layout
-        if layout.factor(self._tangents(u)[0]) is not None:
+        if self._factor(u, self._tangents(u)[0]) is not None:
             return None
         (tangent,) = self._tangents(u)  # again, since factors overwrite it
         metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
@@ -362,10 +341,25 @@ class Equilibrium:
         if self.pressure is not None:
             return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
         for row, tangent in enumerate(self._tangents(u)):
-            factor = self.layout.factor(tangent)
-            shifted = factor or self._shifted(u[row : row + 1], first_shift)
-            found.append((shifted, factor is not None))
+            one = u[row : row + 1]
+            factor = self._factor(one, tangent)
+            found.append((factor or self._shifted(one, first_shift), factor is not None))
         return found
+
+    def _factor(self, u: Array, tangent: Any) -> Factor | None:
+        """What solves with K(u) of a single displacement; None unless it is positive definite."""
+        factorised = partial(self.layout.factor, tangent)
+        if self.carried is None or self.springs is not None:
+            return factorised()
+        dofs, carried = self.layout.dofs, self.carried(u[0])
+
+        def preconditioner(r: Array) -> Array:
+            force = np.zeros(self._size)
+            force[dofs] = r
+            return carried(force.reshape(self.free.shape)).ravel()[dofs]
+
+        found = Iterations(tangent.__matmul__, preconditioner, len(dofs), factorised)
+        return found if found.is_definite() else factorised()
 
     def _factor_under_pressure(self, u: Array) -> tuple[Factor, bool]:
         """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
@@ -415,15 +409,3 @@ def solid_kind(geometry: Geometry) -> type[Solid]:
     if not geometry.mean_dilation:
         return Solid
     return TaylorHoodSolid if geometry.cell_type in LINEAR else MeanDilationSolid
-
-
-def norms(fields: Array) -> Array:
-    """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
-    return np.sqrt(np.square(fields).sum(axis=(1, 2)))
-
-
-def _contraction(step: Array, following: Array) -> Array:
-    """‖following‖ / ‖step‖, (N,); 0 if the step is 0, +∞ if one of them is not finite."""
-    first, second = norms(step), norms(following)
-    theta = np.divide(second, first, out=np.zeros_like(first), where=first != 0)
-    return np.nan_to_num(theta, nan=np.inf)

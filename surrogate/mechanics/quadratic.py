@@ -29,7 +29,8 @@ from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from surrogate.mechanics.newton_steps import norms
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.quadratic_cells import BETWEEN, NAMES
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from shared_schema.material import NeoHookean
 from surrogate.data.elements_of_case import body_of_response, require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.band_matrix import BandLayout
+from surrogate.mechanics.matrices.band_matrix import BandLayout
 from surrogate.page.surface import surface_of
 
 BAND = 2**24  # entries of a band that a page factorises: 134 MB

@@ -2,8 +2,8 @@
 
 The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
 Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh and material and
-factorises it, in the order of `surrogate.mechanics.band_matrix`. Where the response of the body is
-all there is (`model: series`), the page has no network and computes it alone.
+factorises it, in the order of `surrogate.mechanics.matrices.band_matrix`. Where the response of the
+body is all there is (`model: series`), the page has no network and computes it alone.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from the displacement, by solves with the mass matrix M of these functions:
 
 So the energy E(u) = Π(u, θ(u), ·) is one of u alone, and its derivative is that of Π for fixed θ
 and p. The second derivative of E is dense; that of Π by u, θ and p is sparse
-(`surrogate.mechanics.saddle_point`). The same equations, in UFL, are those of
+(`surrogate.mechanics.matrices.saddle_point`). The same equations, in UFL, are those of
 `datagen.discretisation.element`; a test compares the two.
 """
 
@@ -30,7 +30,7 @@ from scipy.sparse.linalg import splu
 from torch import Tensor
 
 from shared_schema.material import Materials
-from surrogate.mechanics.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.solids.hyperelastic import energy_density
 from surrogate.mechanics.solids.neo_hookean import determinant
 from surrogate.mechanics.solids.quadratic_cells import quadratic_quadrature

@@ -15,9 +15,9 @@ from surrogate.certify.correction import correct
 from surrogate.certify.deformed_state import State
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.certify.full_certificate import certify
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load

@@ -12,7 +12,8 @@ from shared_schema.grid import Grid
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import Certificate, certify
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from surrogate.mechanics.newton_steps import norms
+from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 

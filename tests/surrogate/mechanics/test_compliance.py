@@ -10,10 +10,10 @@ from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.mechanics import compliance, kept_responses
-from surrogate.mechanics.band_matrix import BandCholesky
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.kept_responses import KeptResponses
+from surrogate.mechanics.matrices.band_matrix import BandCholesky
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
 

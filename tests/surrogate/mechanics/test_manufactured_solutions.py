@@ -21,7 +21,8 @@ from shared_schema.common.bodies.reference_cells import quadrature, shape_values
 from shared_schema.grid import Grid
 from shared_schema.material import NeoHookean
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.out_of_balance import Equilibrium, norms
+from surrogate.mechanics.newton_steps import norms
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.hyperelastic import stress
 from surrogate.mechanics.solids.quadratic_cells import (

@@ -1,5 +1,5 @@
 /**
- * Components of a field at nodes, in the order of a profile, as `surrogate/mechanics/band_matrix.py`.
+ * Components of a field at nodes, in the order of a profile, as `surrogate/mechanics/matrices/band_matrix.py`.
  */
 
 import { Profile, ProfileCholesky } from "./profile_cholesky";

@@ -7,8 +7,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.band_matrix import BandLayout
-from surrogate.mechanics.sparse_matrix import SparseLayout
+from surrogate.mechanics.matrices.band_matrix import BandLayout
+from surrogate.mechanics.matrices.sparse_matrix import SparseLayout
 
 MOST = 2**27  # entries of a band: 1 GB
 Layout: TypeAlias = BandLayout | SparseLayout

@@ -12,10 +12,10 @@ from shared_schema.material import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.descent.carried_compliance import CarriedCompliance
-from surrogate.mechanics import sparse_matrix, stiffness_layout
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.matrices import sparse_matrix, stiffness_layout
+from surrogate.mechanics.matrices.sparse_matrix import SparseLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.sparse_matrix import SparseLayout
 from tests.surrogate.mechanics.bodies import box, end_load
 
 MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)

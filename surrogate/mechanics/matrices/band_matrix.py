@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
 
-from surrogate.mechanics.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]  # in single or double precision

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.mechanics.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLayout
 from tests.surrogate.mechanics.bodies import box
 
 

@@ -23,7 +23,7 @@ from scipy.sparse import csc_array, diags, triu
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
-from surrogate.mechanics.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 
 logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]

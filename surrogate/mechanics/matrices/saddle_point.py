@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from torch import Tensor
 
-from surrogate.mechanics.sparse_matrix import SparseLayout, of_least_degree
+from surrogate.mechanics.matrices.sparse_matrix import SparseLayout, of_least_degree
 
 
 class SaddlePointLayout(SparseLayout):

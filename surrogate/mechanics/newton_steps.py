@@ -1,0 +1,62 @@
+r"""Newton steps, with the simplified steps that tell whether they contract.
+
+A second step with the same factorisation, the simplified Newton step
+:math:`\bar δ = -K(u)^{-1} r(u + δ)`, tells what δ leaves:
+:math:`Θ = ‖\bar δ‖_2 / ‖δ‖_2` is the contraction of Newton's method (Deuflhard, *Newton Methods for
+Nonlinear Problems*, 2004, Section 2.1). Near an equilibrium Θ is small. A third step with this
+factorisation tells whether it remains small: where cells at u are far more distorted, and stiffer,
+than those at the equilibrium, the steps become small before they arrive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NewtonSteps:
+    """Newton steps of N displacement fields.
+
+    Attributes
+    ----------
+    steps : array, (N, n_nodes, d)
+        δ in m; zero at clamped nodes.
+    simplified : array, (N, n_nodes, d)
+        Simplified steps from u + δ in m; not finite if a cell is inverted there.
+    further : array, (N, n_nodes, d)
+        Simplified steps from u + δ + δ̄ in m; not finite if a cell is inverted on the way.
+    stable : array of bool, (N,)
+        True where K(u), or its symmetric part, is positive definite.
+    """
+
+    steps: Array
+    simplified: Array
+    further: Array
+    stable: NDArray[np.bool_]
+
+    @property
+    def contraction(self) -> Array:
+        """Θ, (N,); 0 if δ is 0, +∞ if a cell is inverted at u + δ."""
+        return _contraction(self.steps, self.simplified)
+
+    @property
+    def further_contraction(self) -> Array:
+        """Θ of the simplified steps, (N,); 0 if δ̄ is 0, +∞ if a cell is inverted on the way."""
+        return _contraction(self.simplified, self.further)
+
+
+def norms(fields: Array) -> Array:
+    """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
+    return np.sqrt(np.square(fields).sum(axis=(1, 2)))
+
+
+def _contraction(step: Array, following: Array) -> Array:
+    """‖following‖ / ‖step‖, (N,); 0 if the step is 0, +∞ if one of them is not finite."""
+    first, second = norms(step), norms(following)
+    theta = np.divide(second, first, out=np.zeros_like(first), where=first != 0)
+    return np.nan_to_num(theta, nan=np.inf)
