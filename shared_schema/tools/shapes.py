@@ -107,16 +107,13 @@ class Capsule(Tool):
 
     def normal(self, x: Array) -> Array:
         """Its gradient; an axis at points of the segment, where there is none."""
-        offset = self._offset(x)[0]
-        length = np.linalg.norm(offset, axis=1, keepdims=True)
-        anywhere = np.eye(x.shape[1])[0]
-        return np.where(length > 0, offset / np.where(length > 0, length, 1), anywhere)
+        return unit_vectors(self._offset(x)[0])
 
     def curvature(self, x: Array) -> Array:
         """Its Hessian: (I − n nᵀ) / |x − …|, without the segment's direction beside it."""
         offset, beside = self._offset(x)
         length = np.linalg.norm(offset, axis=1)[:, None, None]
-        n = self.normal(x)
+        n = unit_vectors(offset)
         across = np.eye(x.shape[1]) - n[:, :, None] * n[:, None, :]
         axis = np.array(self.end) - np.array(self.begin)
         unit = axis / (np.linalg.norm(axis) or 1.0)
@@ -150,3 +147,10 @@ class Sphere(Capsule):
 
     def __init__(self, centre: tuple[float, ...], radius: float) -> None:
         super().__init__(tuple(centre), tuple(centre), radius)
+
+
+def unit_vectors(offset: Array) -> Array:
+    """Vectors over their lengths, (n, d); an axis where the length is 0."""
+    length = np.linalg.norm(offset, axis=1, keepdims=True)
+    anywhere = np.eye(offset.shape[1])[0]
+    return np.where(length > 0, offset / np.where(length > 0, length, 1), anywhere)

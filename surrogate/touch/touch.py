@@ -102,6 +102,7 @@ class Touch:
         self.surface: Numbers = on_surface[geometry.free[on_surface].any(axis=1)]
         self._model, self._geometry = model, geometry
         self._at_rest = geometry.coordinates[self.surface]
+        self._inside = INSIDE * float(np.ptp(geometry.coordinates, axis=0).max())
         self._body = LinearBody(model, self.surface)
         self._defect = DefectCorrection(model, corrected)
         self._tool: Tool | None = None
@@ -223,7 +224,7 @@ class Touch:
         force[self.surface] = on_surface
         gap = tool.gap(geometry.coordinates + field)
         depth = max(0.0, -float(gap.min()))
-        if depth > INSIDE * float(np.ptp(geometry.coordinates, axis=0).max()):
+        if depth > self._inside:
             self.let_go()
             raise WorkError(
                 f"a node is {geometry.units.written(depth)} inside the tool, expected one that "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import surrogate
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
@@ -152,6 +153,25 @@ def test_an_unstable_state(superlu: None) -> None:
         assert (factorised.unstable_mode(u) is None) == is_stable
         assert (iterated.unstable_mode(u) is None) == is_stable
         assert bool(iterated.newton_steps(u, load * end[None]).stable[0]) == is_stable
+
+
+def test_certificates_and_corrections_of_a_run(
+    request: pytest.FixtureRequest,
+) -> None:
+    """Those of a network of the package, whose body counts as a large one: as with its band."""
+    band = surrogate.load("beam2d_any")
+    force = np.zeros((2, *band.geometry.coordinates.shape))
+    force[:, -1, 1] = -0.5, 1.0
+    predicted = band.predict(force)
+    error, truth = band.certify(force, predicted).error, band.correct(force[0]).displacement
+    request.getfixturevalue("superlu")
+    count = request.getfixturevalue("counted")
+    large = surrogate.load("beam2d_any")
+    close = 1e-5 * np.abs(error).max()
+    np.testing.assert_allclose(large.certify(force, predicted).error, error, rtol=0, atol=close)
+    assert count() > 0
+    close = 1e-8 * np.abs(truth).max()
+    np.testing.assert_allclose(large.correct(force[0]).displacement, truth, rtol=0, atol=close)
 
 
 def test_large_bodies_iterate_without_pardiso(
