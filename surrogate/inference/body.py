@@ -144,10 +144,10 @@ class TrainedBody:
 
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""
-        return self.solved if pressure is None else self.solved.under(pressure)
+        return self._iterating if pressure is None else self._iterating.under(pressure)
 
     @property
-    def solved(self) -> Equilibrium:
+    def _iterating(self) -> Equilibrium:
         """`equilibrium`; it iterates with tangents where that is quicker."""
         from surrogate.descent.driven_body import iterates
 

@@ -290,8 +290,8 @@ class Surrogate(TrainedNetwork):
         from surrogate.certify.full_certificate import certify, certify_each
 
         if pressure is None:
-            return certify(self.solved, dead, displacement)
-        return certify_each(self.solved, pressure, dead, displacement)
+            return certify(self._iterating, dead, displacement)
+        return certify_each(self._iterating, pressure, dead, displacement)
 
     def correct(
         self,
