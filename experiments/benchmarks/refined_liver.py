@@ -76,6 +76,11 @@ class Steps:
         self._times.write_text(json.dumps(self._before | self.taken))
         print(part, self.taken[part], file=sys.stderr)
 
+    def make_series(self) -> None:
+        """Make the body, and its load series without a sample."""
+        self.take("body", "datagen", "body", *self.case, "--out", "body")
+        self.take("ready", "surrogate", "train", "series", "--data", "body", "--out", "series")
+
     @property
     def case(self) -> tuple[str, ...]:
         """The case, for commands of `datagen`."""
@@ -90,8 +95,7 @@ def measure(options: argparse.Namespace) -> Results:
     steps.take("solve", "datagen", "solve", *steps.case, "--body-force", force, *out, ranks=True)
     results: Results = {key: getattr(options, key) for key in ("refine", "samples", "limit")}
     if not options.without_series:
-        steps.take("body", "datagen", "body", *steps.case, "--out", "body")
-        steps.take("ready", "surrogate", "train", "series", "--data", "body", "--out", "series")
+        steps.make_series()
         words = ("predict", "series", "--body-force", force, "--certify", "--out", "predicted.npz")
         tolerance = TOLERANCE * largest_of(steps.folder / "solved.npz")
         steps.take("certified", "surrogate", *words, "--tolerance", f"{tolerance:.3g}")

@@ -41,8 +41,7 @@ def measure(options: argparse.Namespace) -> Results:
     """Time both ways in turn."""
     steps = Steps(options.folder, options.refine)
     if not (options.folder / "series").exists():
-        steps.take("body", "datagen", "body", *steps.case, "--out", "body")
-        steps.take("ready", "surrogate", "train", "series", "--data", "body", "--out", "series")
+        steps.make_series()
     model = load(options.folder / "series")
     factorised = model.equilibrium
     first = timed(lambda: factorised.undeformed)[1]

@@ -56,7 +56,7 @@ class CarriedCompliance:
     """
 
     def __init__(self, equilibrium: Equilibrium) -> None:
-        solid, layout = equilibrium.solid, equilibrium.layout
+        self._equilibrium, solid, layout = equilibrium, equilibrium.solid, equilibrium.layout
         large = len(layout.dofs) > LARGE
         self._free, self._dofs, factor = equilibrium.free, layout.dofs, equilibrium.undeformed
         self._factor = in_single_precision(factor, len(layout.dofs)) if large else factor
@@ -88,10 +88,8 @@ class CarriedCompliance:
 
     def linear_response(self, force: Array) -> Array:
         """K(0)⁻¹ f: (N, n_points, d) in N → same in m, in the precision of P."""
-        right, found = force.reshape(len(force), -1), np.zeros((len(force), force[0].size))
-        precise = right[:, self._dofs].astype(self._metric.dtype)
-        found[:, self._dofs] = self._factor.solve(precise.T).T
-        return found.reshape(force.shape)
+        precise = force.astype(self._metric.dtype)
+        return self._equilibrium.solved_by(self._factor, precise).astype(np.float64)
 
     def turned(self, u: Array, y: Array) -> Array:
         """T y at a state u, (n_points, d) in m each."""

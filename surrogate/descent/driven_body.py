@@ -18,7 +18,7 @@ from surrogate.descent.cell_fields import CellFields, jacobian
 from surrogate.descent.cell_stress import CellStress
 from surrogate.descent.soft_modes import Softening, SoftModes
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.matrices.sparse_matrix import SparseLayout, has_pardiso
+from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 
@@ -83,7 +83,7 @@ class DrivenBody:
         if by_points is not None:
             of_cells = CellFields(equilibrium, means=True)
             means = Softening(of_cells, modes.modes, modes.energies)
-        if iterates(equilibrium):
+        if iterates(equilibrium.layout):
             equilibrium = equilibrium.iterating(compliance.at)
         return cls(equilibrium, compliance, fields, modes, means, stress)
 
@@ -139,12 +139,3 @@ class DrivenBody:
             return None
         forces = self.fields.forces(piola)
         return (forces, f, piola) if type(solid) is Solid else (forces,)
-
-
-def iterates(equilibrium: Equilibrium) -> bool:
-    """Whether iterations solve with a tangent sooner than its factors: a large body's, by SuperLU.
-
-    On 20 000 nodes a full certificate takes 14 s by iterations, 33 s by factors of SuperLU, and 6 s
-    by those of PARDISO (``docs/benchmarks/tangents-superlu.md`` and ``-pardiso.md``).
-    """
-    return type(equilibrium.layout) is SparseLayout and not has_pardiso()

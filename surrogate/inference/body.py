@@ -24,6 +24,7 @@ from surrogate.inference.given_load import fields_at_nodes
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.networks.field_network import FieldNetwork
@@ -149,9 +150,7 @@ class TrainedBody:
     @property
     def _iterating(self) -> Equilibrium:
         """`equilibrium`; it iterates with tangents where that is quicker."""
-        from surrogate.descent.driven_body import iterates
-
-        quicker = iterates(self.equilibrium)
+        quicker = iterates(self.equilibrium.layout)
         return self.driven_body.equilibrium if quicker else self.equilibrium
 
     @cached_property

@@ -120,16 +120,14 @@ class Equilibrium:
 
     def under(self, pressure: FollowerPressure) -> Equilibrium:
         """Return equilibria of the same body, under the pressures of one load case as well."""
-        body, _ = copy(self), self.undeformed  # whose factor both have
+        body = self._same_body()
         body.pressure = pressure if pressure.pressures.any() else None
-        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
         return body
 
     def against(self, springs: ToolSprings) -> Equilibrium:
         """Return equilibria of the same body with springs to a tool."""
-        body, _ = copy(self), self.undeformed
+        body = self._same_body()
         body.springs = springs
-        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
         return body
 
     def iterating(self, carried: Callable[[Array], Callable[[Array], Array]]) -> Equilibrium:
@@ -141,9 +139,14 @@ class Equilibrium:
             From a displacement, (n_nodes, d) in m, to P ≈ K⁻¹ from forces in N to displacements in
             m, (n_nodes, d) each (`surrogate.descent.carried_compliance`).
         """
-        body, _ = copy(self), self.undeformed
+        body = self._same_body()
         body.carried = carried
-        body.__dict__.update(undeformed=self.undeformed, round_off=self.round_off)
+        return body
+
+    def _same_body(self) -> Equilibrium:
+        """A copy, whose factor of K(0) is that of this body."""
+        body, known = copy(self), {"undeformed": self.undeformed, "round_off": self.round_off}
+        body.__dict__.update(known)
         return body
 
     def at_points(self, u: Array) -> Array:
@@ -304,7 +307,7 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
-        return self._response(self.undeformed, f)
+        return self.solved_by(self.undeformed, f)
 
     def response_at(self, u: Array) -> Callable[[Array], Array] | None:
         """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
@@ -313,12 +316,16 @@ class Equilibrium:
         d).
         """
         factor, stable = self._factors(u[None])[0]
-        return partial(self._response, factor) if stable else None
+        return partial(self.solved_by, factor) if stable else None
 
-    def _response(self, factor: Factor, f: Array) -> Array:
-        response = np.zeros((len(f), self._size))
-        forces = f.reshape(response.shape)[:, self.layout.dofs]
-        response[:, self.layout.dofs] = factor.solve(forces.T).T
+    def solved_by(self, factor: Factor, f: NDArray[Any]) -> NDArray[Any]:
+        """K⁻¹ f in m by factors in the order of `layout`, in the precision of f in N.
+
+        From (N, n_nodes, d) to the same.
+        """
+        forces = f.reshape(len(f), self._size)
+        response = np.zeros_like(forces)
+        response[:, self.layout.dofs] = factor.solve(forces[:, self.layout.dofs].T).T
         return response.reshape(f.shape)
 
     @cached_property

@@ -24,12 +24,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.matrices.sparse_matrix import Solver
+from surrogate.mechanics.matrices.sparse_matrix import Solver, SparseLayout, has_pardiso
+from surrogate.mechanics.matrices.stiffness_layout import Layout
 
 Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]
 ACCURACY = 1e-6  # ε
 MOST = 60  # iterations; a factor takes as long as some hundred
+
+
+def iterates(layout: Layout) -> bool:
+    """Whether iterations solve with a tangent sooner than its factors: a large body's, by SuperLU.
+
+    On 20 000 nodes a full certificate takes 14 s by iterations, 33 s by factors of SuperLU, and 6 s
+    by those of PARDISO (``docs/benchmarks/tangents-superlu.md`` and ``-pardiso.md``).
+    """
+    return type(layout) is SparseLayout and not has_pardiso()
 
 
 class Iterations:

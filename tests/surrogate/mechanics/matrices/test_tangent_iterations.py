@@ -90,7 +90,7 @@ def test_too_many_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
 def superlu(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every stiffness is a sparse matrix, factorised by SuperLU."""
     monkeypatch.setattr(sparse_matrix, "has_pardiso", lambda: False)
-    monkeypatch.setattr("surrogate.descent.driven_body.has_pardiso", lambda: False)
+    monkeypatch.setattr(tangent_iterations, "has_pardiso", lambda: False)
     monkeypatch.setattr(stiffness_layout, "MOST", 0)
 
 
@@ -181,7 +181,7 @@ def test_large_bodies_iterate_without_pardiso(
     large = Equilibrium(box("quad"), MATERIAL)
     assert DrivenBody.of(large).equilibrium.carried is not None
     assert large.carried is None
-    monkeypatch.setattr("surrogate.descent.driven_body.has_pardiso", lambda: True)
+    monkeypatch.setattr(tangent_iterations, "has_pardiso", lambda: True)
     assert DrivenBody.of(large).equilibrium.carried is None
     monkeypatch.undo()
     assert DrivenBody.of(Equilibrium(box("quad"), MATERIAL)).equilibrium.carried is None
