@@ -6,7 +6,9 @@ points are (d, d, n), those of a cell one after the other.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from functools import cache
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -20,6 +22,7 @@ from surrogate.series.compiled_fields import (
 )
 
 Values = NDArray[Any]  # in single or double precision
+Loop: TypeAlias = Callable[..., Values]
 
 
 class CellFields:
@@ -52,12 +55,15 @@ class CellFields:
             volumes = whole
         self.dtype, self.points = np.dtype(dtype), len(equilibrium.free)
         self.cells = equilibrium.geometry.cells
-        self.gradients: Values = np.ascontiguousarray(gradients.transpose(0, 2, 3, 1), dtype)
+        count, points, corners, d = gradients.shape
+        rows = gradients.transpose(0, 2, 3, 1).reshape(count, corners, d * points)
+        self._gradients: Values = np.ascontiguousarray(rows, dtype)
         self.weights: Values = volumes.ravel().astype(dtype)
+        self._slopes, self._forces = cell_loops(corners, d, points)
 
     def slopes(self, u: Values) -> Values:
         """∂u_i/∂x_j: (n_points, d) → (d, d, n)."""
-        return slopes_in_cells(self.cells, self.gradients, u.astype(self.dtype))
+        return self._slopes(self.cells, self._gradients, u.astype(self.dtype))
 
     def deformation_gradient(self, u: Values) -> Values:
         """F = I + ∇u: (n_points, d) → (d, d, n)."""
@@ -68,7 +74,7 @@ class CellFields:
 
     def forces(self, stress: Values) -> Values:
         """Σ_q w_q P_q ∇N_a: (d, d, n) → (n_points, d)."""
-        return forces_of_cells(self.cells, self.gradients, self.weights, stress, self.points)
+        return self._forces(self.cells, self._gradients, self.weights, stress, self.points)
 
 
 def jacobian(f: Values) -> tuple[Values, Values]:
@@ -95,61 +101,71 @@ def product(a: Values, b: Values) -> Values:
     return out
 
 
-@compiled
-def slopes_in_cells(cells: NDArray[np.int64], gradients: Values, u: Values) -> Values:
-    """Gradients at the quadrature points: (n_nodes, d) → (d, d, n_cells · n_points).
+@cache
+def cell_loops(corners: int, d: int, points: int) -> tuple[Loop, Loop]:
+    """`slopes` and `forces` of cells with so many corners and points in d dimensions.
 
-    Parameters
-    ----------
-    cells : array of int, (n_cells, n_corners)
-    gradients : array, (n_cells, n_corners, d, n_points)
-        Of the shape functions.
-    u : array, (n_nodes, d)
+    Loops over a cell with one point are short: they take a third of the time or less if the
+    compiler knows their lengths. Those over several points do not gain.
     """
-    count, corners, d, points = gradients.shape
-    rows = gradients.reshape(count, corners, d * points)
-    out, slopes = np.zeros((d, d, count * points), u.dtype), np.empty((d, d * points), u.dtype)
-    for c in range(count):
-        slopes[:] = 0
-        for a in range(corners):
-            for i in range(d):
-                x = u[cells[c, a], i]
-                for k in range(d * points):
-                    slopes[i, k] += x * rows[c, a, k]
-        for i in range(d):
-            for j in range(d):
-                for q in range(points):
-                    out[i, j, c * points + q] = slopes[i, j * points + q]
-    return out
+    one = points == 1
 
+    @compiled
+    def slopes(cells: NDArray[np.int64], gradients: Values, u: Values) -> Values:
+        """Gradients at the quadrature points: (n_nodes, d) → (d, d, n_cells · n_points).
 
-@compiled
-def forces_of_cells(
-    cells: NDArray[np.int64], gradients: Values, volumes: Values, stress: Values, nodes: int
-) -> Values:
-    """Forces of stresses: (d, d, n_cells · n_points) → (n_nodes, d).
+        Parameters
+        ----------
+        cells : array of int, (n_cells, n_corners)
+        gradients : array, (n_cells, n_corners, d · n_points)
+            Of the shape functions.
+        u : array, (n_nodes, d)
+        """
+        count = len(cells)
+        a_cell, m, n = (corners, d, 1) if one else (cells.shape[1], u.shape[1], points)
+        out, found = np.zeros((m, m, count * n), u.dtype), np.empty((m, m * n), u.dtype)
+        for c in range(count):
+            found[:] = 0
+            for a in range(a_cell):
+                for i in range(m):
+                    x = u[cells[c, a], i]
+                    for k in range(m * n):
+                        found[i, k] += x * gradients[c, a, k]
+            for i in range(m):
+                for j in range(m):
+                    for q in range(n):
+                        out[i, j, c * n + q] = found[i, j * n + q]
+        return out
 
-    Parameters
-    ----------
-    cells, gradients : array
-        As of `slopes_in_cells`.
-    volumes : array, (n_cells · n_points,)
-    stress : array, (d, d, n_cells · n_points)
-    nodes : int
-    """
-    count, corners, d, points = gradients.shape
-    rows = gradients.reshape(count, corners, d * points)
-    out, weighted = np.zeros((nodes, d), stress.dtype), np.empty((d, d * points), stress.dtype)
-    for c in range(count):
-        for i in range(d):
-            for j in range(d):
-                for q in range(points):
-                    p = c * points + q
-                    weighted[i, j * points + q] = stress[i, j, p] * volumes[p]
-        for a in range(corners):
-            for i in range(d):
-                total = stress.dtype.type(0)
-                for k in range(d * points):
-                    total += weighted[i, k] * rows[c, a, k]
-                out[cells[c, a], i] += total
-    return out
+    @compiled
+    def forces(
+        cells: NDArray[np.int64], gradients: Values, volumes: Values, stress: Values, nodes: int
+    ) -> Values:
+        """Forces of stresses: (d, d, n_cells · n_points) → (n_nodes, d).
+
+        Parameters
+        ----------
+        cells, gradients : array
+            As of `slopes`.
+        volumes : array, (n_cells · n_points,)
+        stress : array, (d, d, n_cells · n_points)
+        nodes : int
+        """
+        count = len(cells)
+        a_cell, m, n = (corners, d, 1) if one else (cells.shape[1], len(stress), points)
+        out, weighted = np.zeros((nodes, m), stress.dtype), np.empty((m, m * n), stress.dtype)
+        for c in range(count):
+            for i in range(m):
+                for j in range(m):
+                    for q in range(n):
+                        p = c * n + q
+                        weighted[i, j * n + q] = stress[i, j, p] * volumes[p]
+            for a in range(a_cell):
+                for i in range(m):
+                    total = stress.dtype.type(0)
+                    for k in range(m * n):
+                        total += weighted[i, k] * gradients[c, a, k]
+                    out[cells[c, a], i] += total
+        return out
+
+    return slopes, forces
