@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 CAUCHY = 2.385  # c: 95 % efficiency under normal noise
 WILD = 4.0
 STEPS, ROUNDS = 40, 8
-SETTLED = 1e-4  # decrease of the sum of squares in a step, over the variance of the noise
+SETTLED = 1e-2  # decrease of the sum of squares in a step, over the variance of the noise
 FLOOR = 1e-7  # σ over the largest measured displacement, at least
 SINGULAR = 1e-10
 FARTHEST = 3.0  # step over the size of a change that matters
@@ -111,8 +111,9 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
     def weigh(off: Array) -> Array:
         return cauchy(np.linalg.norm(off, axis=1) / np.sqrt(off.shape[1]), sigma, FLOOR * size)
 
-    at = model.value(theta)
-    value, state, theta, slopes = descend(model, measured, theta, at, scale, weigh)
+    value, state = model.value(theta)
+    begun = value, state, theta, model.slopes(theta, state)
+    value, state, theta, slopes = descend(model, measured, begun, scale, weigh)
     for number in range(ROUNDS):
         off = measured - value
         noise = estimated(off, counts, len(theta), size) if sigma is None else sigma
@@ -122,8 +123,8 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
         counts = ~wild
         if counts.sum() * off.shape[1] <= len(theta):
             raise WorkError("the markers disagree with each other: no state fits most of them")
-        at, kept = (value, state), partial(constant, counts.astype(float))
-        value, state, theta, slopes = descend(model, measured, theta, at, scale, kept)
+        at, kept = (value, state, theta, slopes), partial(constant, counts.astype(float))
+        value, state, theta, slopes = descend(model, measured, at, scale, kept)
     off = (measured - value)[counts]
     freedom = off.size - len(theta)
     noise = sigma or max(float(np.sqrt((off**2).sum() / max(freedom, 1))), FLOOR * size)
@@ -202,15 +203,13 @@ def estimated(off: Array, counts: NDArray[np.bool_], parameters: int, size: floa
 def descend(
     model: Model,
     measured: Array,
-    theta: Array,
-    at: tuple[Array, Array],
+    at: tuple[Array, Array, Array, Array],
     scale: Array,
     weigh: Callable[[Array], Array],
 ) -> tuple[Array, Array, Array, Array]:
-    """Gauss–Newton steps; returns values, state, parameters and slopes."""
-    (value, state), damping = at, 0.0
+    """Gauss–Newton steps from values, a state, parameters and slopes; returns the same."""
+    (value, state, theta, slopes), damping = at, 0.0
     floor = FLOOR * (float(np.abs(measured).max()) or 1.0)
-    slopes = model.slopes(theta, state)
     for _ in range(STEPS):
         off = measured - value
         weights = weigh(off)

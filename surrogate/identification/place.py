@@ -74,20 +74,20 @@ class Places:
 
     def ranked(self, moved: Array, count: int = FIRST) -> tuple[list[int], Array]:
         """Numbers of the first nodes, and the forces in N with which they fit, (count, d + K)."""
-        weights, floor = np.ones(self._matrix.shape[:2]), FLOOR * float(np.abs(moved).max())
+        shape = (len(self.nodes), moved.size, -1)  # one row a component of a marker
+        matrix, weights = self._matrix.reshape(shape), np.ones(self._matrix.shape[:2])
+        floor = FLOOR * float(np.abs(moved).max())
         for _ in range(ROUNDS):
-            rows = weights[:, :, None, None] * self._matrix
-            normal = np.einsum("nmdp,nmdq->npq", rows, self._matrix)
+            weighted = (weights[:, :, None, None] * self._matrix).reshape(shape).swapaxes(1, 2)
+            normal = weighted @ matrix
             ridge = ROUNDING * np.trace(normal, axis1=1, axis2=2)
             normal += ridge[:, None, None] * np.eye(normal.shape[1])
-            right = np.einsum("nmdp,md->np", rows, moved)
-            found = np.linalg.solve(normal, right[..., None])[..., 0]
-            fitted = np.einsum("nmdp,np->nmd", self._matrix, found)
-            off = np.linalg.norm(moved - fitted, axis=2)
+            found = np.linalg.solve(normal, weighted @ moved.ravel()[:, None])
+            off = np.linalg.norm(moved - (matrix @ found).reshape(weights.shape + (-1,)), axis=2)
             weights = cauchy(off / np.sqrt(self._dimension), self._sigma, floor)
         noise = self._sigma or max(float(np.median(off, axis=1).min()), floor)
         first = np.argsort(np.log1p((off / noise) ** 2).sum(axis=1))[:count]
-        return list(map(int, first)), found[first]
+        return list(map(int, first)), found[first, :, 0]
 
 
 @dataclass(frozen=True)
