@@ -83,7 +83,7 @@ class Places:
             ridge = ROUNDING * np.trace(normal, axis1=1, axis2=2)
             normal += ridge[:, None, None] * np.eye(normal.shape[1])
             found = np.linalg.solve(normal, weighted @ moved.ravel()[:, None])
-            off = np.linalg.norm(moved - (matrix @ found).reshape(weights.shape + (-1,)), axis=2)
+            off = np.linalg.norm(moved - (matrix @ found).reshape(*weights.shape, -1), axis=2)
             weights = cauchy(off / np.sqrt(self._dimension), self._sigma, floor)
         noise = self._sigma or max(float(np.median(off, axis=1).min()), floor)
         first = np.argsort(np.log1p((off / noise) ** 2).sum(axis=1))[:count]
