@@ -58,7 +58,7 @@ class CarriedCompliance:
     def __init__(self, equilibrium: Equilibrium) -> None:
         self._equilibrium, solid, layout = equilibrium, equilibrium.solid, equilibrium.layout
         large = len(layout.dofs) > LARGE
-        self._free, self._dofs, factor = equilibrium.free, layout.dofs, equilibrium.undeformed
+        factor = equilibrium.undeformed
         self._factor = in_single_precision(factor, len(layout.dofs)) if large else factor
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
         moduli = [material.lame_mu for material in solid.materials]
@@ -72,7 +72,7 @@ class CarriedCompliance:
         self._metric: Values = metric.astype(precision)
         self._summed = laplacians_of_turned(gradients.shape[3], gradients.shape[2])
         mesh, self._laplacians = (equilibrium.geometry.coordinates, equilibrium.geometry.cells), []
-        alike, number = np.unique(self._free, axis=1, return_inverse=True)
+        alike, number = np.unique(equilibrium.free, axis=1, return_inverse=True)
         for kind, free in enumerate(alike.T):
             scalar = stiffness_layout(*mesh, ~free[:, None])
             found = scalar.factor(scalar.assembled(torch.from_numpy(metric[None]))[0])
@@ -115,9 +115,8 @@ class CarriedCompliance:
             return np.zeros_like(force) * unit
         s = self._poisson((force / unit).astype(f.dtype))
         back = self._summed(self._means.cells, self._metric, f.swapaxes(0, 1), s)
-        y = np.zeros(back.size, back.dtype)
-        y[self._dofs] = self._factor.solve(back.ravel()[self._dofs])
-        return self._turned(f, y.reshape(back.shape)).astype(np.float64) * unit
+        y = self._equilibrium.solved_by(self._factor, back[None])[0]
+        return self._turned(f, y).astype(np.float64) * unit
 
     def _turned(self, f: Values, y: Values) -> Values:
         """T y, with F of the cells."""
