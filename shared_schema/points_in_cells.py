@@ -11,6 +11,7 @@ from shared_schema.point_tree import PointTree
 Array = NDArray[np.float64]
 
 CANDIDATES = 24  # cells looked at for each point, those with the nearest centres
+AT_ONCE = 1000  # positions
 NEWTON_STEPS = 8  # of the search for reference coordinates; simplices need one
 ROUNDING = 1e-9
 
@@ -40,16 +41,16 @@ def locate(
     tree = PointTree(corners.mean(axis=1))
     count = min(CANDIDATES, len(cells))
     candidates = np.asarray(tree.query(positions, k=count)[1]).reshape(len(positions), count)
-    best = np.full(len(positions), np.inf)
-    cell = np.zeros(len(positions), dtype=np.intp)
-    weights = np.zeros((len(positions), cells.shape[1]))
-    outside = np.zeros(len(positions))
-    for candidate in candidates.T:
-        here, part = interpolation(positions, corners[candidate], cell_type)
-        better = part * size[candidate] < best
-        best[better] = (part * size[candidate])[better]
-        cell[better], weights[better] = candidate[better], here[better]
-        outside[better] = part[better]
+    cell = np.empty(len(positions), dtype=np.intp)
+    weights, outside = np.empty((len(positions), cells.shape[1])), np.empty(len(positions))
+    for start in range(0, len(positions), AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        each, rows = np.repeat(positions[some], count, axis=0), np.arange(len(positions[some]))
+        shares, off = interpolation(each, corners[candidates[some].ravel()], cell_type)
+        off = off.reshape(-1, count)
+        nearest = (off * size[candidates[some]]).argmin(axis=1)
+        cell[some], outside[some] = candidates[some][rows, nearest], off[rows, nearest]
+        weights[some] = shares.reshape(*off.shape, -1)[rows, nearest]
     return cell, weights, outside
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
-from surrogate.identification.least_squares import Fit, stepped, wild_cost
+from surrogate.identification.least_squares import Fit, Point, stepped, wild_cost
 from surrogate.identification.responses import DIFFERENCE, Body, differences
 from surrogate.identification.unknowns import Unknowns
 
@@ -36,8 +36,6 @@ class Candidate:
     unknowns : Unknowns
     fit : Fit
     scale : array, (p,)
-    slopes : array, (n_nodes, d, p)
-        ∂u/∂θ.
     node : int or None
         Where the force acts that may act somewhere.
     share : float
@@ -47,7 +45,6 @@ class Candidate:
     unknowns: Unknowns
     fit: Fit
     scale: Array
-    slopes: Array
     node: int | None = None
     share: float = 1.0
 
@@ -96,13 +93,13 @@ def likely_candidates(
         if not np.isfinite(seen).all():
             continue
         steps = DIFFERENCE * start.scale
-        slopes, their = (differences(of[1:], of[0], steps) for of in (fields, seen))
+        slopes, jacobian = (differences(of[1:], of[0], steps) for of in (fields, seen))
+        point = Point(start.theta, fields[0], slopes, seen[0], jacobian)
         try:
-            step = stepped(best, moved, start.theta, seen[0], their, start.scale)
+            fit = stepped(best, moved, point, start.scale)
         except WorkError:
             continue
-        fit = replace(step, state=fields[0] + slopes @ step.state)
-        found.append(Candidate(start.unknowns, fit, start.scale, slopes, start.node))
+        found.append(Candidate(start.unknowns, fit, start.scale, start.node))
     if not found:
         raise WorkError("the markers do not tell all that is sought")
     costs = np.array([wild_cost(one.fit.lengths, best.sigma) for one in found])

@@ -225,7 +225,7 @@ def described(
         off = candidate.fit.theta - likely[0].fit.theta
         covariance = covariance + candidate.share * (candidate.fit.covariance + np.outer(off, off))
         between = candidate.fit.state - likely[0].fit.state
-        slopes = candidate.slopes
+        slopes = candidate.fit.slopes
         within = np.einsum("ndp,pq,ndq->nd", slopes, candidate.fit.covariance, slopes)
         variance += candidate.share * (within + between**2)
         if candidate.node is not None and likely[0].node is not None:

@@ -33,6 +33,7 @@ CAUCHY = 2.385  # c: 95 % efficiency under normal noise
 WILD = 4.0
 STEPS, ROUNDS = 40, 8
 SETTLED = 1e-2  # decrease of the sum of squares in a step, over the variance of the noise
+ROUGHLY = 0.1  # the same, while wild rows are told from others
 FLOOR = 1e-7  # σ over the largest measured displacement, at least
 SINGULAR = 1e-10
 FARTHEST = 3.0  # step over the size of a change that matters
@@ -40,18 +41,50 @@ FARTHEST = 3.0  # step over the size of a change that matters
 
 @dataclass(frozen=True)
 class Model:
-    """What is measured for some parameters.
+    """What is measured for some parameters: h(θ) = seen(u(θ)).
 
     Attributes
     ----------
-    value : callable
-        θ, (p,) → (h(θ), (m, d); a state that `slopes` takes).
+    state : callable
+        θ, (p,) → u(θ).
     slopes : callable
-        (θ, state) → ∂h/∂θ, (m, d, p).
+        (θ, u(θ)) → ∂u/∂θ, (…, p).
+    seen : callable
+        Linear: u → h, (m, d); ∂u/∂θ → ∂h/∂θ, (m, d, p).
     """
 
-    value: Callable[[Array], tuple[Array, Array]]
+    state: Callable[[Array], Array]
     slopes: Callable[[Array, Array], Array]
+    seen: Callable[[Array], Array]
+
+    def at(self, theta: Array, state: Array, slopes: Array) -> Point:
+        """Return what is measured of a state and its slopes."""
+        return Point(theta, state, slopes, self.seen(state), self.seen(slopes))
+
+    def around(self, theta: Array) -> Point:
+        """Return what is measured around some parameters."""
+        state = self.state(theta)
+        return self.at(theta, state, self.slopes(theta, state))
+
+
+@dataclass(frozen=True)
+class Point:
+    """Parameters, and what a model is there.
+
+    Attributes
+    ----------
+    theta : array, (p,)
+    state, slopes : array
+        u(θ), and ∂u/∂θ there or at parameters beside θ that fit as well.
+    value, jacobian : array, (m, d) and (m, d, p)
+        Both at the markers: h(θ), ∂h/∂θ.
+    """
+
+    theta: Array
+    state: Array
+    slopes: Array
+    value: Array
+    jacobian: Array
 
 
 @dataclass(frozen=True)
@@ -70,8 +103,8 @@ class Fit:
         |y − h(θ)| of all rows.
     freedom : int or None
         n − p; None if σ was given.
-    state : array
-        That of the model.
+    state, slopes : array
+        u(θ) and ∂u/∂θ of the model.
     """
 
     theta: Array
@@ -81,6 +114,7 @@ class Fit:
     lengths: Array
     freedom: int | None
     state: Array
+    slopes: Array
 
     def half_width(self, level: float) -> float:
         """Half width of the interval of a probability, over the standard deviation."""
@@ -105,39 +139,62 @@ def fit(model: Model, measured: Array, begin: Array, scale: Array, sigma: float 
     WorkError
         If the data do not determine the parameters, or no minimum is found.
     """
-    size = float(np.abs(measured).max()) or 1.0
-    theta, counts = begin, np.ones(len(measured), dtype=bool)
+    floor = FLOOR * (float(np.abs(measured).max()) or 1.0)
 
     def weigh(off: Array) -> Array:
-        return cauchy(np.linalg.norm(off, axis=1) / np.sqrt(off.shape[1]), sigma, FLOOR * size)
+        return cauchy(np.linalg.norm(off, axis=1) / np.sqrt(off.shape[1]), sigma, floor)
 
-    value, state = model.value(theta)
-    begun = value, state, theta, model.slopes(theta, state)
-    value, state, theta, slopes = descend(model, measured, begun, scale, weigh)
-    for number in range(ROUNDS):
-        off = measured - value
-        noise = estimated(off, counts, len(theta), size) if sigma is None else sigma
-        wild = np.linalg.norm(off, axis=1) > WILD * noise * np.sqrt(off.shape[1])
-        if np.array_equal(~wild, counts) and number > 0:
-            break
-        counts = ~wild
-        if counts.sum() * off.shape[1] <= len(theta):
+    found = descend(model, measured, model.around(begin), scale, weigh, ROUGHLY)
+    all_rows = np.ones(len(measured), dtype=bool)
+    counts = that_count(measured - found.value, all_rows, len(begin), sigma, floor)
+    return settled(model, measured, found, counts, scale, sigma)
+
+
+def refit(
+    model: Model,
+    measured: Array,
+    begin: Fit,
+    state: Array,
+    scale: Array,
+    sigma: float | None,
+) -> Fit:
+    """Find the parameters from a fit of another model that is close, with the state there."""
+    point = model.at(begin.theta, state, begin.slopes)
+    return settled(model, measured, point, begin.counts, scale, sigma)
+
+
+def settled(
+    model: Model,
+    measured: Array,
+    point: Point,
+    counts: NDArray[np.bool_],
+    scale: Array,
+    sigma: float | None,
+) -> Fit:
+    """Fit the rows that count, until these are those that are not wild; see `fit`."""
+    parameters, floor = len(point.theta), FLOOR * (float(np.abs(measured).max()) or 1.0)
+    for _ in range(ROUNDS):
+        if counts.sum() * measured.shape[1] <= parameters:
             raise WorkError("the markers disagree with each other: no state fits most of them")
-        at, kept = (value, state, theta, slopes), partial(constant, counts.astype(float))
-        value, state, theta, slopes = descend(model, measured, at, scale, kept)
-    off = (measured - value)[counts]
-    freedom = off.size - len(theta)
-    noise = sigma or max(float(np.sqrt((off**2).sum() / max(freedom, 1))), FLOOR * size)
-    jacobian = slopes[counts].reshape(-1, len(theta))
-    covariance = noise**2 * inverse(jacobian.T @ jacobian, scale)
+        weigh = partial(constant, counts.astype(float))
+        point = descend(model, measured, point, scale, weigh, SETTLED)
+        before = counts
+        counts = that_count(measured - point.value, before, parameters, sigma, floor)
+        if np.array_equal(before, counts):
+            break
+    off = measured - point.value
+    freedom = off[counts].size - parameters
+    noise = sigma or max(float(np.sqrt((off[counts] ** 2).sum() / max(freedom, 1))), floor)
+    jacobian = point.jacobian[counts].reshape(-1, parameters)
     return Fit(
-        theta,
-        covariance,
-        noise,
-        counts,
-        np.linalg.norm(measured - value, axis=1),
-        None if sigma is not None else freedom,
-        state,
+        theta=point.theta,
+        covariance=noise**2 * inverse(jacobian.T @ jacobian, scale),
+        sigma=noise,
+        counts=counts,
+        lengths=np.linalg.norm(off, axis=1),
+        freedom=None if sigma is not None else freedom,
+        state=point.state,
+        slopes=point.slopes,
     )
 
 
@@ -146,39 +203,37 @@ def wild_cost(lengths: Array, sigma: float) -> float:
     return float((np.minimum(lengths / sigma, WILD) ** 2).sum())
 
 
-def stepped(
-    best: Fit, measured: Array, theta: Array, value: Array, slopes: Array, scale: Array
-) -> Fit:
+def stepped(best: Fit, measured: Array, point: Point, scale: Array) -> Fit:
     """Take one Gauss–Newton step from other parameters, with the rows and the noise of a fit.
 
     Parameters
     ----------
     best : Fit
     measured : array, (m, d)
-    theta, scale : array, (p,)
-    value : array, (m, d)
-        h(θ).
-    slopes : array, (m, d, p)
+    point : Point
+        Where the step begins.
+    scale : array, (p,)
 
     Returns
     -------
     Fit
-        Of the linear model around θ, whose state is the step, (p,).
+        Of the linear model around the point.
 
     Raises
     ------
     WorkError
         If the data do not determine the parameters.
     """
-    jacobian = slopes[best.counts].reshape(-1, len(theta))
+    jacobian = point.jacobian[best.counts].reshape(-1, len(point.theta))
     inverted = inverse(jacobian.T @ jacobian, scale)
-    step = inverted @ (jacobian.T @ (measured - value)[best.counts].ravel())
+    step = inverted @ (jacobian.T @ (measured - point.value)[best.counts].ravel())
     return replace(
         best,
-        theta=theta + step,
+        theta=point.theta + step,
         covariance=best.sigma**2 * inverted,
-        lengths=np.linalg.norm(measured - value - slopes @ step, axis=1),
-        state=step,
+        lengths=np.linalg.norm(measured - point.value - point.jacobian @ step, axis=1),
+        state=point.state + point.slopes @ step,
+        slopes=point.slopes,
     )
 
 
@@ -193,47 +248,55 @@ def constant(weights: Array, off: Array) -> Array:
     return weights
 
 
-def estimated(off: Array, counts: NDArray[np.bool_], parameters: int, size: float) -> float:
-    """Standard deviation of a component, from the rows that count."""
-    length = np.linalg.norm(off[counts], axis=1) / np.sqrt(off.shape[1])
-    share = max(1 - parameters / (counts.sum() * off.shape[1]), 0.1)
-    return max(float(np.median(length)) * 1.15 / np.sqrt(share), FLOOR * size)
+def that_count(
+    off: Array, counted: NDArray[np.bool_], parameters: int, sigma: float | None, floor: float
+) -> NDArray[np.bool_]:
+    """Rows that are not wild; σ follows from those that counted before if it is not given."""
+    length = np.linalg.norm(off, axis=1) / np.sqrt(off.shape[1])
+    share = max(1 - parameters / (counted.sum() * off.shape[1]), 0.1)
+    noise = sigma or max(float(np.median(length[counted])) * 1.15 / np.sqrt(share), floor)
+    return np.asarray(length <= WILD * noise)
 
 
 def descend(
     model: Model,
     measured: Array,
-    at: tuple[Array, Array, Array, Array],
+    point: Point,
     scale: Array,
     weigh: Callable[[Array], Array],
-) -> tuple[Array, Array, Array, Array]:
-    """Gauss–Newton steps from values, a state, parameters and slopes; returns the same."""
-    (value, state, theta, slopes), damping = at, 0.0
+    settled: float,
+) -> Point:
+    """Gauss–Newton steps, until one decreases the sum of squares by `settled` variances.
+
+    The slopes of the last point are those before that step.
+    """
+    parameters, damping = len(point.theta), 0.0
     floor = FLOOR * (float(np.abs(measured).max()) or 1.0)
     for _ in range(STEPS):
-        off = measured - value
+        off = measured - point.value
         weights = weigh(off)
-        rows = np.sqrt(weights)[:, None, None] * slopes
-        jacobian = rows.reshape(-1, len(theta)) * scale
+        rows = np.sqrt(weights)[:, None, None] * point.jacobian
+        jacobian = rows.reshape(-1, parameters) * scale
         normal = jacobian.T @ jacobian
         gradient = jacobian.T @ (np.sqrt(weights)[:, None] * off).ravel()
         cost = float((weights[:, None] * off**2).sum())
         while True:
             damped = normal + damping * np.diag(np.diag(normal))
-            step = inverse(damped, np.ones(len(theta))) @ gradient
+            step = inverse(damped, np.ones(parameters)) @ gradient
             step = scale * step * min(1.0, FARTHEST / max(float(np.abs(step).max()), 1e-300))
-            trial, its = model.value(theta + step)
-            after = float((weights[:, None] * (measured - trial) ** 2).sum())
+            theta = point.theta + step
+            state = model.state(theta)
+            value = model.seen(state)
+            after = float((weights[:, None] * (measured - value) ** 2).sum())
             if np.isfinite(after) and after <= cost * (1 + 1e-9):
                 break
             damping = max(4 * damping, 1e-3)
             if damping > 1e8:
-                return value, state, theta, slopes
-        variance = max(after / max(measured.size - len(theta), 1), floor**2)
-        theta, value, state, damping = theta + step, trial, its, damping / 10
-        slopes = model.slopes(theta, state)
-        if cost - after < SETTLED * variance:
-            return value, state, theta, slopes
+                return point
+        variance = max(after / max(measured.size - parameters, 1), floor**2)
+        if cost - after < settled * variance:
+            return replace(point, theta=theta, state=state, value=value)
+        point, damping = model.at(theta, state, model.slopes(theta, state)), damping / 10
     raise WorkError(
         f"no state that fits the markers is found within {STEPS} steps: they may not tell all "
         "that is sought"

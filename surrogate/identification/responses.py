@@ -61,7 +61,7 @@ class Response(ABC):
     @property
     def model(self) -> Model:
         """What is measured."""
-        return Model(self._value, lambda theta, field: self._seen(self.slopes(theta, field)))
+        return Model(lambda theta: self.field(theta) + self._shift, self.slopes, self._seen)
 
     @abstractmethod
     def field(self, theta: Array) -> Array:
@@ -74,10 +74,6 @@ class Response(ABC):
     def forces(self, theta: Array) -> Array:
         """Dead forces of u(θ) in N, (n_nodes, d)."""
         return self.unknowns.forces(theta)
-
-    def _value(self, theta: Array) -> tuple[Array, Array]:
-        field = self.field(theta) + self._shift
-        return self._seen(field), field
 
     def _seen(self, fields: Array) -> Array:
         nodes = len(fields)

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.descent import Aim
 from surrogate.identification.candidates import Candidate, Start, likely_candidates
-from surrogate.identification.least_squares import Fit, fit
+from surrogate.identification.least_squares import Fit, fit, refit
 from surrogate.identification.place import Places, best_place
 from surrogate.identification.responses import (
     Body,
@@ -68,11 +68,11 @@ class Search:
             if np.array_equal(begin, unknowns.known):
                 raise InputError("tool: it touches nothing, expected it about where it pushes")
             found = self._fitted(unknowns, np.zeros(len(scale)), scale)
-            return [self._candidate(unknowns, found, scale)]
+            return [Candidate(unknowns, found, scale)]
         strengths = np.abs(self._linear(unknowns.patterns)).max(axis=(0, 1))
         scale = self._scale(strengths, unknowns)
         found = self._fitted(unknowns, self._begin(unknowns), scale)
-        return [self._candidate(unknowns, found, scale)]
+        return [Candidate(unknowns, found, scale)]
 
     def _begin(self, unknowns: Unknowns) -> Array:
         """Where the search begins: without forces, or linearly, as zones at rest tell nothing."""
@@ -129,12 +129,13 @@ class Search:
             return Finished(best.fit, 0.0, best.unknowns.forces(theta))
         if confirm:
             exact = ExactResponse(*given)
-            found = self._fit(exact, theta)
+            found = self._refitted(exact, best.fit, exact.field(theta))
             return Finished(found, 0.0, exact.forces(found.theta))
         response = self._response(best.unknowns, best.scale)
-        error = self._error(best.fit.state, response.forces(theta))
+        state = response.field(theta)
+        error = self._error(state, response.forces(theta))
         shifted = self._response(best.unknowns, best.scale, -error)
-        found = self._fit(shifted, theta)
+        found = self._refitted(shifted, best.fit, state - error)
         left = float(np.abs(self._at_markers @ error).max())
         return Finished(found, left, shifted.forces(found.theta))
 
@@ -158,8 +159,8 @@ class Search:
             )
         return np.asarray(certificate.error)
 
-    def _fit(self, response: Response, begin: Array) -> Fit:
-        return fit(response.model, self._moved, begin, response.scale, self._noise)
+    def _refitted(self, response: Response, begin: Fit, state: Array) -> Fit:
+        return refit(response.model, self._moved, begin, state, response.scale, self._noise)
 
     def _response(self, unknowns: Unknowns, scale: Array, shift: Array | float = 0.0) -> Response:
         """Predictions, or, if moduli of zones are sought, equilibria."""
@@ -173,11 +174,8 @@ class Search:
         return Touch(self._body, CONTACT, corrected=False)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
-        return self._fit(self._response(unknowns, scale), begin)
-
-    def _candidate(self, unknowns: Unknowns, found: Fit, scale: Array) -> Candidate:
-        slopes = self._response(unknowns, scale).slopes(found.theta, found.state)
-        return Candidate(unknowns, found, scale, slopes)
+        model = self._response(unknowns, scale).model
+        return fit(model, self._moved, begin, scale, self._noise)
 
     def _linear(self, patterns: Array) -> Array:
         """Displacements of the markers by the linear response, (m, d, K)."""

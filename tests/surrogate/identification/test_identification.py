@@ -52,7 +52,7 @@ def test_linear_fits_have_the_distribution_of_student() -> None:
     """Estimates over their standard deviations, of 300 linear problems with normal noise."""
     rng = np.random.default_rng(0)
     matrix, theta, scores = rng.normal(size=(8, 2, 3)), np.array([1.0, -2.0, 0.5]), []
-    model = Model(lambda at: (matrix @ at, np.zeros(1)), lambda at, state: matrix)
+    model = Model(lambda at: matrix @ at, lambda at, state: matrix, lambda state: state)
     for _ in range(300):
         measured = matrix @ theta + rng.normal(0, 0.1, (8, 2))
         found = fit(model, measured, np.zeros(3), np.ones(3), None)
