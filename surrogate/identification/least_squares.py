@@ -36,6 +36,7 @@ SETTLED = 1e-2  # decrease of the sum of squares in a step, over the variance of
 ROUGHLY = 0.1  # the same, while wild rows are told from others
 FLOOR = 1e-7  # σ over the largest measured displacement, at least
 SINGULAR = 1e-10
+DAMPED = 1e-3  # damping after the first step that is too long, of the diagonal of JᵀJ
 FARTHEST = 3.0  # step over the size of a change that matters
 
 
@@ -290,7 +291,7 @@ def descend(
             after = float((weights[:, None] * (measured - value) ** 2).sum())
             if np.isfinite(after) and after <= cost * (1 + 1e-9):
                 break
-            damping = max(4 * damping, 1e-3)
+            damping = 4 * damping or DAMPED
             if damping > 1e8:
                 return point
         variance = max(after / max(measured.size - parameters, 1), floor**2)
