@@ -88,8 +88,9 @@ class Capsule(Tool):
 
     def __post_init__(self) -> None:
         """Raise InputError unless the numbers are finite and the radius is positive."""
-        require_points("capsule", self.begin, self.end)
-        require_radius("capsule", self.radius)
+        kind = type(self).__name__.lower()
+        require_points(kind, self.begin, self.end)
+        require_radius(kind, self.radius)
 
     @property
     def dimension(self) -> int:

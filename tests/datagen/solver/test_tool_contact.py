@@ -189,7 +189,7 @@ def test_two_processes(tmp_path: Path) -> None:
         ("sphere:1,x:3", "expected one of sphere:X,Y[,Z]:R"),
         ("sphere:1,2,3:0.5", "expected points of 2 components"),
         ("sphere:3,1.2:-1", "radius -1: expected more than 0"),
-        ("sphere:nan,1.2:0.3", "expected finite numbers"),
+        ("sphere:nan,1.2:0.3", "sphere: expected finite numbers"),
         ("capsule:1,2:1,2,3:0.5", "expected 2 or 3 components, as many of each point"),
         ("plane:1,2:0,0", "expected a normal other than 0"),
         ("sphere:0,1.2:0.3", "the tool overlaps nodes that are held"),
