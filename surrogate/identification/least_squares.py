@@ -265,9 +265,9 @@ def descend(
     point: Point,
     scale: Array,
     weigh: Callable[[Array], Array],
-    settled: float,
+    small: float,
 ) -> Point:
-    """Gauss–Newton steps, until one decreases the sum of squares by `settled` variances.
+    """Gauss–Newton steps, until one decreases the sum of squares by less than `small` variances.
 
     The slopes of the last point are those before that step.
     """
@@ -295,7 +295,7 @@ def descend(
             if damping > 1e8:
                 return point
         variance = max(after / max(measured.size - parameters, 1), floor**2)
-        if cost - after < settled * variance:
+        if cost - after < small * variance:
             return replace(point, theta=theta, state=state, value=value)
         point, damping = model.at(theta, state, model.slopes(theta, state)), damping / 10
     raise WorkError(
