@@ -58,7 +58,8 @@ class Places:
         unit = np.zeros((m, d, *shape))
         for axis in range(d):
             unit[:, axis, :, axis] = at_markers.toarray()
-        columns = body.equilibrium.linear_response(unit.reshape(m * d, *shape))[:, self.nodes]
+        respond = body.driven_body.compliance.linear_response
+        columns = respond(unit.reshape(m * d, *shape))[:, self.nodes]
         of_nodes = np.moveaxis(columns, 1, 0).reshape(len(self.nodes), m, d, d)
         others = np.broadcast_to(beside, (len(self.nodes), *beside.shape))
         self._matrix = np.concatenate([of_nodes, others], axis=-1)  # (n, m, d, d + K)

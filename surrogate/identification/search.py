@@ -28,7 +28,8 @@ from surrogate.touch import Touch
 Array = NDArray[np.float64]
 
 SOFTER = 0.3  # change of φ that matters
-TOLERANCE = 1e-3  # of the prediction whose error is estimated, relative
+TOLERANCE = 1e-3  # of the error of a prediction, over its largest displacement
+OF_NOISE = 0.1  # the same, over the noise of a marker, where that is larger
 MANY = 64  # places that may bear a force
 
 
@@ -133,21 +134,25 @@ class Search:
             return Finished(found, 0.0, exact.forces(found.theta))
         response = self._response(best.unknowns, best.scale)
         state = response.field(theta)
-        error = self._error(state, response.forces(theta))
+        error = self._error(state, response.forces(theta), best.fit.sigma)
         shifted = self._response(best.unknowns, best.scale, -error)
         found = self._refitted(shifted, best.fit, state - error)
         left = float(np.abs(self._at_markers @ error).max())
         return Finished(found, left, shifted.forces(found.theta))
 
-    def _error(self, state: Array, forces: Array) -> Array:
+    def _error(self, state: Array, forces: Array, noise: float) -> Array:
         """Error of the prediction in m: by directions, or, where they do not arrive, Newton steps.
+
+        As precisely as matters beside the noise.
 
         Raises
         ------
         WorkError
             If neither settles.
         """
-        found, descent = self._body.descend(forces, None, state, Aim(TOLERANCE))
+        largest = float(np.sqrt((state**2).sum(axis=1).max()))
+        aim = Aim(max(TOLERANCE * largest, OF_NOISE * noise), in_metres=True)
+        found, descent = self._body.descend(forces, None, state, aim)
         if descent.reached:
             return np.asarray(state - found)
         pressure = self._body.geometry.no_pressure
@@ -181,7 +186,7 @@ class Search:
         """Displacements of the markers by the linear response, (m, d, K)."""
         if not len(patterns):
             return np.zeros((*self._moved.shape, 0))
-        fields = self._body.equilibrium.linear_response(patterns)
+        fields = self._body.driven_body.compliance.linear_response(patterns)
         seen = [self._at_markers @ field for field in fields]
         return np.moveaxis(np.array(seen), 0, -1)
 
