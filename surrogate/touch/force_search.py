@@ -10,6 +10,15 @@ The stiffness at rest, :math:`B_0`, follows from the columns of :math:`K^{-1}`. 
 the residual larger, a part of it is taken; where that does not help, B is measured by small changes
 of the forces, and the displacement is applied in steps (Broyden, *A class of methods for solving
 nonlinear simultaneous equations*, 1965).
+
+Displacements that follow one another are often alike. The first step for a change d of the
+displacement therefore repeats a part of the last one, whose forces changed by G for D, and bends as
+far as the last one did from that before it,
+
+.. math:: s_0 = ρ G + B (r - ρ D) + ρ^2 c, \qquad ρ = \min\Big(\frac{d · D}{D · D}, 1\Big), \quad
+          c = G - ρ' G' - B (D - ρ' D')
+
+if d goes on like D, ρ > 0; for equal changes this is the parabola through the last three frames.
 """
 
 from __future__ import annotations
@@ -53,6 +62,7 @@ class ForceSearch:
         """Forget where the last search has ended."""
         self._stiffness, self._is_measured = self._at_rest, True
         self._forces = self._reached = np.zeros(len(self._at_rest))
+        self._moved = self._change = self._bend = self._reached
 
     def find(self, displaced: Predict, target: Array, tolerance: float) -> Array:
         """Find forces in N, (m,), under which `displaced` is the target in m, the last one asked.
@@ -107,11 +117,15 @@ class ForceSearch:
         self.predictions += 1
         size = max(np.abs(target).max(), np.abs(residual).max())
         last, left = self.predictions + MOST, np.abs(residual).max()
+        further = target - self._reached
+        ratio = part_of(further, self._moved)
+        guess = ratio * self._change + stiffness @ (residual - ratio * self._moved)
+        guess = guess + ratio * (ratio + 1) / 2 * self._bend
+        change, is_guess = guess, ratio != 0
         while left > tolerance * size:
             if self.predictions >= last:
                 return False
-            change, part = stiffness @ residual, 1.0
-            allowed = LARGER * np.linalg.norm(residual)
+            part, allowed = 1.0, LARGER * np.linalg.norm(residual)
             while True:
                 moved = part * change
                 remains = target - displaced(forces + moved)
@@ -119,6 +133,9 @@ class ForceSearch:
                 stiffness = updated(stiffness, moved, residual - remains)
                 if np.linalg.norm(remains) <= allowed:
                     break
+                if is_guess:  # the last frames are no guide
+                    change, is_guess = stiffness @ residual, False
+                    continue
                 part, allowed = SHORTER * part, np.linalg.norm(residual)
                 if part < SHORTEST or self.predictions >= last:
                     return False
@@ -126,9 +143,20 @@ class ForceSearch:
             forces, residual = forces + moved, remains
             if left <= TOLERANCE * size and left > SLOW * before:
                 break
+            change, is_guess = stiffness @ residual, False
+        if further.any():
+            found = forces + stiffness @ residual - self._forces
+            self._moved, self._change = further, found
+            self._bend = ratio**2 * self._bend + found - guess
         self._forces, self._stiffness, self._reached = forces, stiffness, target
         self._is_measured = False
         return True
+
+
+def part_of(vector: Array, last: Array) -> float:
+    """How far a vector goes along the last one, −1 to 1 times its length."""
+    length = float(last @ last)
+    return float(np.clip(vector @ last / length, -1.0, 1.0)) if length else 0.0
 
 
 def updated(stiffness: Array, change: Array, effect: Array) -> Array:
