@@ -1,32 +1,48 @@
 r"""Correction of predictions from frame to frame, by the forces that they leave unbalanced.
 
-Frames show a prediction ũ of the forces f and a shift δ, :math:`u = ũ(f) + δ`. In each of them,
-once the forces are found roughly,
+Frames show a prediction ũ of the forces f and a shift δ, :math:`u = ũ(f) + δ(f)`. Once the forces
+are found roughly,
 
-.. math:: δ ← δ - P(u) \, r(u), \qquad r(u) = f_{int}(u) - f, \qquad P(u) ≈ K(u)^{-1},
+.. math:: δ_k = δ(f_k) - ω P(u) \, r(u), \qquad r(u) = f_{int}(u) - f_k, \qquad P(u) ≈ K(u)^{-1},
 
-one step of defect correction (Böhmer, Hemker and Stetter, *The defect correction approach*, 1984),
+a step of defect correction (Böhmer, Hemker and Stetter, *The defect correction approach*, 1984),
 with the carried compliance P (`surrogate.descent.carried_compliance`); then the forces are found
-with the new shift. Frames that follow one another are alike, and so are the errors of their
-predictions: what is left is a part of what these change in one frame, and a body that is kept still
-comes to its equilibrium.
+with the new shift. Frames that follow one another are alike, and so is what the errors of their
+predictions change by: under other forces the shift goes on as it did in the last step,
 
-A step is at most as long as the motion since the last one, or as the last one itself. P is positive
-definite, so that a body which its contact alone keeps from snapping is not pushed away by it; where
-a body has stiffened so much that P is too long, steps do not grow.
+.. math:: δ(f) = δ_k + ρ \, (δ_k - δ_{k-1}), \qquad
+          ρ = \frac{(f - f_k) · (f_k - f_{k-1})}{|f_k - f_{k-1}|^2} ∈ [-1, 3].
+
+A body that is kept still comes to its equilibrium. Where P is too long, steps turn round; by the
+part of the last one that such a step takes back, q < 0, ω = 1 / (1 − q) (Aitken's relaxation).
+A step is at most as long as the motion since the last one, or as the last one itself: P is positive
+definite, so that a body which its contact alone keeps from snapping is not pushed away by it.
+
+A step takes most of the time of a frame. None is taken where it would change little: the length of
+the last one, and what it changed the forces by, grow with the square of the way of the body.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.descent.descent import longest
 from surrogate.touch.body import Body
+from surrogate.touch.force_search import part_of
 
 Array = NDArray[np.float64]
+Felt: TypeAlias = Callable[[Array], float]
 ROUGHLY = 1e-2  # of a search for forces: part of the displacement, before a correction
 FARTHEST = 1.0  # of the largest displacement: a longer shift is given up
+FURTHEST = 3.0  # largest ρ
+CALM = 5e-4  # of the largest displacement: expected steps up to which none is taken
+OF_FORCES = 2e-3  # of the forces: expected changes up to which none is taken
+LARGE = 0.2  # of the largest displacement: a longer shift stays as it is under other forces
+STILL = 0.1  # of the way between the last steps: a body that moves no farther is always corrected
 
 
 class DefectCorrection:
@@ -42,7 +58,7 @@ class DefectCorrection:
     ----------
     wanted : bool
     shift : array, (n_nodes, d)
-        δ in m.
+        δ_k in m, of the last step.
     """
 
     shift: Array
@@ -53,35 +69,62 @@ class DefectCorrection:
 
     def forget(self) -> None:
         """Begin at rest, with no shift."""
-        self.shift = np.zeros(self._model.geometry.coordinates.shape)
-        self._field, self._step = self.shift, 0.0
+        zero = np.zeros(self._model.geometry.coordinates.shape)
+        self.shift = self._field = self._force = self._further = self._grown = zero
+        self._step, self._way, self._effect = zero, 0.0, 0.0
 
     def corrected(self, predicted: Array, force: Array) -> Array:
         """Return a prediction with the shift, in m; a body without forces is at rest."""
-        return predicted + self.shift if force.any() else predicted
+        return predicted + self.shift_under(force) if force.any() else predicted
 
-    def improve(self, field: Array, force: Array) -> Array:
-        """Correct the shift, and return its change in m, (n_nodes, d).
+    def shift_under(self, force: Array) -> Array:
+        """Return δ in m under forces in N, (n_nodes, d) each."""
+        return self.shift + part_of(force - self._force, self._further, FURTHEST) * self._grown
+
+    def improve(self, field: Array, force: Array, felt: Felt | None = None) -> Array:
+        """Correct the shift if that is due, and return its change in m, (n_nodes, d).
 
         Parameters
         ----------
         field, force : array, (n_nodes, d)
             Displacement in m that is shown, and all forces in N under which it is.
+        felt : callable, optional
+            A change of the field in m, (n_nodes, d) → relative change of the forces that hold the
+            body. Every frame is corrected if it is not given.
         """
         if not force.any():
             self.forget()  # and what is shown has no shift
             return self.shift
-        before, body, equilibrium = self.shift, self._model.driven_body, self._model.equilibrium
+        shift, way = self.shift_under(force), longest(field - self._field)
+        if felt is not None and self._is_calm(way):
+            return np.zeros_like(field)
+        body, equilibrium = self._model.driven_body, self._model.equilibrium
         points = equilibrium.forces_at_points(force[None])[0]
         u = equilibrium.at_points(field[None])[0]
         state = body.state(u, points)
         if state is not None:
             step = -body.compliance.at(u)(state.r)[: equilibrium.nodes]
-            allowed, length = max(longest(field - self._field), self._step), longest(step)
-            if length > allowed:
-                step, length = step * (allowed / length), allowed
-            if longest(before + step) <= FARTHEST * longest(field):
-                self.shift, self._field, self._step = before + step, field, length
+            step /= 1 - min(part_of(step, self._step), 0.0)
+            step *= min(1.0, max(way, longest(self._step)) / (longest(step) or 1.0))
+            if longest(shift + step) <= FARTHEST * longest(field):
+                self._remember(field, force, shift + step, step)
+                self._effect = longest(step) / longest(field) / CALM
+                if felt is not None:
+                    self._effect = max(self._effect, felt(step) / OF_FORCES)
                 return step
         self.forget()
-        return -before
+        return -shift
+
+    def _is_calm(self, way: float) -> bool:
+        """Whether a step would change little, some way from the field of the last one."""
+        moves = way > STILL * self._way > 0
+        return moves and self._effect * (way / self._way) ** 2 <= 1
+
+    def _remember(self, field: Array, force: Array, shift: Array, step: Array) -> None:
+        way, further = longest(field - self._field), force - self._force
+        if way > STILL * self._way:
+            self._way = way
+        if further.any():
+            goes_on = longest(shift) <= LARGE * longest(field)
+            self._further, self._grown = further, goes_on * (shift - self.shift)
+        self._field, self._force, self.shift, self._step = field, force, shift, step

@@ -64,6 +64,10 @@ class ForceSearch:
         self._forces = self._reached = np.zeros(len(self._at_rest))
         self._moved = self._change = self._bend = self._reached
 
+    def forces_of(self, displacement: Array) -> Array:
+        """B times a small displacement in m, (m,): what it takes, in N."""
+        return np.asarray(self._stiffness @ displacement)
+
     def find(self, displaced: Predict, target: Array, tolerance: float) -> Array:
         """Find forces in N, (m,), under which `displaced` is the target in m, the last one asked.
 
@@ -98,7 +102,7 @@ class ForceSearch:
 
         The forces would move the body at rest by a part of a length in m.
         """
-        if len(self._forces) > FEW or self._is_measured:
+        if len(self._forces) > FEW or self._is_measured or not length:
             return False
         small = SMALL * length * np.diag(self._at_rest)
         before = displaced(self._forces)
@@ -153,10 +157,10 @@ class ForceSearch:
         return True
 
 
-def part_of(vector: Array, last: Array) -> float:
-    """How far a vector goes along the last one, −1 to 1 times its length."""
-    length = float(last @ last)
-    return float(np.clip(vector @ last / length, -1.0, 1.0)) if length else 0.0
+def part_of(vector: Array, last: Array, most: float = 1.0) -> float:
+    """How far a vector goes along the last one, over its length; −1 to some number."""
+    length = float(np.vdot(last, last))
+    return float(np.clip(np.vdot(vector, last) / length, -1.0, most)) if length else 0.0
 
 
 def updated(stiffness: Array, change: Array, effect: Array) -> Array:

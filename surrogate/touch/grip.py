@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -193,7 +193,8 @@ class Grip:
             if predict is None and self._defect.wanted:
                 self._search.find(displaced, target, max(self.tolerance, ROUGHLY))
                 assert shown is not None
-                change = self._defect.improve(shown.field, acting + shown.grips)
+                felt = partial(self._felt, grips=shown.grips)
+                change = self._defect.improve(shown.field, acting + shown.grips, felt)
                 shown = replace(shown, field=shown.field + change)
             self._search.find(displaced, target, self.tolerance)  # asks for what it finds last
         except WorkError as error:
@@ -243,6 +244,11 @@ class Grip:
             )
         wanted = np.einsum("pd,pnd->nd", moved, self.components)
         return wanted, load_beside(self._model.geometry, load)
+
+    def _felt(self, change: Array, grips: Array) -> float:
+        """Forces of grips that a change of the field in m would take, over those that there are."""
+        taken = self._search.forces_of(change.ravel()[self._dofs])
+        return float(np.linalg.norm(taken) / (np.linalg.norm(grips) or 1.0))
 
     def _frame(
         self,

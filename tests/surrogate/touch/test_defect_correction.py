@@ -84,6 +84,43 @@ def test_frames_of_a_grip(beam: surrogate.Surrogate) -> None:
     assert off(frame.displacement, truth.displacement) < 2e-3
 
 
+def test_shift_goes_on_as_errors_change(beam: surrogate.Surrogate) -> None:
+    """Predictions of a softer body: their error grows, and is known from one frame to the next."""
+
+    class Softer(WrongPredictions):
+        def predict(self, forces: Any, **_: Any) -> Any:
+            return self._model.predict(TOO_FAR * np.asarray(forces))
+
+    heights = np.linspace(0, -0.33, FRAMES)
+    grip, truth = surrogate.Grip(Softer(beam), [PLACE]), surrogate.Grip(beam, [PLACE])
+    errors = [
+        off(grip.move([(0.0, y)]).reactions, truth.correct([(0.0, y)]).reactions)
+        for y in heights[1:]
+    ]
+    plain = surrogate.Grip(Softer(beam), [PLACE], corrected=False).move([(0.0, heights[-1])])
+    assert off(plain.reactions, truth.correct([(0.0, heights[-1])]).reactions) > 0.05
+    assert max(errors[5:]) < 1e-3  # the shift changes by more than that from frame to frame
+
+
+def test_no_step_is_taken_where_it_would_change_little(beam: surrogate.Surrogate) -> None:
+    """A small step, then one that is asked for by the forces, and by a body that stands still."""
+    force = np.zeros(beam.geometry.coordinates.shape)
+    force[-1] = (0.0, -0.5)
+
+    def second(share: float, felt: float) -> Array:
+        defect = DefectCorrection(WrongPredictions(beam))
+        for part in (1.0, share):
+            u = (1 + 1e-4) * beam.predict(part * force)
+            step = defect.improve(u, part * force, lambda _: felt)
+            assert part != 1.0 or step.any()
+        return step
+
+    assert not second(1.5, felt=1e-4).any()
+    assert second(3.0, felt=1e-3).any()  # four times as much
+    assert second(1.5, felt=1e-1).any()
+    assert second(1.0, felt=1e-4).any()
+
+
 def test_unloaded_body_is_at_rest(beam: surrogate.Surrogate) -> None:
     touch = surrogate.Touch(WrongPredictions(beam))
     for _ in range(3):
