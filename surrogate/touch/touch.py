@@ -14,7 +14,7 @@ Newton's method finds it together with the contact (`surrogate.touch.contact_new
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
+from surrogate.descent.descent import longest
 from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
@@ -159,7 +160,8 @@ class Touch:
                 if predict is None and self._defect.wanted:
                     search.find(tool, max(self.tolerance, ROUGHLY))
                     force = self._all_forces(acting, search.force)
-                    search.field = search.field + self._defect.improve(search.field, force)
+                    felt = partial(felt_at, self.surface[search.force.any(axis=1)], search.field)
+                    search.field = search.field + self._defect.improve(search.field, force, felt)
                 search.find(tool, self.tolerance)
             except WorkError:
                 pass
@@ -252,6 +254,14 @@ class Touch:
             last = self._tool or tool
             return self._newton.reaction(tool, last, self._field, self._force)
         return np.asarray(found.sum(axis=0))
+
+
+def felt_at(nodes: Numbers, field: Array, change: Array) -> float:
+    """Largest change of a field at some nodes over the largest displacement there, both in m.
+
+    The tool is rigid: where it touches, the forces would change by about that part.
+    """
+    return longest(change[nodes]) / (longest(field[nodes]) or 1.0)
 
 
 class Search:
