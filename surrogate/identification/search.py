@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.descent import Aim
+from surrogate.descent.descent import longest
 from surrogate.identification.candidates import Candidate, Start, likely_candidates
 from surrogate.identification.least_squares import Fit, fit, refit
 from surrogate.identification.place import Places, best_place
@@ -150,8 +151,7 @@ class Search:
         WorkError
             If neither settles.
         """
-        largest = float(np.sqrt((state**2).sum(axis=1).max()))
-        aim = Aim(max(TOLERANCE * largest, OF_NOISE * noise), in_metres=True)
+        aim = Aim(max(TOLERANCE * longest(state), OF_NOISE * noise), in_metres=True)
         found, descent = self._body.descend(forces, None, state, aim)
         if descent.reached:
             return np.asarray(state - found)

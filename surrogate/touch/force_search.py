@@ -15,10 +15,11 @@ Displacements that follow one another are often alike. The first step for a chan
 displacement therefore repeats a part of the last one, whose forces changed by G for D, and bends as
 far as the last one did from that before it,
 
-.. math:: s_0 = ρ G + B (r - ρ D) + ρ^2 c, \qquad ρ = \min\Big(\frac{d · D}{D · D}, 1\Big), \quad
-          c = G - ρ' G' - B (D - ρ' D')
+.. math:: s_0 = ρ G + B (r - ρ D) + \tfrac12 ρ (ρ + 1) c, \qquad ρ = \frac{d · D}{D · D} ∈ [-1, 1],
 
-if d goes on like D, ρ > 0; for equal changes this is the parabola through the last three frames.
+and the bend c becomes :math:`ρ^2 c` and what the search finds beyond :math:`s_0`. For equal changes
+this is the parabola through the last three frames. Where it makes the residual larger, the step is
+B r after all.
 """
 
 from __future__ import annotations
