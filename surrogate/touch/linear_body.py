@@ -59,7 +59,8 @@ class LinearBody:
 
     def moved(self, nodes: Numbers, forces: Array) -> Array:
         """Displacements in m of the surface, (n, d), under forces in N on some nodes, (m, d)."""
-        columns = self._columns_of(nodes).reshape(forces.size, -1)
+        self._solve_for(nodes)
+        columns = self._columns[self._places[nodes]].reshape(forces.size, -1)
         found = forces.ravel() @ columns
         if len(self._signs):
             work = self._at(nodes) @ forces.ravel()
@@ -68,10 +69,12 @@ class LinearBody:
 
     def compliance(self, at: Numbers, of: Numbers) -> Array:
         """Displacements in m at some nodes by unit forces in N on others, (n d, m d)."""
+        self._solve_for(of)
         d = self._dimension
-        columns = self._columns_of(of).reshape(len(of) * d, -1, d)[:, at]
-        found = columns.reshape(len(of) * d, len(at) * d).T
-        return np.asarray(found + (self._at(at).T * self._signs) @ self._at(of))
+        columns = self._columns.reshape(len(self._columns), d, -1, d)
+        pairs = columns[self._places[of][:, None], :, at]  # (of, at, direction of, direction at)
+        found = pairs.transpose(1, 3, 0, 2).reshape(len(at) * d, len(of) * d)
+        return np.asarray(found + self._at(at).T @ (self._signs[:, None] * self._at(of)))
 
     def learn(self, change: Array, effect: Array) -> None:
         """Let a change of the forces in N have its effect in m, both (n, d)."""
@@ -100,10 +103,11 @@ class LinearBody:
         self._signs = np.append(self._signs, sign)
 
     def _at(self, nodes: Numbers) -> Array:
-        return self._vectors[:, nodes].reshape(len(self._vectors), len(nodes) * self._dimension)
+        some = np.take(self._vectors, nodes, axis=1)
+        return np.asarray(some.reshape(len(some), len(nodes) * self._dimension))
 
-    def _columns_of(self, nodes: Numbers) -> Array:
-        """Columns of K⁻¹ of some nodes of the surface, (m, d, n d)."""
+    def _solve_for(self, nodes: Numbers) -> None:
+        """Add what is missing of the columns of K⁻¹ of some nodes to those kept, (m, d, n d)."""
         missing = nodes[self._places[nodes] < 0]
         shape = self._model.geometry.coordinates.shape
         for start in range(0, len(missing), SOLVED):
@@ -116,4 +120,3 @@ class LinearBody:
             self._places[some] = len(self._columns) + np.arange(len(some))
             columns = columns.reshape(len(some), shape[1], -1)
             self._columns = np.concatenate([self._columns, columns])
-        return np.asarray(self._columns[self._places[nodes]])

@@ -27,12 +27,17 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 STEPS = 25  # of Newton's method
-SETTLED, DEEP, REACH = 1e-4, 1e-6, 0.1  # over the body's size: movement of the last step, after
-# which one more would be as its square; depth of a node; distance of nodes that are looked at
+SETTLED, DEEP, REACH = 1e-4, 1e-6, 0.1  # over the body's size: movement of the last step; depth
+# of a node; distance of nodes that are looked at
 
 
 def linear_contact(
-    body: LinearBody, tool: Tool, x: Array, force: Array, back: float = 0.0
+    body: LinearBody,
+    tool: Tool,
+    x: Array,
+    force: Array,
+    back: float = 0.0,
+    settled: float = SETTLED,
 ) -> Array | None:
     """Forces of a tool in N, (n, d), on a linear body; None if they are not found.
 
@@ -44,13 +49,15 @@ def linear_contact(
         Positions of the surface in m, and the forces of a tool there that act in this state.
     back : float
         Length in m by which the surface of the tool is withdrawn.
+    settled : float
+        Movement of the last step over the size of the body; one more would be as its square.
     """
     size, gap = body.size, tool.gap(x) + back
     bears = np.asarray(force.any(axis=1))
     close = np.flatnonzero(bears | (gap < REACH * size))
     acts = bears[close]
     near = acts | (gap[close] < min(float(gap.min()) / 2, 0.0))
-    total, at, sizes = force[close], x[close], np.zeros(len(close))
+    total, at, gap, sizes = force[close], x[close], gap[close], np.zeros(len(close))
     sizes[acts] = np.maximum((total[acts] * tool.normal(at[acts])).sum(axis=1), 0.0)
     compliance, nodes = np.empty((0, 0)), np.empty(0, np.int64)
     for _ in range(STEPS):
@@ -59,17 +66,19 @@ def linear_contact(
             compliance = body.compliance(close, close[nodes])
         if not len(nodes):
             break
-        found = newton_step(compliance, tool, nodes, at[nodes], total[nodes], sizes[nodes], back)
+        of = (values[nodes] for values in (at, gap, total, sizes))
+        found = newton_step(compliance, tool, nodes, *of)
         if found is None:
             return None
         step, sizes[nodes] = found
         shift = (compliance @ step.ravel()).reshape(at.shape)
         total[nodes] += step
         at = at + shift
-        gap = np.where(near, 0.0, tool.gap(at) + back)
-        if gap.min() < -DEEP * size:
-            near |= gap <= gap.min() / 2
-        elif np.abs(shift).max() < SETTLED * size:
+        gap = tool.gap(at) + back
+        deepest = float(gap.min(initial=0.0, where=~near))
+        if deepest < -DEEP * size:
+            near |= gap <= deepest / 2
+        elif np.abs(shift).max() < settled * size:
             break
     else:
         return None
@@ -83,9 +92,9 @@ def newton_step(
     tool: Tool,
     nodes: Numbers,
     x: Array,
+    gap: Array,
     acting: Array,
     size: Array,
-    back: float,
 ) -> tuple[Array, Array] | None:
     """Changes of the forces of some nodes, (m, d) in N, and their sizes after it, (m,).
 
@@ -93,20 +102,19 @@ def newton_step(
     """
     m, d = x.shape
     n, every = tool.normal(x), np.arange(m)
-    among = compliance.reshape(-1, d, m * d)[nodes].reshape(m * d, m * d)
-    bends, normals = np.zeros((m, d, m, d)), np.zeros((m, d, m))
-    bends[every, :, every] = size[:, None, None] * tool.curvature(x)
-    normals[every, :, every] = n
-    bend, along = bends.reshape(m * d, m * d), normals.reshape(m * d, m)
-    astray = (size[:, None] * n - acting).reshape(m * d, 1)
-    system = np.eye(m * d) - bend @ among
+    among = compliance.reshape(-1, d, m * d)[nodes]
+    bend = size[:, None, None] * tool.curvature(x)
+    system = np.eye(m * d) - (bend @ among).reshape(m * d, m * d)
+    right = np.zeros((m, d, 1 + m))
+    right[:, :, 0] = size[:, None] * n - acting
+    right[every, :, 1 + every] = n
     try:
-        change = np.linalg.solve(system, np.hstack([astray, along]))
+        change = np.linalg.solve(system, right.reshape(m * d, 1 + m))
     except np.linalg.LinAlgError:
         return None
-    slopes = along.T @ among @ change
-    gap = tool.gap(x) + back + slopes[:, 0] - slopes[:, 1:] @ size
-    found = solve_complementarity(slopes[:, 1:], gap, size > 0)
+    slopes = (n[:, None] @ among)[:, 0] @ change
+    offset = gap + slopes[:, 0] - slopes[:, 1:] @ size
+    found = solve_complementarity(slopes[:, 1:], offset, size > 0)
     if found is None or not np.isfinite(found).all():
         return None
     step = (change @ np.append(1.0, found - size)).reshape(m, d)

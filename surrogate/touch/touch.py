@@ -37,6 +37,7 @@ Numbers = NDArray[np.int64]
 
 TOLERANCE = 1e-3  # of frames, of the largest displacement
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
+CLOSE = 1e-3  # of the same: movement of the last step towards a reaction
 MOST = 30  # predictions of one step
 LARGER = 2.0  # of depths and distances that a full step may leave
 SHORTEST = 1 / 8  # part of a step
@@ -249,10 +250,11 @@ class Touch:
         a step of Newton's method.
         """
         x = self._at_rest + self._field[self.surface]
-        found = linear_contact(self._body, tool, x, self._force) if self._holds else None
+        body, force = self._body, self._force
+        found = linear_contact(body, tool, x, force, settled=CLOSE) if self._holds else None
         if found is None:  # of a body that the contact holds
             last = self._tool or tool
-            return self._newton.reaction(tool, last, self._field, self._force)
+            return self._newton.reaction(tool, last, self._field, force)
         return np.asarray(found.sum(axis=0))
 
 
