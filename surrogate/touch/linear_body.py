@@ -60,7 +60,7 @@ class LinearBody:
     def moved(self, nodes: Numbers, forces: Array) -> Array:
         """Displacements in m of the surface, (n, d), under forces in N on some nodes, (m, d)."""
         self._solve_for(nodes)
-        columns = self._columns[self._places[nodes]].reshape(forces.size, -1)
+        columns = self._columns[self._places[nodes]].reshape(forces.size, self._columns.shape[-1])
         found = forces.ravel() @ columns
         if len(self._signs):
             work = self._at(nodes) @ forces.ravel()
@@ -76,27 +76,27 @@ class LinearBody:
         found = pairs.transpose(1, 3, 0, 2).reshape(len(at) * d, len(of) * d)
         return np.asarray(found + self._at(at).T @ (self._signs[:, None] * self._at(of)))
 
-    def learn(self, change: Array, effect: Array) -> None:
-        """Let a change of the forces in N have its effect in m, both (n, d)."""
+    def learn(self, change: Array, effect: Array) -> Array:
+        """Let a change of the forces in N have its effect in m, both (n, d); return the lack r."""
         nodes = np.flatnonzero(change.any(axis=1))
-        work = float((effect * change).sum())
+        expected = self.moved(nodes, change[nodes])
+        lack, work = effect - expected, float((effect * change).sum())
         if not len(nodes) or work <= PARALLEL * np.linalg.norm(effect) * np.linalg.norm(change):
-            return
+            return lack
         self._changes.append((change, effect))
         if len(self._changes) > UPDATES:
             recent = self._changes[-RECENT:]
             self.forget()
             for one in recent:
                 self.learn(*one)
-            return
-        expected = self.moved(nodes, change[nodes])
-        lack = effect - expected
+            return lack
         slope = float((lack * change).sum())
         if slope > PARALLEL * np.linalg.norm(lack) * np.linalg.norm(change):
             self._add(lack, slope, 1.0)
         elif slope < 0:
             self._add(effect, work, 1.0)
             self._add(expected, float((expected * change).sum()), -1.0)
+        return lack
 
     def _add(self, vector: Array, square: float, sign: float) -> None:
         self._vectors = np.concatenate([self._vectors, vector[None] / np.sqrt(square)])

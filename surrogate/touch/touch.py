@@ -6,9 +6,10 @@ Around a prediction the body is taken for linear, :math:`u ≈ u_k + C (f - f_k)
 the forces of this linear body is the next :math:`u_k`, and tells what C lacks
 (`surrogate.touch.linear_body`); it is the last one if nodes are where the tool wants them. Where
 that does not converge, the tool enters the body in steps. Frames that follow one another begin at
-the last one, and begin again from rest if that fails. A body that the contact alone keeps from
-snapping has no stable displacement under the forces of the tool, and so no prediction: then
-Newton's method finds it together with the contact (`surrogate.touch.contact_newton`).
+the last one, bend as the frames before did (`surrogate.touch.bend`), and begin again from rest if
+that fails. A body that the contact alone keeps from snapping has no stable displacement under the
+forces of the tool, and so no prediction: then Newton's method finds it together with the contact
+(`surrogate.touch.contact_newton`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.descent.descent import longest
+from surrogate.touch.bend import Bend
 from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
@@ -115,6 +117,7 @@ class Touch:
         shape = self._geometry.coordinates.shape
         self._body.forget()
         self._defect.forget()
+        self._bend = Bend(self._body, *self._at_rest.shape)
         self._force: Array = np.zeros(self._at_rest.shape)
         self._acting, self._field = np.zeros(shape), np.zeros(shape)
         self._shown_by: object = None
@@ -155,6 +158,7 @@ class Touch:
         if self._holds:
             search = Search(self._body, self._at_rest, self.surface, predicted)
             search.force, search.field = self._force, self._field
+            search.expected = self._bend.expected(search.approach(self._tool or tool, tool))
             if predict is not self._shown_by or not np.array_equal(acting, self._acting):
                 search.predict(self._force)
             try:
@@ -168,6 +172,9 @@ class Touch:
                 pass
             else:
                 self._shown_by = predict
+                if search.lack is not None:
+                    effect = (search.field - self._field)[self.surface]
+                    self._bend.learn(search.lack, search.force - self._force, effect)
                 return self._frame(tool, acting, search.field, search.force, search.predictions)
         frame = self.correct(tool, load)
         self._holds = self._newton.holds(frame.displacement)
@@ -286,6 +293,10 @@ class Search:
     field : array, (n_nodes, d)
         The displacement in m under these.
     predictions : int
+    expected : array, (n, d)
+        Displacement in m of the surface that is expected of the first step, beyond the linear one.
+    lack : array, (n, d), or None
+        What it was, if the search has begun with a step.
     """
 
     force: Array
@@ -296,6 +307,15 @@ class Search:
     ) -> None:
         self._body, self._at_rest, self._surface = body, at_rest, surface
         self._predicted, self.predictions = predicted, 0
+        self.expected: Array = np.zeros(at_rest.shape)
+        self.lack: Array | None = None
+
+    def approach(self, last: Tool, tool: Tool) -> Array:
+        """Changes of the distances in m to nodes that bear forces, (n,), as a tool moves."""
+        bears, moved = self.force.any(axis=1), np.zeros(len(self.force))
+        x = self.positions()[bears]
+        moved[bears] = tool.gap(x) - last.gap(x)
+        return moved
 
     def predict(self, force: Array) -> None:
         """Predict the field under forces on the surface."""
@@ -343,7 +363,8 @@ class Search:
             if wrong <= tolerance * float(np.abs(self.field).max()):
                 return True
             force, x = self.force, self.positions()
-            wanted = linear_contact(body, tool, x, force, back)
+            expected = 0.0 if self.predictions else self.expected
+            wanted = linear_contact(body, tool, x + expected, force, back)
             if wanted is None or self.predictions >= last:
                 return False
             part = 1.0
@@ -351,7 +372,9 @@ class Search:
                 self.predict(force + part * (wanted - force))
                 if not np.isfinite(self.field).all():
                     return False
-                body.learn(self.force - force, self.positions() - x)
+                lack = body.learn(self.force - force, self.positions() - x)
+                if self.predictions == 1:
+                    self.lack = lack
                 if is_first or self.wrong(tool, back) <= LARGER * wrong:
                     break
                 part /= 2

@@ -75,6 +75,22 @@ def test_linear_body_learns(beam: surrogate.Surrogate) -> None:
         assert np.linalg.eigvalsh(matrix).min() > 0
 
 
+def test_frames_of_equal_moves_bend_alike(beam: surrogate.Surrogate) -> None:
+    """Of a body whose displacement is a parabola of its forces, three frames tell the next ones."""
+
+    def softening(force: Any) -> Any:
+        linear = beam.equilibrium.linear_response(force[None])[0]
+        return linear * (1 + np.abs(linear).max())
+
+    touch = surrogate.Touch(beam)
+    approach = [Sphere((3.5, 1.3 - 0.02 * number), 0.3) for number in range(1, 21)]
+    frames = [touch.move(tool, predict=softening) for tool in approach]
+    assert [frame.predictions for frame in frames[3:]] == [1] * 17  # 27 in all without a bend
+    back = [touch.move(tool, predict=softening) for tool in approach[-2:-8:-1]]
+    assert [frame.predictions for frame in back] == [1] * 6
+    np.testing.assert_allclose(back[-1].reaction, frames[-7].reaction, rtol=2e-3)
+
+
 def test_frame_after_one_of_another_prediction(beam: surrogate.Surrogate) -> None:
     """A frame shows what its own prediction shows, at the same forces too."""
     touch = surrogate.Touch(beam)
