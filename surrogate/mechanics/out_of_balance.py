@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
 from shared_schema.common.keys.units import SI
 from shared_schema.material import Materials, as_tuple
 from surrogate.data.geometry import Geometry
@@ -41,7 +42,6 @@ from surrogate.mechanics.matrices.stiffness_layout import Layout, stiffness_layo
 from surrogate.mechanics.matrices.tangent_iterations import Iterations
 from surrogate.mechanics.newton_steps import NewtonSteps, norms
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from surrogate.mechanics.tool_springs import ToolSprings

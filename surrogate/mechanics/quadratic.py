@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.bodies.quadratic.quadratic_cells import BETWEEN, NAMES
 from shared_schema.material import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.quadratic_cells import BETWEEN, NAMES
 
 Array = NDArray[np.float64]
 ITERATIONS, HALVINGS = 20, 20  # of the points between the nodes

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
 from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
@@ -13,7 +14,6 @@ from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.neo_hookean import determinant
-from surrogate.mechanics.solids.quadratic_cells import LINEAR
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 

@@ -1,10 +1,11 @@
-r"""Volumes of cells and what of them belongs to each node, as a uniform body force needs them.
+r"""Volumes of cells and what of them belongs to each point, as a uniform body force needs them.
 
-A force density b, in N per m³ of the undeformed body, has the consistent nodal forces
+A force density b, in N per m³ of the undeformed body, has the consistent forces
 
 .. math:: f_a = b \int_{Ω} N_a \, dV
 
-in N. In two dimensions the body is 1 m thick.
+in N on the points of the cells: the corners and, on quadratic elements, those between them
+(`shared_schema.common.bodies.quadratic`). In two dimensions the body is 1 m thick.
 """
 
 from __future__ import annotations
@@ -15,48 +16,65 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.quadratic.quadratic_cells import (
+    quadratic_quadrature,
+    quadratic_shape_gradients,
+    quadratic_shape_values,
+)
 from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
 
 Array = NDArray[np.float64]
+SIMPLICES = {  # shares of a simplex with straight edges: of its corners, and of the edges' middles
+    (2, 6): (0.0, 1 / 3),
+    (3, 10): (-1 / 20, 1 / 5),
+}
+QUADRATIC = {(2, 9): "quad9", (3, 27): "hexahedron27"}  # by d, number of points
 
 
 def nodal_volumes(coordinates: Array, cells: NDArray[np.int64]) -> Array:
-    """Integrate N_a over some cells for every node: (n_nodes,) in m³.
+    """Integrate N_a over some cells for every point: (n_points,) in m³.
 
     Parameters
     ----------
-    coordinates : array, (n_nodes, d)
-        In m.
-    cells : array of int, (n_cells, n_corners)
-        Node numbers, VTK order.
+    coordinates : array, (n_points, d)
+        Positions of the points of the body in m; all of them are nodes of linear elements.
+    cells : array of int, (n_cells, n_points of a cell)
+        Numbers of points, VTK order.
     """
     volumes = np.zeros(len(coordinates))
     np.add.at(volumes, cells, cell_shares(coordinates[cells]))
     return volumes
 
 
-def cell_shares(corners: Array) -> Array:
-    """Integrate N_a over each cell, for each of its corners.
+def cell_shares(points: Array) -> Array:
+    """Integrate N_a over each cell, for each of its points.
 
     Parameters
     ----------
-    corners : array, (n_cells, n_corners, d)
-        Corner positions in m, VTK order.
+    points : array, (n_cells, n_points, d)
+        Positions of the points of the cells in m, VTK order. Cells have straight edges.
 
     Returns
     -------
-    array, (n_cells, n_corners)
+    array, (n_cells, n_points)
         In m³; cells in the plane are 1 m thick.
     """
-    count, d = corners.shape[1:]
-    if count == d + 1:
-        volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / factorial(d)
-        return np.repeat(volume[:, None] / count, count, axis=1)
+    count, d = points.shape[1:]
+    if count == d + 1 or (d, count) in SIMPLICES:
+        volume = np.abs(np.linalg.det(points[:, 1 : d + 1] - points[:, :1])) / factorial(d)
+        of_corners, of_edges = SIMPLICES.get((d, count), (1 / (d + 1), 0.0))
+        return np.outer(volume, np.where(np.arange(count) <= d, of_corners, of_edges))
+    if (d, count) in QUADRATIC:
+        cell = QUADRATIC[d, count]
+        at, weights = quadratic_quadrature(cell)
+        jacobians = np.einsum("cai,qaj->cqij", points, quadratic_shape_gradients(cell, at))
+        volumes = np.abs(np.linalg.det(jacobians)) * weights
+        return np.asarray(volumes @ quadratic_shape_values(cell, at))
     signs = 2 * np.array(CORNERS["quad" if d == 2 else "hexahedron"]) - 1
-    shares = np.zeros(corners.shape[:2])
+    shares = np.zeros(points.shape[:2])
     for point in product(GAUSS, repeat=d):
         factors = (1 + signs * np.array(point)) / 2
         slopes = [signs[:, j] / 2 * np.delete(factors, j, axis=1).prod(axis=1) for j in range(d)]
-        jacobians = np.einsum("cai,ja->cij", corners, np.array(slopes))
+        jacobians = np.einsum("cai,ja->cij", points, np.array(slopes))
         shares += np.abs(np.linalg.det(jacobians))[:, None] * factors.prod(axis=1)
     return shares

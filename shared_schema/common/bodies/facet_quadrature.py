@@ -1,20 +1,33 @@
-r"""Gauss quadrature on the facets of a body, and the nodal forces of a pressure on them.
+r"""Gauss quadrature on the facets of a body, and the forces of a pressure on their points.
 
-A pressure p on the facets Γ, whose outward normal is n, has the nodal forces
+A pressure p on the facets Γ, whose outward normal is n, has the forces
 
 .. math:: f_a = -p \int_{Γ} N_a \, n \, dS,
 
 in N if Γ is that of the present (deformed or undeformed) body. With the tangents
 :math:`t_k = \sum_b ∂N_b/∂ξ_k \, x_b` of a facet, n dS is :math:`t_1 × t_2` (in the plane, the
-tangent turned by 90°), and the derivative of the forces with respect to the position of corner b is
+tangent turned by 90°), and the derivative of the forces with respect to the position of point b is
 
 .. math::
     \frac{∂f_a}{∂x_b} e = -p \sum_q w_q N_a \left(
     \frac{∂N_b}{∂ξ_1} \, e × t_2 + \frac{∂N_b}{∂ξ_2} \, t_1 × e \right).
 
 It is not symmetric (Bonet and Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*,
-Section 8.5.2). Facets are edges, triangles and quadrilaterals. In two dimensions the body is 1 m
-thick.
+Section 8.5.2). In two dimensions the body is 1 m thick.
+
+Points of a facet are its corners, in order around it, and, on a quadratic element, those between
+them (`shared_schema.common.bodies.quadratic`); a deformed facet is curved then. Forces of pressures
+are exact:
+
+=============  ====================================  =========================================
+facet          points                                quadrature
+=============  ====================================  =========================================
+edge           2, or 3 in the plane                  2 Gauss points, or 3
+triangle       3, or 6                               3 points of degree 2, or 6 of degree 4
+quadrilateral  4, or 9                               2 Gauss points along each axis, or 3
+=============  ====================================  =========================================
+
+The 6 points are those of Dunavant (1985), *Int. J. Numer. Methods Engrg.* 21, 1129-1148.
 """
 
 from __future__ import annotations
@@ -22,65 +35,89 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.quadratic.quadratic_cells import (
+    quadratic_quadrature,
+    quadratic_shape_gradients,
+    quadratic_shape_values,
+)
 from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
 
 Array = NDArray[np.float64]
 SIGNS = 2 * np.array(CORNERS["quad"]) - 1  # corners of the quadrilateral between -1 and 1
+QUADRATIC = {(2, 3): "line3", (3, 6): "triangle6", (3, 9): "quad9"}  # by d, number of points
+DUNAVANT = (  # barycentric coordinate of one corner, and weight, of 3 points each
+    (0.108103018168070, 0.223381589678011),
+    (0.816847572980459, 0.109951743655322),
+)
 
 
-def shape_functions(corners: int) -> tuple[Array, Array, Array]:
+def shape_functions(points: int, d: int) -> tuple[Array, Array, Array]:
     """Evaluate the shape functions of a facet at its quadrature points.
-
-    Edges have two Gauss points, triangles the three points of degree 2, quadrilaterals 2 × 2.
 
     Parameters
     ----------
-    corners : int
-        Number of corners of the facet: 2, 3 or 4.
+    points : int
+        Number of points of the facet.
+    d : int
+        Number of space dimensions of the body.
 
     Returns
     -------
-    values : array, (n_points, n_corners)
+    values : array, (n_quadrature, n_points)
         N_a.
-    gradients : array, (n_points, n_corners, 1 or 2)
+    gradients : array, (n_quadrature, n_points, d - 1)
         Derivatives of N_a with respect to the coordinates of the reference facet.
-    weights : array, (n_points,)
+    weights : array, (n_quadrature,)
     """
-    if corners == 2:
+    if (d, points) in QUADRATIC:
+        facet = QUADRATIC[d, points]
+        at, weights = _quadrature(facet)
+        return quadratic_shape_values(facet, at), quadratic_shape_gradients(facet, at), weights
+    if points == 2:
         values = np.stack([(1 - GAUSS) / 2, (1 + GAUSS) / 2], axis=1)
         gradients = np.broadcast_to([[-0.5], [0.5]], (2, 2, 1))
         return values, np.array(gradients), np.ones(2)
-    if corners == 3:
+    if points == 3:
         values = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
         gradients = np.broadcast_to([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]], (3, 3, 2))
         return values, np.array(gradients), np.full(3, 1 / 6)
-    points = np.stack(np.meshgrid(GAUSS, GAUSS, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    linear = 1 + SIGNS * points
+    gauss = np.stack(np.meshgrid(GAUSS, GAUSS, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    linear = 1 + SIGNS * gauss
     gradients = np.stack([SIGNS[:, 0] * linear[..., 1], SIGNS[:, 1] * linear[..., 0]], axis=-1)
     return linear.prod(axis=-1) / 4, gradients / 4, np.ones(4)
 
 
-def facet_points(corners: Array) -> tuple[Array, Array, Array]:
+def _quadrature(facet: str) -> tuple[Array, Array]:
+    """Points (n, d - 1) and weights (n,) of a quadratic reference facet."""
+    if facet == "line3":
+        at, weights = np.polynomial.legendre.leggauss(3)
+        return (0.5 + 0.5 * at)[:, None], 0.5 * weights
+    if facet == "quad9":
+        return quadratic_quadrature(facet)
+    orbits = [np.full((3, 3), (1 - a) / 2) + (1.5 * a - 0.5) * np.eye(3) for a, _ in DUNAVANT]
+    return np.concatenate(orbits)[:, 1:], np.repeat([weight / 2 for _, weight in DUNAVANT], 3)
+
+
+def facet_points(points: Array) -> tuple[Array, Array, Array]:
     """Quadrature points of facets in the body, with their areas.
 
     Parameters
     ----------
-    corners : array, (n_facets, n_corners, d)
-        Positions in m; edges in the plane, triangles and quadrilaterals in space, in order around
-        the facet.
+    points : array, (n_facets, n_points, d)
+        Positions of the points of the facets in m.
 
     Returns
     -------
-    positions : array, (n_facets, n_points, d)
+    positions : array, (n_facets, n_quadrature, d)
         In m.
-    areas : array, (n_facets, n_points)
+    areas : array, (n_facets, n_quadrature)
         Weight times area element, in m²; the areas of edges are those of a body 1 m thick.
-    values : array, (n_points, n_corners)
+    values : array, (n_quadrature, n_points)
         Shape functions N_a.
     """
-    values, gradients, weights = shape_functions(corners.shape[1])
-    positions = np.einsum("qa,fad->fqd", values, corners)
-    tangents = np.einsum("qat,fad->fqtd", gradients, corners)
+    values, gradients, weights = shape_functions(*points.shape[1:])
+    positions = np.einsum("qa,fad->fqd", values, points)
+    tangents = np.einsum("qat,fad->fqtd", gradients, points)
     if tangents.shape[2] == 1:
         elements = np.linalg.norm(tangents[:, :, 0], axis=-1)
     else:
@@ -93,11 +130,11 @@ def normals_of(tangents: Array) -> Array:
 
     Parameters
     ----------
-    tangents : array, (n_facets, n_points, d - 1, d)
+    tangents : array, (n_facets, n_quadrature, d - 1, d)
 
     Returns
     -------
-    array, (n_facets, n_points, d)
+    array, (n_facets, n_quadrature, d)
     """
     if tangents.shape[2] == 1:
         t = tangents[:, :, 0]
@@ -105,35 +142,35 @@ def normals_of(tangents: Array) -> Array:
     return np.cross(tangents[:, :, 0], tangents[:, :, 1])
 
 
-def facet_tangents(corners: Array) -> tuple[Array, Array, Array]:
+def facet_tangents(points: Array) -> tuple[Array, Array, Array]:
     """Tangents of facets at their quadrature points.
 
     Parameters
     ----------
-    corners : array, (n_facets, n_corners, d)
-        Positions in m, in order around the facet.
+    points : array, (n_facets, n_points, d)
+        Positions of the points of the facets in m.
 
     Returns
     -------
-    tangents : array, (n_facets, n_points, d - 1, d)
-    weighted_values : array, (n_points, n_corners)
+    tangents : array, (n_facets, n_quadrature, d - 1, d)
+    weighted_values : array, (n_quadrature, n_points)
         Quadrature weight times shape function N_a.
-    gradients : array, (n_points, n_corners, d - 1)
+    gradients : array, (n_quadrature, n_points, d - 1)
     """
-    values, gradients, weights = shape_functions(corners.shape[1])
-    tangents = np.einsum("qat,fad->fqtd", gradients, corners)
+    values, gradients, weights = shape_functions(*points.shape[1:])
+    tangents = np.einsum("qat,fad->fqtd", gradients, points)
     return tangents, weights[:, None] * values, gradients
 
 
 def area_vectors(positions: Array, facets: NDArray[np.int64]) -> Array:
-    """Integrate N_a n over facets for every node: (n_nodes, d) in m².
+    """Integrate N_a n over facets for every point: (n_points, d) in m².
 
     Parameters
     ----------
-    positions : array, (n_nodes, d)
-        Positions of the nodes in m.
-    facets : array of int, (n_facets, n_corners)
-        Node numbers, seen from outside (`shared_schema.common.bodies.cells.outward_facets`).
+    positions : array, (n_points, d)
+        Positions of the points of the body in m; all of them are nodes of linear elements.
+    facets : array of int, (n_facets, n_points of a facet)
+        Numbers of points, seen from outside (`shared_schema.common.bodies.cells.outward_facets`).
     """
     tangents, weighted, _ = facet_tangents(positions[facets])
     total = np.zeros(positions.shape)
@@ -142,24 +179,24 @@ def area_vectors(positions: Array, facets: NDArray[np.int64]) -> Array:
 
 
 def pressure_forces(positions: Array, facets: NDArray[np.int64], pressure: float) -> Array:
-    """Nodal forces of a pressure in Pa on facets of the present body: (n_nodes, d) in N."""
+    """Forces of a pressure in Pa on facets of the present body: (n_points, d) in N."""
     return -pressure * area_vectors(positions, facets)
 
 
 def facet_derivatives(positions: Array, facets: NDArray[np.int64], pressure: float) -> Array:
-    """Derivatives of the nodal forces of every facet: (n_facets, corners · d, corners · d) in N/m.
+    """Derivatives of the forces of every facet: (n_facets, points · d, points · d) in N/m.
 
     Parameters
     ----------
-    positions : array, (n_nodes, d)
-        Positions of the nodes on the present body in m.
-    facets : array of int, (n_facets, corners)
+    positions : array, (n_points, d)
+        Positions of the points on the present body in m.
+    facets : array of int, (n_facets, points)
     pressure : float
         In Pa.
     """
     tangents, weighted, gradients = facet_tangents(positions[facets])
-    count, points, _, d = tangents.shape
-    change = np.zeros((count, points, facets.shape[1], d, d))  # of n dS, by corner and component
+    count, at, _, d = tangents.shape
+    change = np.zeros((count, at, facets.shape[1], d, d))  # of n dS, by point and component
     for along in range(d - 1):
         for component in range(d):
             moved = tangents.copy()
@@ -171,13 +208,13 @@ def facet_derivatives(positions: Array, facets: NDArray[np.int64], pressure: flo
     return blocks.reshape(count, size, size)
 
 
-def facet_shares(corners: Array) -> Array:
-    """Integrate N_a over each facet, for each of its corners: (n_facets, n_corners) in m².
+def facet_shares(points: Array) -> Array:
+    """Integrate N_a over each facet, for each of its points: (n_facets, n_points) in m².
 
     Parameters
     ----------
-    corners : array, (n_facets, n_corners, d)
-        Positions in m, in order around the facet.
+    points : array, (n_facets, n_points, d)
+        Positions of the points of the facets in m.
     """
-    _, areas, values = facet_points(corners)
+    _, areas, values = facet_points(points)
     return areas @ values

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-CORNERS = {  # of the reference cells, in VTK order
+CORNERS: dict[str, tuple[tuple[int, ...], ...]] = {  # of the reference cells, in VTK order
+    "line": ((0,), (1,)),
     "triangle": ((0, 0), (1, 0), (0, 1)),
     "quad": ((0, 0), (1, 0), (1, 1), (0, 1)),
     "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),

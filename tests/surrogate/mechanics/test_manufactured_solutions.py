@@ -17,6 +17,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.quadratic.quadratic_cells import (
+    BETWEEN,
+    NAMES,
+    points_of,
+    quadratic_quadrature,
+)
 from shared_schema.common.bodies.reference_cells import quadrature, shape_values
 from shared_schema.grid import Grid
 from shared_schema.material import NeoHookean
@@ -25,12 +31,6 @@ from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.hyperelastic import stress
-from surrogate.mechanics.solids.quadratic_cells import (
-    BETWEEN,
-    NAMES,
-    points_of,
-    quadratic_quadrature,
-)
 from tests.surrogate.mechanics.bodies import MATERIAL, cells_of
 
 Array = NDArray[np.float64]

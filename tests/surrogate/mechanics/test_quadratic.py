@@ -8,6 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.bodies.quadratic.quadratic_cells import (
+    NAMES,
+    points_of,
+    quadratic_quadrature,
+)
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
@@ -15,7 +20,6 @@ from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium, on_points
 from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.hyperelastic import energy_density
-from surrogate.mechanics.solids.quadratic_cells import NAMES, points_of, quadratic_quadrature
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 CELLS = ("triangle", "quad", "tetra", "hexahedron")
