@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
+# PETSc's own handler ends a closed pipe with an abort; without it Python raises BrokenPipeError
+os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler".strip()
 
 from datagen.commands import (
     body,
@@ -27,7 +29,7 @@ from datagen.commands import (
     solve,
     structure,
 )
-from shared_schema.common.command_line import Parser, make_parser, run_command
+from shared_schema.common.command_line import Parser, make_parser, parsed, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
 COMMANDS = (
@@ -48,7 +50,7 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
-    options = _parser().parse_args(arguments)
+    options = parsed(_parser(), arguments)
     command: Callable[[argparse.Namespace], None] = options.command
     if "collective" in options:
         return _on_every_rank(lambda: command(options))

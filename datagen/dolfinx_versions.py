@@ -23,6 +23,7 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from datagen.compiled_cache import writable
 from datagen.stale_locks import remove_stale_locks
 from shared_schema.common.errors import WorkError, first_line
 
@@ -66,9 +67,10 @@ def _cache() -> Path:
 
 @cache
 def _clean() -> None:
-    """Remove what earlier processes left, once in this one."""
+    """Make the folder of compiled kernels, and remove what earlier processes left, once."""
+    folder = writable(_cache())
     if MPI.COMM_WORLD.rank == 0:
-        remove_stale_locks(_cache(), COMPILER_OPTIONS["timeout"])
+        remove_stale_locks(folder, COMPILER_OPTIONS["timeout"])
 
 
 def _compiling(make: Callable[P, R]) -> Callable[P, R]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ from shared_schema.common.bodies.command_loads import (
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.progress import LoadProgress
 from shared_schema.common.solution_file import write_solution
 from shared_schema.material import Volumetric
 from shared_schema.tools import Contact, Tool, parse_tool
@@ -283,12 +285,13 @@ def _solved(
     load, origin = (nodes, given.forces[nodes]), ""
     began = time.perf_counter()
     drive = np.array(given.pressures), given.displacement
-    if start is None:
-        report = solve_load_case(problem, *load, case.solver, *drive)
-    else:
-        report, used = solve_from(_start(start, mesh), problem, *load, case.solver)
-        origin = "start" if used else "rest"
-    report = with_stability(problem, report, case.solver)
+    with _shown(body) as begin:
+        if start is None:
+            report = solve_load_case(problem, *load, case.solver, *drive, begin)
+        else:
+            report, used = solve_from(_start(start, mesh), problem, *load, case.solver, begin)
+            origin = "start" if used else "rest"
+        report = with_stability(problem, report, case.solver)
     seconds = time.perf_counter() - began
     if not report.solved and report.load_factor == 1.0:
         raise WorkError(
@@ -329,6 +332,28 @@ def _solved(
         notes=tuple(given.notes),
         units=case.units,
     )
+
+
+@contextmanager
+def _shown(body: Body) -> Iterator[Callable[[float, float], None]]:
+    """Show the progress of a load case, on rank 0; yield what is called at each load step."""
+    problem, tolerance = body.problem, 0.0
+    title = f"datagen solve {body.case.name}"
+    progress = LoadProgress(title, body.case.units.force, silent=problem.comm.rank > 0)
+
+    def begin(reached: float, target: float) -> None:
+        nonlocal tolerance
+        tolerance = problem.tolerance()
+        progress.begin(reached, target)
+
+    def step(number: int, residual: float) -> None:
+        progress.step(number, residual, tolerance)
+
+    problem.meanwhile = step
+    try:
+        yield begin
+    finally:
+        progress.close()
 
 
 def _start(start: Path | str | Array, mesh: Mesh) -> Array:

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-from shared_schema.common.command_line import Parser, make_parser, run_command
+from shared_schema.common.command_line import Parser, make_parser, parsed, run_command
 from surrogate.command_options import speaks
 from surrogate.commands import (
     balance,
@@ -52,7 +52,7 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
-    options = _parser().parse_args(arguments)
+    options = parsed(_parser(), arguments)
     command: Callable[[argparse.Namespace], None] = options.command
 
     def run() -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
 import subprocess
 import sysconfig
 import tempfile
@@ -21,6 +20,7 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.compiled_cache import cache_of, writable
 from datagen.dolfinx_versions import KERNEL_MACROS, geometry_nodes
 
 FOLDER = Path(__file__).parent
@@ -212,11 +212,9 @@ def _load(file: str, name: str, kernels: int, arrays: int) -> Any:
     texts = source.read_bytes() + (FOLDER / "element_kernel.h").read_bytes()
     content = texts + " ".join(COMPILER_FLAGS).encode()
     key = hashlib.sha256(content).hexdigest()[:16]
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "datagen"
-    library = cache / f"{file}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX')}"
+    library = cache_of("datagen") / f"{file}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX')}"
     if not library.is_file():
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache) as folder:
+        with tempfile.TemporaryDirectory(dir=writable(library.parent)) as folder:
             built = Path(folder) / library.name
             subprocess.run(["cc", *COMPILER_FLAGS, str(source), "-o", str(built)], check=True)
             built.replace(library)

@@ -170,7 +170,6 @@ def _make_shards(
 ) -> None:
     pieces = plan(remaining, group.count)
     desk = WorkDesk(group.world, [number * group.comm.size for number in range(group.count)])
-    body.problem.meanwhile = desk.look
     total = case.dataset.samples
     before = total - sum(len(numbers) for numbers in remaining.values())
     title = f"datagen run {case.name}"
@@ -178,6 +177,13 @@ def _make_shards(
 
     def show() -> None:
         progress.update(before + desk.samples, f"{desk.failed} failed" if desk.failed else "")
+
+    def look(step: int, residual: float) -> None:
+        desk.look()
+        if group.world.rank == 0:
+            show()
+
+    body.problem.meanwhile = look
 
     def count(solved: bool) -> None:
         if group.is_leader:

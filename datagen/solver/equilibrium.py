@@ -118,7 +118,8 @@ class EquilibriumProblem:
     drag : Drag or None
         Forces that hold the body back, of a state that is not in equilibrium yet.
     meanwhile : callable
-        Called on every rank at each step of Newton's method, for work that must not wait long.
+        Called on every rank before each step of Newton's method, with the number of those before
+        and ‖R‖ in N, for work that must not wait long.
     """
 
     def __init__(
@@ -160,7 +161,7 @@ class EquilibriumProblem:
         self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
         self.load_factor = 0.0
         self.drag: Drag | None = None
-        self.meanwhile: Callable[[], None] = lambda: None
+        self.meanwhile: Callable[[int, float], None] = lambda step, residual: None
         self.residual = create_vector(self.u.function_space)
         self._x = self.residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = self._is_loaded = False
@@ -431,7 +432,7 @@ class EquilibriumProblem:
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
-        self.meanwhile()
+        self.meanwhile(snes.getIterationNumber(), snes.getFunctionNorm())
         if self.corotation is None:
             self._next_tangent()
             return

@@ -15,7 +15,7 @@ Newton steps follow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +40,7 @@ def solve_from(
     nodes: NDArray[np.int64],
     forces: Array,
     settings: SolverSettings,
+    begin: Callable[[float, float], None] = lambda reached, target: None,
 ) -> tuple[SolveReport, bool]:
     """Bring the body to equilibrium under nodal forces, starting from a displacement (collective).
 
@@ -47,7 +48,7 @@ def solve_from(
     ----------
     displacement : array, (n_nodes, d)
         In m; what it says of clamped nodes is ignored. It may hold anything, NaN included.
-    problem, nodes, forces, settings
+    problem, nodes, forces, settings, begin
         As for `load_stepping.solve_load_case`.
 
     Returns
@@ -62,6 +63,7 @@ def solve_from(
     problem.supports.hold()
     energy, iterations = problem.potential(), 0
     if energy < 0.0:
+        begin(0.0, 1.0)
         with no_further_than(problem.tolerance() if settings.tolerance else None, problem):
             result = problem.solve(1.0)
         iterations = result.iterations
@@ -77,7 +79,7 @@ def solve_from(
                 residual_norm=result.residual_norm,
             )
             return report, True
-    report = solve_load_case(problem, nodes, forces, settings)
+    report = solve_load_case(problem, nodes, forces, settings, begin=begin)
     return replace(report, newton_iterations=report.newton_iterations + iterations), False
 
 

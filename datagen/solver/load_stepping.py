@@ -19,6 +19,7 @@ the one at
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +78,7 @@ def solve_load_case(
     settings: SolverSettings,
     pressures: NDArray[np.float64] | None = None,
     displacement: NDArray[np.float64] | None = None,
+    begin: Callable[[float, float], None] = lambda reached, target: None,
 ) -> SolveReport:
     """Bring the body from rest to equilibrium under nodal forces (collective).
 
@@ -93,6 +95,8 @@ def solve_load_case(
     settings : SolverSettings
     pressures, displacement
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
+    begin : callable
+        Called on every rank at the begin of each load step, with s and s'.
     """
     problem.set_load(nodes, forces, pressures, displacement)
     contact = problem.load.contact
@@ -108,6 +112,7 @@ def solve_load_case(
     direct, fails = problem.newton.is_direct, False
     while True:
         target = min(1.0, factor + step)
+        begin(factor, target)
         if series is not None:
             series.begin(target)
         result = problem.solve(target, direct)

@@ -7,7 +7,7 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -177,6 +177,27 @@ def logged(program: str) -> Iterator[None]:
             logger.propagate = propagate
 
 
+def parsed(parser: Parser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Parse the arguments of a command line; SystemExit after an error or the help."""
+    try:
+        try:
+            return parser.parse_args(arguments)
+        finally:
+            sys.stdout.flush()  # of the help
+    except BrokenPipeError:
+        raise SystemExit(nobody_reads()) from None
+
+
+def nobody_reads() -> int:
+    """End quietly when whoever reads the output, such as `head`, has seen enough: the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:  # what is left goes nowhere, at the end of the process as well
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return FAILED
+
+
 def run_command(program: str, command: Callable[[], None], speaks: bool = True) -> int:
     """Run a command and turn what it raises into an exit code and one line on stderr.
 
@@ -192,9 +213,8 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         with logged(program), shown_progress():
             command()
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads the output, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+    except BrokenPipeError:
+        return nobody_reads()
     except InputError as error:
         if speaks:
             print(f"{program}: error: {error}", file=sys.stderr)

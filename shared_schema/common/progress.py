@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from contextvars import ContextVar
 from tqdm import tqdm
 
 LINE_EVERY = 10.0  # seconds between progress lines where there is no terminal
+SHORT = 1.0  # seconds of passing work that show no bar
 _SHOWN: ContextVar[bool] = ContextVar("shown progress", default=False)
 
 
@@ -40,19 +42,37 @@ class Progress:
     title : str
     silent : bool
         Show nothing, also in a command.
+    passing : bool
+        Leave no bar and no last line, of work whose result is told afterwards, and show no bar
+        where it takes a moment only.
     """
 
     def __init__(
-        self, total: int, done: int = 0, unit: str = "", title: str = "", silent: bool = False
+        self,
+        total: int,
+        done: int = 0,
+        unit: str = "",
+        title: str = "",
+        silent: bool = False,
+        passing: bool = False,
     ) -> None:
         self._total, self._start, self._done = total, done, done
         self._unit, self._title = unit, title
-        self._silent = silent or not _SHOWN.get()
+        self._silent, self._passing = silent or not _SHOWN.get(), passing
         self._began = time.perf_counter()
         self._last_line = self._began
         on_terminal = sys.stderr.isatty() and not self._silent
         self._bar = (
-            tqdm(total=total, initial=done, unit=f" {unit}", desc=title, dynamic_ncols=True)
+            tqdm(
+                total=total,
+                initial=done,
+                unit=f" {unit}",
+                desc=title,
+                dynamic_ncols=True,
+                miniters=0,  # of units: a note may change without any
+                leave=not passing,
+                delay=SHORT if passing else 0.0,
+            )
             if on_terminal
             else None
         )
@@ -72,7 +92,7 @@ class Progress:
         """Finish the bar, or print the last line."""
         if self._bar is not None:
             self._bar.close()
-        elif not self._silent:
+        elif not self._silent and not self._passing:
             self._print(note)
 
     def _print(self, note: str) -> None:
@@ -85,3 +105,46 @@ class Progress:
         )
         text = f"{self._title}: {self._done}/{self._total} {self._unit}, {rate:.1f}/s, {left}"
         print(text + (f", {note}" if note else ""), file=sys.stderr, flush=True)
+
+
+class LoadProgress:
+    r"""Progress of a load that Newton's method brings up, in parts of it or at once.
+
+    Between the equilibria of the load factors s and s', the logarithm of the residual says how far
+    Newton's method is: with the residual :math:`‖R_k‖` before step k, the largest one so far
+    :math:`‖R_{max}‖`, and the tolerance ε,
+
+    .. math:: s + (s' - s) \frac{\ln ‖R_{max}‖ - \ln ‖R_k‖}{\ln ‖R_{max}‖ - \ln ε}
+
+    of the load is done. It never goes back.
+
+    Parameters
+    ----------
+    title : str
+    force : str
+        Label of forces.
+    silent : bool
+        Show nothing, also in a command.
+    """
+
+    def __init__(self, title: str, force: str = "N", silent: bool = False) -> None:
+        self._progress = Progress(100, 0, "% of the load", title, silent, passing=True)
+        self._force, self._parts, self._largest, self.part = force, (0.0, 1.0), 0.0, 0.0
+
+    def begin(self, reached: float, target: float) -> None:
+        """Say that Newton's method starts from the equilibrium at s for the one at s'."""
+        self._parts = reached, target
+
+    def step(self, number: int, residual: float, tolerance: float) -> None:
+        """Say which step of Newton's method comes next, from 0, with ‖R‖ before it and ε in N."""
+        reached, target = self._parts
+        self._largest, way = residual if number == 0 else max(self._largest, residual), 0.0
+        if 0.0 < tolerance < self._largest < math.inf and residual > 0.0:
+            way = math.log(self._largest / residual) / math.log(self._largest / tolerance)
+        self.part = max(self.part, reached + (target - reached) * min(way, 1.0))
+        note = f"Newton step {number + 1} to {target:.3g} of it, residual {residual:.2g}"
+        self._progress.update(int(100 * self.part), f"{note} {self._force}")
+
+    def close(self) -> None:
+        """Finish."""
+        self._progress.close()

@@ -32,6 +32,7 @@ nothing, in steps that are halved where no stable equilibrium is found, as `data
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +41,7 @@ from numpy.typing import NDArray
 from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.progress import LoadProgress
 from surrogate.certify.smoothed_prediction import smoothed
 from surrogate.mechanics.out_of_balance import FIRST_SHIFT, Equilibrium
 
@@ -114,12 +116,17 @@ def correct(
     """
     held = np.where(equilibrium.free[: equilibrium.nodes], predicted, 0.0)
     f, u = equilibrium.forces_at_points(forces[None]), equilibrium.at_points(held[None])
-    found = _corrected(equilibrium, f, u, tolerance)
+    with closing(LoadProgress("surrogate: correction", equilibrium.units.force)) as progress:
+        found = _corrected(equilibrium, f, u, tolerance, progress)
     return replace(found, displacement=found.displacement[: equilibrium.nodes])
 
 
 def _corrected(
-    equilibrium: Equilibrium, f: Array, predicted: Array, tolerance: ForceTolerance | float
+    equilibrium: Equilibrium,
+    f: Array,
+    predicted: Array,
+    tolerance: ForceTolerance | float,
+    progress: LoadProgress,
 ) -> Correction:
     """Correct at all points of the elements, f and the prediction (1, n_nodes, d)."""
     load = equilibrium.at_rest(f)
@@ -130,18 +137,21 @@ def _corrected(
             return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
     start, u = safest_start(equilibrium, f, predicted)
     if equilibrium.pressure is None:
-        return iterated(equilibrium, f, u, start, tolerance)
+        return iterated(equilibrium, f, u, start, tolerance, progress=progress)
     try:
-        found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS)
+        found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS, progress)
         if equilibrium.response_at(found.displacement) is not None:
             return found
     except WorkError:
         pass
-    return increased(equilibrium, f, tolerance)
+    return increased(equilibrium, f, tolerance, progress)
 
 
 def increased(
-    equilibrium: Equilibrium, f: Array, tolerance: ForceTolerance | float = DEFAULT
+    equilibrium: Equilibrium,
+    f: Array,
+    tolerance: ForceTolerance | float = DEFAULT,
+    progress: LoadProgress | None = None,
 ) -> Correction:
     """Increase a load, dead forces f (1, n_nodes, d) and pressures, from nothing.
 
@@ -156,8 +166,10 @@ def increased(
     while reached < 1:
         part = min(1.0, reached + step)
         under, start = equilibrium.under(pressure.scaled(part)), "undeformed body by load steps"
+        if progress is not None:
+            progress.begin(reached, part)
         try:
-            found = iterated(under, part * f, u, start, tolerance, STEP_ITERATIONS)
+            found = iterated(under, part * f, u, start, tolerance, STEP_ITERATIONS, progress)
         except WorkError:
             stable = False
         else:
@@ -178,8 +190,9 @@ def iterated(
     start: str,
     tolerance: ForceTolerance | float = DEFAULT,
     most: int | None = None,
+    progress: LoadProgress | None = None,
 ) -> Correction:
-    """Iterate from a start without inverted cells, f and u (1, n_nodes, d).
+    """Iterate from a start without inverted cells, f and u (1, n_nodes, d), and show progress.
 
     Raises
     ------
@@ -196,7 +209,10 @@ def iterated(
     left, stable = 0, False  # stable is what the last tangent says of u
     for iteration in range((most or ITERATIONS) + 1):
         norm, size = float(np.linalg.norm(r)), float(np.linalg.norm(u))
-        if norm <= tolerance.under(load, equilibrium.round_off, size):
+        small = tolerance.under(load, equilibrium.round_off, size)
+        if progress is not None:
+            progress.step(iteration, norm, small)
+        if norm <= small:
             mode = None if stable or not dead else equilibrium.unstable_mode(u)
             if mode is None:
                 return Correction(u[0], start, iteration, norm, left, equilibrium.units)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from copy import copy
 from functools import cached_property, reduce
 from typing import Any, TypeVar
@@ -11,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from shared_schema.common.progress import Progress
 from surrogate.cuda_graphs import Replayed
 from surrogate.device import Precision, convolutions
 from surrogate.mechanics.compliance import Compliance
@@ -59,11 +61,14 @@ class BatchedPrediction:
 
     def distribution(self, forces: Array, passes: int, seed: int) -> Distribution:
         """Predict means and standard deviations in m from forces in N, (N, n_nodes, d) each."""
-        passes = passes if self.passes.differ else 1
-        parts = [
-            self._distribution(forces[start : start + self._batch], passes, seed)
-            for start in range(0, max(len(forces), 1), self._batch)
-        ]
+        passes, parts = passes if self.passes.differ else 1, []
+        title, one = "surrogate: predictions", len(forces) <= self._batch
+        progress = Progress(len(forces), unit="loads", title=title, silent=one, passing=True)
+        with closing(progress):
+            for start in range(0, max(len(forces), 1), self._batch):
+                part = forces[start : start + self._batch]
+                parts.append(self._distribution(part, passes, seed))
+                progress.update(start + len(part))
         return Distribution(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
     def mean(self, force: Tensor, passes: int, seed: int) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import closing
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -15,6 +16,7 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.progress import Progress
 from surrogate.data.elements_of_case import require_nodes_alone
 from surrogate.inference.given_load import (
     Load,
@@ -351,12 +353,15 @@ class Surrogate(TrainedNetwork):
             raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
         dead, follows = without_pressure(self.geometry, nodal, pressure)
         displacement, found = self._displacement(nodal, predicted), []
-        for number in range(len(nodal)):
-            one = None if follows is None else follows[slice(number, number + 1)]
-            try:
-                found.append(self._corrected(dead[number], one, displacement[number]))
-            except WorkError as error:
-                raise WorkError(f"load {number}: {error}") from None
+        progress = Progress(len(nodal), unit="loads", title="surrogate: corrections", passing=True)
+        with closing(progress):
+            for number in range(len(nodal)):
+                one = None if follows is None else follows[slice(number, number + 1)]
+                try:
+                    found.append(self._corrected(dead[number], one, displacement[number]))
+                except WorkError as error:
+                    raise WorkError(f"load {number}: {error}") from None
+                progress.update(number + 1)
         return found
 
     def _corrected(

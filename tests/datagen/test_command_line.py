@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
+import datagen
 from datagen.cases.case import SHIPPED, read_case
 from datagen.command_line import main
 from tests.datagen.refusal import refusal
 
 CORNER = "4,1:0,-2.5"
+LINE = (
+    r"datagen solve beam2d: (\d+)/100 % of the load, .*, Newton step \d+ to .* of it, residual .* N"
+)
 
 
 def test_solve_writes_npz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,6 +51,72 @@ def test_solve_from_a_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     out.unlink()
     error = refusal([*arguments, "--start", str(tmp_path / "none.npz")], capsys)
     assert "--start" in error
+    assert not out.exists()
+
+
+def test_solve_shows_its_progress(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line a Newton step on stderr: parts of the load that grow; stdout is as without."""
+    command = ["solve", "beam2d", "--load", CORNER, "--set", "solver.first_step=0.3"]
+    command += ["--out", str(tmp_path / "a.npz")]
+    assert main(command) == 0
+    plain = capsys.readouterr()
+    assert plain.err == ""  # it takes less than ten seconds
+    monkeypatch.setattr("shared_schema.common.progress.LINE_EVERY", 0.0)
+    assert main(command) == 0
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[0] == plain.out.splitlines()[0]
+    steps, iterations = map(int, re.findall(r"(\d+) (?:load steps|Newton)", shown.out)[:2])
+    lines = shown.err.splitlines()
+    assert len(lines) == iterations
+    parts = [int(re.fullmatch(LINE, line)[1]) for line in lines]  # type: ignore[index]
+    assert parts == sorted(parts)
+    assert {0, 30} <= set(parts)
+    assert steps == sum("Newton step 1 to" in line for line in lines) >= 2
+
+
+def test_solutions_in_python_show_nothing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shared_schema.common.progress.LINE_EVERY", 0.0)
+    datagen.solve("beam2d", CORNER)
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "words", [["solve", "beam2d", "--load", CORNER], ["--help"], ["solve", "--help"]]
+)
+def test_output_that_nobody_reads(tmp_path: Path, words: list[str]) -> None:
+    """`datagen solve … | head`: no complaint, PETSc's neither; the fields are written."""
+    out = tmp_path / "a.npz"
+    more = [] if "--help" in words else ["--out", str(out)]
+    command = [sys.executable, "-m", "datagen.command_line", *words, *more]
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as pipe:
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, check=False, text=True)
+    assert done.stderr == ""
+    assert done.returncode == 1
+    assert out.is_file() == bool(more)
+
+
+def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
+    """One line that says which folder, and which variable leads elsewhere."""
+    out, file = tmp_path / "a.npz", tmp_path / "file"
+    file.touch()
+    words = ["solve", "beam2d", "--load", CORNER, "--out", str(out)]
+    done = subprocess.run(
+        [sys.executable, "-m", "datagen.command_line", *words],
+        env={**os.environ, "XDG_CACHE_HOME": str(file)},
+        capture_output=True,
+        check=False,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert f"'{file}/fenics' cannot be written to" in done.stderr
+    assert "set the environment variable XDG_CACHE_HOME" in done.stderr
     assert not out.exists()
 
 

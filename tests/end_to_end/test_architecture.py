@@ -40,7 +40,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["checker", "dataset_reader"],
     ],
     "datagen": [
-        ["stale_locks"],
+        ["compiled_cache", "stale_locks"],
         ["quantities", "ranks", "dolfinx_versions", "own_class"],
         ["mesh", "loads", "discretisation", "materials"],
         ["solver"],

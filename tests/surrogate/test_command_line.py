@@ -478,6 +478,17 @@ def test_lack_of_memory_is_failed_work(
     assert list(out.iterdir()) == []
 
 
+def test_help_that_nobody_reads() -> None:
+    """`surrogate --help | true`: no complaint about the pipe."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "surrogate.command_line", "predict", "--help"]
+    with os.fdopen(writer, "wb") as pipe:
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, check=False, text=True)
+    assert done.stderr == ""
+    assert done.returncode == 1
+
+
 def test_output_that_nobody_reads(trained: Path, out: Path) -> None:
     """`surrogate predict … | true`: no complaint about the pipe."""
     command = [sys.executable, "-m", "surrogate.command_line", "predict", str(trained)]

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from shared_schema.common.progress import Progress, shown_progress
+from shared_schema.common.progress import LoadProgress, Progress, shown_progress
 
 
 def test_progress_prints_plain_lines(
@@ -45,3 +45,32 @@ def test_progress_without_any_advance(capsys: pytest.CaptureFixture[str]) -> Non
     with shown_progress():
         Progress(10, 4, "steps", "train").close()
     assert capsys.readouterr().err == "train: 4/10 steps, 0.0/s, time left unknown\n"
+
+
+def test_passing_progress_leaves_no_last_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with shown_progress():
+        Progress(10, 4, "steps", "train", passing=True).close()
+    assert capsys.readouterr().err == ""
+
+
+def test_progress_of_a_load(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From 100 N to 1e-8 N are ten powers of ten; 1e-3 N is half of the way, to half the load."""
+    monkeypatch.setattr("shared_schema.common.progress.LINE_EVERY", 0.0)
+    with shown_progress():
+        progress = LoadProgress("solve")
+    progress.begin(0.0, 0.5)
+    parts = []
+    for number, residual in enumerate((1.0, 100.0, 1e-3, float("nan"), 1e-9)):
+        progress.step(number, residual, 1e-8)
+        parts.append(progress.part)
+    assert parts == pytest.approx([0, 0, 0.25, 0.25, 0.5])
+    progress.begin(0.5, 1.0)
+    progress.step(0, 1.0, 0.0)  # no tolerance is known
+    assert progress.part == 0.5
+    progress.close()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[2].startswith("solve: 25/100 % of the load, ")
+    assert lines[2].endswith(" left, Newton step 3 to 0.5 of it, residual 0.001 N")
+    assert len(lines) == 6
