@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 
@@ -24,6 +25,8 @@ def content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
             if f"{group}/loaded_nodes" in arrays:
                 problems += _load_problems(arrays, group)
         problems += _support_problems(arrays) + body_problems(arrays)
+    if manifest.forces is None and "samples/force_between" in arrays:
+        problems.append("dataset 'samples/force_between' stands against the manifest's 'forces'")
     if manifest.kind == "nodal":
         problems += _result_problems(arrays)
     if manifest.structured is None:
@@ -96,11 +99,17 @@ def _result_problems(arrays: Arrays) -> list[str]:
 
 
 def body_problems(arrays: Arrays) -> list[str]:
-    """List what is wrong with held components, groups, materials of cells, and pressures.
+    """List what is wrong with held components, groups, materials of cells, and distributed loads.
 
     The arrays have right shapes, and loaded nodes are nodes of the mesh.
     """
-    return [*_held(arrays), *_groups(arrays), *_materials(arrays), *_pressures(arrays)]
+    return [
+        *_held(arrays),
+        *_groups(arrays),
+        *_materials(arrays),
+        *_pressures(arrays),
+        *_forces_between(arrays),
+    ]
 
 
 def _held(arrays: Arrays) -> list[str]:
@@ -146,9 +155,7 @@ def _pressures(arrays: Arrays) -> list[str]:
         return ["datasets 'mesh/pressed', 'mesh/pressed_surface' and the pressures stand together"]
     if facets is None or of is None:
         return []
-    cells, problems = arrays["mesh/cells"], []
-    kind = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
-    cell_type = kind.get((arrays["mesh/coordinates"].shape[1], cells.shape[1]))
+    cells, problems, cell_type = arrays["mesh/cells"], [], _cell_type(arrays)
     surface = boundary_facets(cells, cell_type) if cell_type else facets
     known = {tuple(sorted(facet)) for facet in surface.tolist()}
     if any(tuple(sorted(facet)) not in known for facet in facets.tolist()):
@@ -159,6 +166,32 @@ def _pressures(arrays: Arrays) -> list[str]:
             problems.append("dataset 'mesh/pressed_surface' does not number the surfaces in turn")
             break
     return problems
+
+
+def _forces_between(arrays: Arrays) -> list[str]:
+    """Name forces between the nodes that are not on the points there, or that supports bear."""
+    names = [f"{group}/force_between" for group in ("samples", "failed")]
+    names, cell_type = [name for name in names if name in arrays], _cell_type(arrays)
+    if not names or cell_type is None:
+        return []
+    nodes, dimension = arrays["mesh/coordinates"].shape
+    points = PointsBetween.of(arrays["mesh/cells"], cell_type, nodes)
+    clamped = np.repeat(arrays["mesh/clamped"][:, None], dimension, axis=1)
+    held = points.held(arrays.get("mesh/held", clamped))[nodes:]
+    problems = []
+    for name in names:
+        count = arrays[name].shape[1]
+        if count != points.between:
+            problems.append(f"dataset '{name}' has {count} points, expected {points.between}")
+        elif np.any(arrays[name][:, held]):
+            problems.append(f"dataset '{name}' has a force on a held component")
+    return problems
+
+
+def _cell_type(arrays: Arrays) -> str | None:
+    """Meshio's name of the cells."""
+    kind = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
+    return kind.get((arrays["mesh/coordinates"].shape[1], arrays["mesh/cells"].shape[1]))
 
 
 def grid_problems(arrays: Arrays, shape: tuple[int, ...]) -> list[str]:

@@ -4,7 +4,9 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
 ``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
 ``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
-``surface`` (of the body's surface under pressure); ``pose`` (centre and radius of a ball).
+``surface`` (of the body's surface under pressure); ``pose`` (centre and radius of a ball);
+``between`` (points of quadratic elements between the nodes, in the order of
+`shared_schema.common.bodies.quadratic.points_between`).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -104,6 +106,22 @@ MESH = (
     ),
 )
 
+
+def _forces_between(group: str, axis: str) -> ArrayLayout:
+    """Layout of the forces between the nodes, of the load cases of a group along an axis."""
+    return ArrayLayout(
+        f"{group}/force_between",
+        "float64",
+        (axis, "between", "dim"),
+        "N",
+        "part of a distributed load that acts on the points of quadratic elements between the "
+        "nodes; `force` is at the nodes and does the work of all, in displacements that are linear "
+        "in the cells",
+        sparse=True,
+        optional=True,
+    )
+
+
 STABLE = ArrayLayout(
     "samples/stable",
     "bool",
@@ -132,6 +150,7 @@ NODAL = (
         "force vector at each loaded node, padded with 0",
         sparse=True,
     ),
+    _forces_between("samples", "sample"),
     ArrayLayout(
         "samples/displacement",
         "float64",
@@ -187,6 +206,7 @@ NODAL = (
     ArrayLayout(
         "failed/force", "float64", ("failed", "load", "dim"), "N", "force vectors, padded with 0"
     ),
+    _forces_between("failed", "failed"),
     ArrayLayout(
         "failed/load_factor",
         "float64",
@@ -231,6 +251,7 @@ STRUCTURED = (
         "nodal force, channels first, 0 where the grid has no node",
         "nodal displacement, channels first, 0 where the grid has no node",
     ),
+    _forces_between("samples", "sample"),
     STABLE,
 )
 
@@ -281,6 +302,7 @@ EMBEDDED = (
         "m",
         "displacement of every node in equilibrium",
     ),
+    _forces_between("samples", "sample"),
     STABLE,
 )
 
@@ -315,6 +337,7 @@ LOADS = (
         "N",
         "force vector at each loaded node, padded with 0",
     ),
+    _forces_between("loads", "sample"),
 )
 
 LAYOUTS: dict[FileKind, tuple[ArrayLayout, ...]] = {

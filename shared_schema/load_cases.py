@@ -35,18 +35,21 @@ class LoadCases:
         Loaded nodes of every load case, padded with -1.
     forces : array, (n, most, d)
         Force vector at each of them in N, padded with 0.
+    between : array, (n, n_between, d), optional
+        Forces between the nodes in N (`shared_schema.common.bodies.quadratic.points_between`).
     """
 
     coordinates: Array
     nodes: NDArray[np.int64]
     forces: Array
+    between: Array | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
 
     @classmethod
-    def of(cls, coordinates: Array, forces: Array) -> LoadCases:
-        """Make load cases from forces at all nodes, (n, n_nodes, d) in N."""
+    def of(cls, coordinates: Array, forces: Array, between: Array | None = None) -> LoadCases:
+        """Make load cases from forces at all nodes, (n, n_nodes, d) in N, and between them."""
         loaded = np.any(forces, axis=2)
         most = max(1, int(np.sum(loaded, axis=1).max(initial=0)))
         nodes = np.full((len(forces), most), NO_NODE, dtype=np.int64)
@@ -54,7 +57,7 @@ class LoadCases:
         for row in range(len(forces)):
             found = np.flatnonzero(forces[row].any(axis=1))
             nodes[row, : len(found)], padded[row, : len(found)] = found, forces[row, found]
-        return cls(coordinates, nodes, padded)
+        return cls(coordinates, nodes, padded, between)
 
     def load(self, number: int) -> tuple[NDArray[np.int64], Array]:
         """Return loaded nodes and force vectors of one load case: (n_loads,), (n_loads, d)."""
@@ -69,6 +72,8 @@ def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: 
         "loads/loaded_nodes": cases.nodes,
         "loads/force": cases.forces,
     }
+    if cases.between is not None:
+        arrays["loads/force_between"] = cases.between
     content = shard_content(path.name, "loads", arrays, case_digest, cell_type)
     digest = hashlib.sha256(content).hexdigest()
     with complete_or_absent(path) as partial:
@@ -93,7 +98,10 @@ def read_load_cases(path: Path) -> LoadCases:
         raise InputError(f"{path}: damaged or no file of load cases, its checksum does not match")
     arrays = read_shard(file, "loads")
     cases = LoadCases(
-        arrays["mesh/coordinates"], arrays["loads/loaded_nodes"], arrays["loads/force"]
+        arrays["mesh/coordinates"],
+        arrays["loads/loaded_nodes"],
+        arrays["loads/force"],
+        arrays.get("loads/force_between"),
     )
     nodes = cases.nodes
     if len(cases) == 0:

@@ -196,6 +196,10 @@ class Manifest(Frozen):
         structured dataset has it in `structured`.
     solver : SolverRecord or None
         How the load cases were solved; absent from the file if it is not known.
+    forces : "consistent" or None
+        Of elements with points between the nodes: distributed loads and pressures act on all their
+        points. Absent from the file if the nodes are all points, and of datasets of earlier
+        versions, whose distributed loads and pressures act on the corners of the cells alone.
     digest : str
         SHA-256 of everything above.
     """
@@ -217,6 +221,7 @@ class Manifest(Frozen):
     structured: StructuredInfo | None = None
     stiffness: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude_if=absent)
     solver: SolverRecord | None = Field(None, exclude_if=absent)
+    forces: Literal["consistent"] | None = Field(None, exclude_if=absent)
     digest: str = ""
 
     @property

@@ -1,7 +1,8 @@
 """Files that hold one solution: ``.npz`` for programs, ``.vtu`` (and ``.xdmf``) for ParaView.
 
 ``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and any further
-fields of nodes and cells under their names.
+fields of nodes and cells under their names; and ``force_between`` (n_between, d), if the load has
+forces between the nodes (`shared_schema.common.bodies.quadratic.points_between`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError
 
+BETWEEN = "force_between"
 SUFFIXES = (".npz", ".vtu", ".xdmf")
 
 
@@ -47,6 +49,7 @@ def write_solution(
     cell_type: str,
     fields: Mapping[str, NDArray[np.float64]],
     cell_fields: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
+    force_between: NDArray[np.float64] | None = None,
 ) -> None:
     """Write fields on the undeformed mesh; the file appears complete or not at all.
 
@@ -63,12 +66,16 @@ def write_solution(
         ``force`` in N, ``displacement`` in m, and so on.
     cell_fields : mapping of str to array (n_cells, …)
         Scalars and tensors of the cells.
+    force_between : array, (n_between, d), optional
+        Forces between the nodes in N, for ``.npz``; ParaView has no points for them.
     """
     require_suffix(path)
+    between = {} if force_between is None else {BETWEEN: force_between}
     with complete_or_absent(path) as partial:
         if path.suffix == ".npz":
             with partial.open("wb") as file:
-                np.savez(file, coordinates=coordinates, **fields, **cell_fields)  # type: ignore[arg-type]
+                arrays = {"coordinates": coordinates, **fields, **between, **cell_fields}
+                np.savez(file, **arrays)  # type: ignore[arg-type]
         else:
             _write_mesh(partial, coordinates, cells, cell_type, fields, cell_fields)
 
@@ -136,6 +143,29 @@ def read_field(
             f"expected {coordinates.shape} at its nodes"
         )
     return arrays[name]
+
+
+def read_forces_between(
+    path: Path, shape: tuple[int, ...], option: str
+) -> NDArray[np.float64] | None:
+    """Read the forces between the nodes of a solution (``.npz``); None if it has none.
+
+    Raises
+    ------
+    InputError
+        If they have another shape than (n_between, d).
+    """
+    try:
+        with ZipFile(path) as archive:
+            if f"{BETWEEN}.npy" not in archive.namelist():
+                return None
+            found = _declared_shape(archive, BETWEEN)
+        if found == shape:
+            with np.load(path) as file:
+                return np.asarray(file[BETWEEN], dtype=np.float64)
+    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile):
+        raise InputError(f"{option} '{path}': '{BETWEEN}' cannot be read") from None
+    raise InputError(f"{option} '{path}': {BETWEEN} of shape {found}, expected {shape}")
 
 
 def _declared_shape(archive: ZipFile, name: str) -> tuple[int, ...]:

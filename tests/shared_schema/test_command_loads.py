@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
+from shared_schema.common.solution_file import write_solution
 
 X = np.array([[0.0, 0.0], [2.0, 0.0], [5.0, 0.0], [0.0, 1.0], [2.0, 1.0], [5.0, 1.0]])
 CELLS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
@@ -25,6 +28,12 @@ def body() -> LoadedBody:
     held[0], held[3, 0] = True, True
     groups = {"top": marked(3, 4, 5), "corners": marked(0, 2, 4), "end": marked(2, 5)}
     return LoadedBody(X, CELLS, "quad", held, groups)
+
+
+@pytest.fixture
+def quadratic(body: LoadedBody) -> LoadedBody:
+    """The same body of quadratic elements: 9 points between the nodes."""
+    return replace(body, points=PointsBetween.of(CELLS, "quad", len(X)))
 
 
 def given(body: LoadedBody, *loads: str, nearest: bool = False) -> CommandLoads:
@@ -219,3 +228,67 @@ def test_groups_of_mixed_nodes_are_refused(body: LoadedBody) -> None:
     body.groups["mixed"] = marked(2, 3, 5)  # type: ignore[index]
     with pytest.raises(InputError, match="group 'mixed' has nodes beside its cells and facets"):
         given(body, "mixed:0,1")
+
+
+def between(body: LoadedBody, loads: CommandLoads) -> dict[tuple[float, float], list[float]]:
+    """Forces on points between the nodes other than zero, by their places."""
+    forces = loads.at_rest_between
+    assert forces is not None
+    places = body.positions[len(X) :]
+    return {(x, y): f.tolist() for (x, y), f in zip(places, forces, strict=True) if f.any()}
+
+
+def test_quadratic_edge_under_a_traction(quadratic: LoadedBody, body: LoadedBody) -> None:
+    """4/6 of the force on an edge acts in its middle; its share at the nodes stays 1/2 each."""
+    loads = given(quadratic, "end:0,6")
+    assert loads.forces == pytest.approx(given(body, "end:0,6").forces)
+    assert between(quadratic, loads) == {(5, 0.5): pytest.approx([0, 4])}
+    loads.scale(0.5)
+    assert between(quadratic, loads) == {(5, 0.5): pytest.approx([0, 2])}
+    assert loads.forces.sum(axis=0) == pytest.approx([0, 3])
+
+
+def test_quadratic_edge_under_a_pressure(quadratic: LoadedBody) -> None:
+    """It acts on all points: on a bulge of h of an edge of 1 m it still adds up to p · 1 m."""
+    loads = given(quadratic, "end:6")
+    assert between(quadratic, loads) == {(5, 0.5): pytest.approx([-4, 0])}
+    assert loads.at_rest[[2, 5]] == pytest.approx(np.array([[-3, 0], [-3, 0]]))
+    bulge = 0.3 * np.isclose(quadratic.positions, [5, 0.5]).all(axis=1)
+    pushed = loads.pushed(np.outer(bulge, [1, 0]))
+    assert pushed.sum(axis=0) == pytest.approx([-6, 0], abs=1e-14)
+    assert pushed[2, 1] == pytest.approx(-pushed[5, 1])
+    assert pushed[2, 1] == pytest.approx(6 * 0.3 * 2 / 3)  # p ∫ N x' dy with x = 4 h y (1 - y)
+
+
+def test_body_force_on_quadratic_cells(quadratic: LoadedBody, body: LoadedBody) -> None:
+    """Simpson's rule: 16/36 in the centre, 4/36 in the middle of an edge, of 2 and 3 m².
+
+    Held points have none: the middle of the left edge lies between a clamped node and one that
+    slides along y, so that it is held in x.
+    """
+    loads = command_loads(quadratic, (), body_force=(36.0, 36.0))
+    assert loads.forces == pytest.approx(command_loads(body, (), body_force=(36.0, 36.0)).forces)
+    found = between(quadratic, loads)
+    assert len(found) == 9
+    assert found[1, 0.5] == pytest.approx([32, 32])
+    assert found[3.5, 1] == pytest.approx([12, 12])
+    assert found[2, 0.5] == pytest.approx([20, 20])
+    assert found[0, 0.5] == pytest.approx([0, 8])
+
+
+def test_forces_between_of_a_file(quadratic: LoadedBody, body: LoadedBody, tmp_path: Path) -> None:
+    """They act where the elements have points there; linear ones take the forces at the nodes."""
+    loads, file = given(quadratic, "end:0,6"), tmp_path / "solution.npz"
+    fields = {"force": loads.at_rest, "displacement": 0 * X}
+    write_solution(file, X, CELLS, "quad", fields, force_between=loads.at_rest_between)
+    again = command_loads(quadratic, (), [file])
+    assert between(quadratic, again) == between(quadratic, loads)
+    assert command_loads(body, (), [file]).forces == pytest.approx(loads.forces)
+    write_solution(file, X, CELLS, "quad", fields, force_between=np.zeros((3, 2)))
+    with pytest.raises(InputError, match=r"force_between of shape \(3, 2\), expected \(9, 2\)"):
+        command_loads(quadratic, (), [file])
+
+
+def test_a_force_at_a_node_stays_one_at_a_corner(quadratic: LoadedBody) -> None:
+    loads = given(quadratic, "5,1:1,0", "corners:3,6")
+    assert between(quadratic, loads) == {}

@@ -15,6 +15,8 @@ from shared_schema.layout import Arrays
 from shared_schema.shard import read_shard, write_shard
 
 Change = Callable[[Arrays], None]
+HELD_BETWEEN = [0, 3]  # (0, 1), (0, 1, 3, 4), (0, 3), (1, 2), …: edges of two clamped nodes
+SLIDES = 2  # between a clamped node and one that slides along y
 
 
 @pytest.fixture
@@ -31,12 +33,23 @@ def body(nodal_arrays: Arrays) -> Arrays:
     arrays["mesh/pressed_surface"] = np.array([0, 1])
     arrays["samples/pressure"] = np.array([[1.0, 2.0], [3.0, 4.0]])
     arrays["failed/pressure"] = np.array([[5.0, 6.0]])
+    for group, count in (("samples", 2), ("failed", 1)):  # 10 edges and 3 centres
+        arrays[f"{group}/force_between"] = np.ones((count, 13, 2))
+        arrays[f"{group}/force_between"][:, HELD_BETWEEN] = 0.0
+        arrays[f"{group}/force_between"][:, SLIDES, 0] = 0.0
     return arrays
 
 
 def put(name: str, index: Any, value: Any) -> Change:
     def change(arrays: Arrays) -> None:
         arrays[name][index] = value
+
+    return change
+
+
+def fewer(name: str) -> Change:
+    def change(arrays: Arrays) -> None:
+        arrays[name] = arrays[name][:, :-1]
 
     return change
 
@@ -74,6 +87,8 @@ def test_written_and_read(body: Arrays, tmp_path: Path) -> None:
         (put("mesh/pressed", (0, 1), 4), "names a facet that is not on the surface"),
         (drop("mesh/pressed"), "stand together"),
         (put("mesh/pressed_surface", 1, 0), "does not number the surfaces in turn"),
+        (put("samples/force_between", (0, 3, 1), 1.0), "between' has a force on a held component"),
+        (fewer("failed/force_between"), "'failed/force_between' has 12 points, expected 13"),
     ],
 )
 def test_violations(body: Arrays, change: Change, said: str) -> None:

@@ -28,6 +28,14 @@ def test_written_and_read(tmp_path: Path) -> None:
     assert (nodes.tolist(), forces.tolist()) == ([0, 1], [[3.0, 0.0], [0.0, 4.0]])
 
 
+def test_forces_between_the_nodes(tmp_path: Path) -> None:
+    between = np.arange(6.0 * len(FORCES)).reshape(len(FORCES), 3, 2)
+    write_load_cases(tmp_path / "loads.h5", LoadCases.of(X, FORCES, between), "0" * 64, "triangle")
+    found = read_load_cases(tmp_path / "loads.h5").between
+    assert found is not None
+    np.testing.assert_array_equal(found, between)
+
+
 def test_nodes_that_are_not_there(tmp_path: Path) -> None:
     path = tmp_path / "loads.h5"
     write_load_cases(path, LoadCases(X, np.array([[3]]), np.ones((1, 1, 2))), "0" * 64, "triangle")

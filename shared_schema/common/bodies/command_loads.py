@@ -17,16 +17,21 @@ text                         meaning
 ``GROUP:UX,UY[,UZ]``         nearest one, or of all nodes of a group; ``-`` leaves a component free
 ===========================  ======================================================================
 
-A file of forces is a solution (``.npz`` with `coordinates` and `force`), or text (``.csv``) with
-lines X,Y[,Z],FX,FY[,FZ]. All that acts on one node adds up. What would act on a held component of
-a group or a patch is borne by the supports; what acts on a component with a given displacement, by
-what holds it.
+A file of forces is a solution (``.npz`` with `coordinates`, `force` and maybe `force_between`), or
+text (``.csv``) with lines X,Y[,Z],FX,FY[,FZ]. All that acts on one node adds up. What would act on
+a held component of a group or a patch is borne by the supports; what acts on a component with a
+given displacement, by what holds it.
+
+On quadratic elements, what is distributed over cells or facets acts on the points between the nodes
+as well (`shared_schema.common.bodies.quadratic.points_between`). A force at a node acts at the
+corner of cells, and so does what is distributed over the nodes of a group.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
@@ -40,9 +45,10 @@ from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
 from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces, node_at
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError
-from shared_schema.common.solution_file import read_field
+from shared_schema.common.solution_file import read_field, read_forces_between
 
 Array = NDArray[np.float64]
 Loads: TypeAlias = str | Sequence[str] | Array
@@ -63,6 +69,8 @@ class LoadedBody:
         Components that supports hold.
     groups : mapping of str to array of bool, (n_nodes,)
         Nodes of the named groups.
+    points : PointsBetween, optional
+        Points of quadratic elements; None if the nodes are all.
     """
 
     coordinates: Array
@@ -70,6 +78,13 @@ class LoadedBody:
     cell_type: str
     held: NDArray[np.bool_]
     groups: Mapping[str, NDArray[np.bool_]]
+    points: PointsBetween | None = None
+
+    @cached_property
+    def positions(self) -> Array:
+        """Positions of all points, (n_points, d) in m."""
+        x = self.coordinates
+        return x if self.points is None else self.points.interpolated(x)
 
     @property
     def clamped(self) -> NDArray[np.bool_]:
@@ -90,9 +105,11 @@ class CommandLoads:
     ----------
     body : LoadedBody
     forces : array, (n_nodes, d)
-        Dead nodal forces in N.
-    surfaces : list of array of int, (n_facets, n_corners)
-        Facets under pressure.
+        Dead forces at the nodes in N.
+    between : array, (n_between, d)
+        Dead forces between the nodes in N; (0, d) if the body has no points there.
+    surfaces : list of array of int, (n_facets, n_points of a facet)
+        Facets under pressure, by the numbers of all their points.
     pressures : list of float
         Pressure on each of them in Pa.
     moved : array of bool, (n_nodes, d)
@@ -105,6 +122,7 @@ class CommandLoads:
 
     body: LoadedBody
     forces: Array = field(init=False)
+    between: Array = field(init=False)
     surfaces: list[NDArray[np.int64]] = field(default_factory=list)
     pressures: list[float] = field(default_factory=list)
     moved: NDArray[np.bool_] = field(init=False)
@@ -115,25 +133,55 @@ class CommandLoads:
         self.forces = np.zeros(self.body.coordinates.shape)
         self.displacement = np.zeros(self.body.coordinates.shape)
         self.moved = np.zeros(self.body.coordinates.shape, dtype=bool)
+        self.between = np.zeros_like(self.body.positions[len(self.forces) :])
+
+    @property
+    def forces_between(self) -> Array | None:
+        """Dead forces between the nodes, (n_between, d) in N; None if no point is there."""
+        return None if self.body.points is None else self.between
 
     @property
     def at_rest(self) -> Array:
         """Forces, with those that the pressures have on the undeformed body: (n_nodes, d) in N."""
-        total = self.forces.copy()
-        for facets, pressure in zip(self.surfaces, self.pressures, strict=True):
-            total += pressure_forces(self.body.coordinates, facets, pressure)
-        return np.where(self.body.held, 0.0, total)
+        return self._with_pressures()[0]
+
+    @property
+    def at_rest_between(self) -> Array | None:
+        """The same between the nodes: (n_between, d) in N, or None."""
+        return None if self.body.points is None else self._with_pressures()[1]
+
+    def _with_pressures(self) -> tuple[Array, Array]:
+        pushed, between = self._parts(self.pushed(np.zeros(self.body.positions.shape)))
+        return np.where(self.body.held, 0.0, self.forces) + pushed, self.between + between
 
     def pushed(self, displacement: Array) -> Array:
-        """Forces of the pressures on the deformed body: (n_nodes, d) in m → same in N."""
+        """Forces of the pressures on the deformed body: (n_points, d) in m → same in N."""
         total = np.zeros(displacement.shape)
         for facets, pressure in zip(self.surfaces, self.pressures, strict=True):
-            total += pressure_forces(self.body.coordinates + displacement, facets, pressure)
+            total += pressure_forces(self.body.positions + displacement, facets, pressure)
         return total
+
+    def _parts(self, forces: Array) -> tuple[Array, Array]:
+        """Forces at the nodes and between them by those on all points, none of them on held ones.
+
+        From (n_points, d) to (n_nodes, d) and (n_between, d), in N.
+        """
+        points, held = self.body.points, self.body.held
+        if points is None:
+            return np.where(held, 0.0, forces), self.between[:0]
+        between = np.where(points.held(held), 0.0, forces)[points.nodes :]
+        return np.where(held, 0.0, points.on_nodes(forces)), between
+
+    def _distribute(self, shares: Array, total: Sequence[float]) -> None:
+        """Add a force of which every point takes a share, (n_points,)."""
+        forces, between = self._parts(np.outer(shares, total))
+        self.forces += forces
+        self.between += between
 
     def scale(self, factor: float) -> None:
         """Multiply all forces and pressures."""
         self.forces *= factor
+        self.between *= factor
         self.pressures = [factor * pressure for pressure in self.pressures]
 
     def add(self, text: str, nearest: bool = False) -> None:
@@ -163,11 +211,10 @@ class CommandLoads:
             facets = self.body.facets_of(name)
             if not len(facets):
                 raise InputError(f"--load '{text}': the group has no facet to press on")
-            self.surfaces.append(facets)
+            self.surfaces.append(self._all_points(facets))
             self.pressures.append(numbers[0])
             return
-        total = np.outer(self._shares(name), numbers)
-        self.forces += np.where(self.body.held, 0.0, total)
+        self._distribute(self._shares(name), numbers)
 
     def _add_patch(self, text: str, place: str, values: str) -> None:
         """Add a force that is spread over a part of the surface."""
@@ -178,12 +225,12 @@ class CommandLoads:
         numbers = _numbers(values, option, f"{place}:{force}, or {place},R:{force}", (d,))
         if not radius > 0:
             raise InputError(f"{option}: a radius of {radius:g}, expected one above 0 m")
-        surface = SurfacePatches.of(body.coordinates, boundary_facets(body.cells, body.cell_type))
+        facets = self._all_points(boundary_facets(body.cells, body.cell_type))
+        surface = SurfacePatches.of(body.positions, facets)
         weights = surface.weights(np.array(centre), radius)
         if not weights.any():
             raise InputError(f"{option}: no part of the surface lies within {radius:g} m of it")
-        total = np.outer(weights / weights.sum(), numbers)
-        self.forces += np.where(body.held, 0.0, total)
+        self._distribute(weights / weights.sum(), numbers)
 
     def add_body_force(self, density: str | Sequence[float]) -> None:
         """Add a force in N per m³ everywhere; what acts on held components the supports bear.
@@ -196,8 +243,8 @@ class CommandLoads:
         d = self.body.coordinates.shape[1]
         text = density if isinstance(density, str) else ",".join(map(str, density))
         numbers = _numbers(text, f"--body-force '{text}'", f"{d} numbers (N/m³)", (d,))
-        total = np.outer(nodal_volumes(self.body.coordinates, self.body.cells), numbers)
-        self.forces += np.where(self.body.held, 0.0, total)
+        cells = self.body.cells if self.body.points is None else self.body.points.cells
+        self._distribute(nodal_volumes(self.body.positions, cells), numbers)
 
     def add_forces(self, forces: Array) -> None:
         """Add nodal forces, (n_nodes, d) in N; InputError if they are none, or one is held."""
@@ -211,12 +258,28 @@ class CommandLoads:
         """Add the forces of a file; InputError that names the file, and the line of a ``.csv``."""
         if path.suffix == ".npz":
             forces = _solution_forces(path, self.body.coordinates)
+            self._add_between(path)
         elif path.suffix == ".csv":
             forces = self._csv_forces(path, nearest)
         else:
             raise InputError(f"--forces '{path}': expected a file name ending in .npz, .csv")
         self._require_free(forces, f"--forces '{path}'")
         self.forces += forces
+
+    def _add_between(self, path: Path) -> None:
+        """Add the forces between the nodes of a solution, if it has some and the body has points.
+
+        Linear elements take the forces at the nodes alone, which do the same work in them.
+        """
+        points = self.body.points
+        between = None
+        if points is not None:
+            between = read_forces_between(path, self.between.shape, "--forces")
+        if points is None or between is None:
+            return
+        if not np.abs(between).max(initial=0.0) <= MOST:
+            raise InputError(f"--forces '{path}': expected finite forces, at most {MOST:g} N")
+        self.between += np.where(points.held(self.body.held)[points.nodes :], 0.0, between)
 
     def move(self, text: str, nearest: bool = False) -> None:
         """Add what ``--hold`` says; InputError if it is wrong, or a component is held or moved."""
@@ -251,13 +314,15 @@ class CommandLoads:
         return members
 
     def _shares(self, name: str) -> Array:
-        """Part of the force on a group that each node takes, (n_nodes,), of sum 1."""
-        x, cells, members = self.body.coordinates, self.body.cells, self.body.groups[name]
-        cells, facets = cells[members[cells].all(axis=1)], self.body.facets_of(name)
-        shares = np.zeros(len(members))
+        """Part of the force on a group that each point takes, (n_points,), of sum 1."""
+        x, points, members = self.body.positions, self.body.points, self.body.groups[name]
+        inside = members[self.body.cells].all(axis=1)
+        cells, facets = self.body.cells[inside], self.body.facets_of(name)
+        shares = np.zeros(len(x))
         if _are(members, cells):
-            shares = nodal_volumes(x, cells)
+            shares = nodal_volumes(x, cells if points is None else points.cells[inside])
         elif _are(members, facets):
+            facets = self._all_points(facets)
             np.add.at(shares, facets, facet_shares(x[facets]))
         elif len(cells) or len(facets):
             raise InputError(
@@ -265,8 +330,12 @@ class CommandLoads:
                 "facets of the surface, or nodes alone"
             )
         else:
-            shares[members] = 1.0
+            shares[: len(members)][members] = 1.0
         return shares / shares.sum()
+
+    def _all_points(self, facets: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Facets by the numbers of all their points, by those of their corners."""
+        return facets if self.body.points is None else self.body.points.facets(facets)
 
     def _csv_forces(self, path: Path, nearest: bool) -> Array:
         d = self.body.coordinates.shape[1]

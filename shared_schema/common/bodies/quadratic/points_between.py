@@ -80,6 +80,14 @@ class PointsBetween:
         weights = np.concatenate([np.ones(self.nodes), np.repeat(1 / sizes, sizes)])
         return csr_array((weights, columns, starts), shape=(self.count, self.nodes))
 
+    def interpolated(self, values: Array) -> Array:
+        """Values at all points by those at the nodes: (…, n_nodes, k) → (…, n_points, k)."""
+        return _times(self.interpolation, values)
+
+    def held(self, components: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Components held at all corners around a point: nodes' (n_nodes, d) → (n_points, d)."""
+        return np.asarray(self.interpolation @ (~components).astype(np.float64) == 0.0)
+
     def numbers(self, corners: Numbers) -> Numbers:
         """Find points between by their corners, (n, at most `most`): (n,), counted with the nodes.
 
@@ -110,20 +118,22 @@ class PointsBetween:
 
         From (…, n_points, d) to (…, n_nodes, d), in N.
         """
-        return f[..., : self.nodes, :] + self._at_corners(f[..., self.nodes :, :])
+        return _times(self.interpolation.T, f)
 
     def on_points(self, f: Array, between: Array) -> Array:
         """Forces on all points by those at the nodes and the forces between them: f² of f¹ and g.
 
         From (…, n_nodes, d) and (…, n_between, d) to (…, n_points, d), in N.
         """
-        return np.concatenate([f - self._at_corners(between), between], axis=-2)
+        of_corners = f - _times(self.interpolation[self.nodes :].T, between)
+        return np.concatenate([of_corners, between], axis=-2)
 
-    def _at_corners(self, between: Array) -> Array:
-        """Forces at the nodes by those on the points between, :math:`I_{between}^T g`."""
-        rows = np.moveaxis(between, -2, 0)
-        total = self.interpolation[self.nodes :].T @ rows.reshape(len(rows), -1)
-        return np.moveaxis(total.reshape(self.nodes, *rows.shape[1:]), 0, -2)
+
+def _times(matrix: csr_array, values: Array) -> Array:
+    """Product of a sparse matrix (m, n) with the last but one axis of an array: (…, m, k)."""
+    rows = np.moveaxis(values, -2, 0)
+    product = matrix @ rows.reshape(len(rows), -1)
+    return np.moveaxis(product.reshape(len(product), *rows.shape[1:]), 0, -2)
 
 
 def _corners_between(cells: Numbers, cell_type: str) -> Numbers:
