@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from shared_schema.common.errors import InputError
 from shared_schema.tools.closed_surface import Mesh
 from shared_schema.tools.shapes import Capsule, Plane, Sphere
@@ -10,8 +12,16 @@ from shared_schema.tools.tool import Tool
 Numbers = tuple[float, ...]
 
 
-def parse_tool(text: str, dimension: int) -> Tool:
+def parse_tool(text: str, dimension: int, meshes: Mapping[str, Mesh] | None = None) -> Tool:
     """Read a tool from a text, such as ``sphere:2,1.1,0.5:0.2``.
+
+    Parameters
+    ----------
+    text : str
+    dimension : int
+    meshes : mapping of str to Mesh, optional
+        What ``mesh:NAME`` means, with a place and a turn; then no file is read. Without it, NAME is
+        a file.
 
     Raises
     ------
@@ -34,7 +44,7 @@ def parse_tool(text: str, dimension: int) -> Tool:
         elif kind == "plane" and len(numbers) == 2:
             tool = Plane(*numbers)
         elif kind == "mesh":
-            tool = _mesh(path, numbers)
+            tool = _mesh(path, numbers) if meshes is None else _moved(path, numbers, meshes)
         else:
             raise InputError(f"expected one of {forms}")
     except InputError as error:
@@ -50,3 +60,11 @@ def _mesh(path: str, numbers: list[Numbers]) -> Mesh:
         raise InputError(f"expected {Mesh.form}")
     poses = [*numbers[:2], (0.0,) * 3, (0.0,) * 3]
     return Mesh(path, poses[0], poses[1], numbers[2][0] if numbers[2:] else 1.0)
+
+
+def _moved(name: str, numbers: list[Numbers], meshes: Mapping[str, Mesh]) -> Mesh:
+    """A mesh that there is, with its place and turn, as far as they are given."""
+    if name not in meshes or [len(each) for each in numbers] != [3, 3][: len(numbers)]:
+        names = ", ".join(sorted(meshes)) or "none"
+        raise InputError(f"expected mesh:NAME[:X,Y,Z[:RX,RY,RZ]], the meshes are {names}")
+    return meshes[name].moved(*[*numbers, (0.0,) * 3][:2])

@@ -29,6 +29,7 @@ from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
 from surrogate.runs.description import RunDescription
+from surrogate.time_limit import require_time
 
 if TYPE_CHECKING:
     from surrogate.descent import Aim
@@ -191,6 +192,7 @@ class TrainedNetwork(TrainedBody):
             no such nodes; or a tolerance or budget is not positive, stands beside gradients, or is
             for a body whose equilibrium the learner does not compute.
         """
+        require_time()
         aim = given_aim(tolerance, budget, pressure)
         wanted = None if nodes is None else self.geometry.nodes_of(nodes)
         if isinstance(forces, Tensor):

@@ -45,6 +45,7 @@ from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from surrogate.mechanics.tool_springs import ToolSprings
+from surrogate.time_limit import require_time
 
 Array = NDArray[np.float64]
 Factor: TypeAlias = BandCholesky | BandLU | SparseFactor | Iterations
@@ -184,6 +185,7 @@ class Equilibrium:
 
     def out_of_balance(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
+        require_time()
         internal: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy()
         r = internal - self.external(u, f)
         r *= self.free
@@ -307,6 +309,7 @@ class Equilibrium:
 
     def linear_response(self, f: Array) -> Array:
         """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
+        require_time()
         return self.solved_by(self.undeformed, f)
 
     def response_at(self, u: Array) -> Callable[[Array], Array] | None:

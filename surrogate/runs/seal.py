@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import Field
 
 from shared_schema.common.atomic_file import write_text
-from shared_schema.common.checksum import require_plain, sha256
+from shared_schema.common.checksum import require_inside, require_plain, sha256
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import MANIFEST, digest_of
@@ -69,7 +69,7 @@ class Seal:
         Raises
         ------
         InputError
-            If the manifest is damaged, or a link.
+            If the manifest is damaged, a link, or lists a file outside of the folder.
         """
         require_plain(self.folder, self.path)
         if not self.exists:
@@ -82,6 +82,11 @@ class Seal:
         manifest = validate(RunManifest, content, str(self.path))
         if manifest.sealed() != manifest or manifest.spelled() != text:
             raise InputError(f"{self.path}: damaged, its content does not match its digest")
+        for name in manifest.files:
+            try:
+                require_inside(self.folder, self.folder / name)
+            except InputError as error:
+                raise InputError(f"{self.path}: lists {error}") from None
         return manifest.files
 
     def lists(self, path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 ===========  ====================================================================
 `session`    one client: its requests and the replies to them, without a network
+`admission`  who may connect
 `server`     WebSocket connections of such clients
 ===========  ====================================================================
 """

@@ -1,8 +1,10 @@
 """One client of a server: requests as JSON, replies, and the state of its body in between.
 
 A request is an object with a key ``do``, whose value is one of `REQUESTS`; everything else is
-optional but what the table names. The reply repeats an ``id``, if there is one. A reply to a wrong
-request, or of a search that fails, has the keys ``error`` and ``kind`` ("input" or "work").
+optional but what the table names. The reply repeats an ``id``, a text or a number, if there is one.
+A reply to a wrong request, or of a search that fails or takes too long, has the keys ``error`` and
+``kind`` ("input" or "work"). A request names no file: meshes have the names of those that the
+server was started with.
 
 ============  =======================================================  ============================
 ``do``        keys                                                     reply
@@ -26,16 +28,20 @@ from __future__ import annotations
 
 import json
 import logging
+import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.tools import parse_tool
+from shared_schema.tools import Mesh, Tool, parse_tool
 from surrogate.inference.given_load import given_load
 from surrogate.inference.surrogate import Surrogate
+from surrogate.time_limit import OutOfTimeError, TimeLimit
 from surrogate.touch import Grip, Touch
 
 Array = NDArray[np.float64]
@@ -51,7 +57,9 @@ KEYS = {
 }
 REQUESTS = tuple(KEYS)
 ALWAYS = {"do", "id", "fields", "nodes"}
-MOST_PLACES = 64
+MOST = 64  # places of a grip, and loads
+LONGEST = 1000  # letters of an error, and of an id
+SMALL = 1e-3  # of the body's extents
 
 
 class Session:
@@ -61,10 +69,17 @@ class Session:
     ----------
     model : Surrogate
         It may be shared by sessions.
+    meshes : mapping of str to Mesh, optional
+        Tools by the names that requests have for them.
+    seconds : float
+        That a request may take.
     """
 
-    def __init__(self, model: Surrogate) -> None:
-        self._model = model
+    def __init__(
+        self, model: Surrogate, meshes: Mapping[str, Mesh] | None = None, seconds: float = inf
+    ) -> None:
+        self._model, self._meshes = model, meshes or {}
+        self._limit = TimeLimit(seconds)
         self._touch: Touch | None = None
         self._grips: dict[tuple[str, ...], Grip] = {}
 
@@ -73,17 +88,26 @@ class Session:
         found: dict[str, Any] = {}
         try:
             message = read_message(text)
-            if "id" in message:
-                found["id"] = message["id"]
-            found |= self._handlers[message["do"]](message)
+            found |= {"id": message["id"]} if "id" in message else {}
+            with self._limit.running():
+                reply = self._handlers[message["do"]](message)
+            return json.dumps(found | reply, allow_nan=False)
         except InputError as error:
-            found |= {"error": str(error), "kind": "input"}
+            found |= {"error": str(error)[:LONGEST], "kind": "input"}
         except WorkError as error:
-            found |= {"error": str(error), "kind": "work"}
+            found |= {"error": str(error)[:LONGEST], "kind": "work"}
+        except OutOfTimeError:
+            self._begin_at_rest()
+            said = f"took more than {self._limit.seconds:g} s; the body is at rest again"
+            found |= {"error": said, "kind": "work"}
         except Exception:  # a client must not end the server
-            logger.exception("a request failed: %.200r", text)
+            logger.error("a request failed: %.200r\n%s", text, traceback.format_exc())
             found |= {"error": "the request failed, the server's log says why", "kind": "bug"}
         return json.dumps(found, allow_nan=False)
+
+    def stop(self) -> None:
+        """End the present request and all that follow, from any thread."""
+        self._limit.stop()
 
     @property
     def _handlers(self) -> dict[str, Callable[[Message], dict[str, Any]]]:
@@ -115,8 +139,7 @@ class Session:
     def _push(self, message: Message) -> dict[str, Any]:
         if self._touch is None:
             self._touch = Touch(self._model)
-        tool = parse_tool(text_of(message, "tool"), self._model.geometry.dimension)
-        frame = self._touch.move(tool, self._given(message))
+        frame = self._touch.move(self._tool(message), self._given(message))
         found = {
             "reaction": frame.reaction.tolist(),
             "touched": frame.nodes,
@@ -127,15 +150,12 @@ class Session:
     def _feel(self, message: Message) -> dict[str, Any]:
         if self._touch is None:
             raise InputError("feel: expected a push before")
-        tool = parse_tool(text_of(message, "tool"), self._model.geometry.dimension)
-        return {"reaction": self._touch.reaction(tool).tolist()}
+        return {"reaction": self._touch.reaction(self._tool(message)).tolist()}
 
     def _hold(self, message: Message) -> dict[str, Any]:
         held = message.get("held")
-        if not isinstance(held, dict) or not 0 < len(held) <= MOST_PLACES:
-            raise InputError(
-                f"held: expected an object of 1 to {MOST_PLACES} places and displacements"
-            )
+        if not isinstance(held, dict) or not 0 < len(held) <= MOST:
+            raise InputError(f"held: expected an object of 1 to {MOST} places and displacements")
         d = self._model.geometry.dimension
         for place, moved in held.items():
             if not isinstance(moved, list) or len(moved) != d:
@@ -154,14 +174,25 @@ class Session:
         return found | self._field(message, frame.displacement)
 
     def _let_go(self, message: Message) -> dict[str, Any]:
-        self._touch, self._grips = None, {}
+        self._begin_at_rest()
         return self._field(message, np.zeros(self._model.geometry.coordinates.shape))
+
+    def _begin_at_rest(self) -> None:
+        self._touch, self._grips = None, {}
+
+    def _tool(self, message: Message) -> Tool:
+        """The tool of a request."""
+        if not isinstance(message.get("tool"), str):
+            raise InputError("tool: expected a text")
+        return parse_tool(message["tool"], self._model.geometry.dimension, self._meshes)
 
     def _given(self, message: Message) -> Array:
         """The load beside what is pushed or held, (n_nodes, d) in N."""
         texts, density = message.get("load", []), message.get("body_force")
         if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
             raise InputError("load: expected a list of texts")
+        if len(texts) > MOST:
+            raise InputError(f"load: expected {MOST} texts at most, found {len(texts)}")
         if density is not None and not (isinstance(density, list) and all(map(is_number, density))):
             raise InputError("body_force: expected a list of numbers")
         given = given_load(self._model.geometry, texts, False, density, needed=False)
@@ -182,10 +213,21 @@ class Session:
         return {"displacement": displacement.tolist()}
 
 
+def make_first_frame(model: Surrogate) -> None:
+    """Hold a node a little aside: what that compiles, or keeps of the body, frames have at once."""
+    geometry = model.geometry
+    model.predict(np.zeros(geometry.coordinates.shape))
+    node = np.flatnonzero(geometry.free.all(axis=1))[-1]
+    place = ",".join(repr(float(value)) for value in geometry.coordinates[node])
+    aside = SMALL * np.ptp(geometry.coordinates, axis=0)
+    with suppress(InputError, WorkError):  # not every body can be held
+        Grip(model, [place]).move([aside])
+
+
 def read_message(text: str | bytes) -> Message:
     """Read a request; InputError if it is none."""
     try:
-        message = json.loads(text)
+        message = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError):
         raise InputError("expected JSON") from None
     if not isinstance(message, dict):
@@ -196,14 +238,15 @@ def read_message(text: str | bytes) -> Message:
     unknown = set(message) - ALWAYS - KEYS[what]
     if unknown:
         raise InputError(f"{what}: unknown key '{min(unknown)}'")
+    name = message.get("id", 0)
+    if not (is_number(name) or (isinstance(name, str) and len(name) <= LONGEST)):
+        raise InputError(f"id: expected a number, or a text of at most {LONGEST} letters")
     return message
 
 
-def text_of(message: Message, key: str) -> str:
-    """The text of a key; InputError if it has none."""
-    if not isinstance(message.get(key), str):
-        raise InputError(f"{key}: expected a text")
-    return str(message[key])
+def _no_number(name: str) -> float:
+    """Refuse NaN, Infinity and -Infinity, which JSON has not."""
+    raise ValueError(name)
 
 
 def is_number(value: object) -> bool:

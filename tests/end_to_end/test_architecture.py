@@ -50,7 +50,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["commands", "command_line"],
     ],
     "surrogate": [
-        ["seeds", "device", "hardware", "cuda_graphs", "data"],
+        ["seeds", "device", "hardware", "cuda_graphs", "time_limit", "data"],
         [
             *("mechanics", "series", "modal_equilibrium", "one_load"),
             *("probabilistic", "networks", "baselines", "optim"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -92,3 +93,19 @@ def test_what_is_refused(tmp_path: Path, cube: Mesh) -> None:
     tool = parse_tool(f"mesh:{path}:0,0,1:0,0,0:0.5", 3)
     np.testing.assert_allclose(tool.gap(np.array([[0.25, 0.25, 2.0]])), 0.5 - 0.005)
     assert tool.size == pytest.approx(1.505)
+
+
+def test_meshes_that_are_named_are_no_files(tmp_path: Path, cube: Mesh) -> None:
+    """Names mean the meshes that there are; a file is as unknown as none, and is not opened."""
+    x = np.array([[0.5, 0.5, 2.0]])
+    for pose, gap in (("", 1.0), (":0,0,0.25", 0.75), (":0,0,0:0,1.5707963267948966,0", 2.0)):
+        tool = parse_tool(f"mesh:cube{pose}", 3, {"cube": cube})
+        np.testing.assert_allclose(tool.gap(x), gap, atol=1e-12)
+    assert parse_tool("sphere:0,0,0:1", 3, {}).size == 1
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)  # to open it would take forever
+    for name in (str(fifo), str(tmp_path / "cube.stl"), str(tmp_path / "none"), "", "cube:0,0,0:0"):
+        with pytest.raises(InputError) as caught:
+            parse_tool(f"mesh:{name}", 3, {"cube": cube})
+        expected = "expected mesh:NAME[:X,Y,Z[:RX,RY,RZ]], the meshes are cube"
+        assert str(caught.value) == f"--tool mesh:{name}: {expected}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 import torch
 
 import surrogate
+from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
@@ -196,3 +198,16 @@ def test_weights_larger_than_the_memory(run: RunFolder) -> None:
         file.truncate(1 << 43)
     with pytest.raises(InputError, match=r"model\.safetensors: the file: needs 8.19e\+03 GiB"):
         run.read_tensors()
+
+
+@pytest.mark.parametrize("name", ["../secret.txt", "figures/../../secret.txt", "/etc/hostname"])
+def test_a_manifest_that_lists_a_file_elsewhere_is_refused(run: RunFolder, name: str) -> None:
+    """Whoever writes a manifest can also write its digest; nothing outside the folder is read."""
+    secret = run.folder / name
+    if secret.is_relative_to(run.folder):
+        secret.write_text("secret")
+    run.seal._write(run.seal.files() | {name: sha256(secret)})
+    outside = f"manifest.json: lists {secret}: outside of {run.folder}, expected a file in it"
+    for read in (surrogate.load, lambda folder: RunFolder(folder).seal.require_intact()):
+        with pytest.raises(InputError, match=re.escape(outside)):
+            read(run.folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import surrogate
 from shared_schema.tools import Sphere
 from surrogate.serving import Session
+from surrogate.time_limit import OutOfTimeError, TimeLimit
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +68,20 @@ def test_requests_are_those_of_python(beam: surrogate.Surrogate) -> None:
         ('{"do": "feel", "tool": "sphere:3,1.2:0.3"}', "expected a push before"),
         ('{"do": "hold", "held": {}}', "held: expected an object of 1 to 64 places"),
         ('{"do": "hold", "held": {"4,1": [1]}}', "expected 2 numbers or null"),
-        ('{"do": "hold", "held": {"4,1": [NaN, 0]}}', "expected 2 numbers or null"),
+        ('{"do": "hold", "held": {"4,1": [1e999, 0]}}', "expected 2 numbers or null"),
+        ('{"do": "hold", "held": {"4,1": [NaN, 0]}}', "expected JSON"),
+        ('{"do": "mesh", "id": NaN}', "expected JSON"),
+        ('{"do": "mesh", "id": -Infinity}', "expected JSON"),
+        ('{"do": "mesh", "id": 1e999}', "id: expected a number, or a text of at most 1000"),
+        ('{"do": "mesh", "id": [[]]}', "id: expected a number, or a text of at most 1000"),
+        (f'{{"do": "mesh", "id": {"[" * 900 + "]" * 900}}}', "id: expected a number"),
+        (f'{{"do": "mesh", "id": "{"x" * 1001}"}}', "id: expected a number"),
+        (f'{{"do": "mesh", "id": {"9" * 5000}}}', "expected JSON"),
+        (json.dumps({"do": "load", "load": 65 * ["4,1:0,1"]}), "expected 64 texts at most, found"),
+        (json.dumps({"do": "load", "body_force": 100_000 * [1]}), "--body-force '1,1,1"),
+        ('{"do": "push", "tool": "mesh:/etc/hostname"}', "the meshes are none"),
+        ('{"do": "push", "tool": "mesh:/no/such/file"}', "the meshes are none"),
+        ('{"do": "load", "load": ["/etc/hostname"]}', "--load '/etc/hostname': expected"),
         ('{"do": "hold", "held": {"9,9": [0, 0]}}', "no node stands there"),
         ('{"do": "load", "load": "4,1:0,-1"}', "load: expected a list of texts"),
         ('{"do": "load", "body_force": [1]}', "expected 2 numbers"),
@@ -78,6 +93,7 @@ def test_wrong_requests(beam: surrogate.Surrogate, request_: str | bytes, said: 
     reply = json.loads(Session(beam).answer(request_))
     assert reply["kind"] == "input"
     assert said in reply["error"]
+    assert len(reply["error"]) <= 1000
 
 
 def test_failed_searches_and_bugs_are_replies(
@@ -88,3 +104,49 @@ def test_failed_searches_and_bugs_are_replies(
     monkeypatch.setattr(session, "_model", None)
     assert ask(session, do="load", id="a")["kind"] == "bug"
     assert ask(session, do="load", id="a")["id"] == "a"
+
+
+def test_work_beyond_its_time_ends(beam: surrogate.Surrogate) -> None:
+    """No prediction begins after the limit; the body is at rest again, and goes on."""
+    session = Session(beam, seconds=-1)
+    for request in (
+        {"do": "load", "load": ["4,1:0,-1.5"]},
+        {"do": "push", "tool": "sphere:3,1.2:0.3"},
+        {"do": "hold", "held": {"4,1": [None, -0.3]}},
+    ):
+        reply = ask(session, **request, id=1)
+        assert reply == {
+            "id": 1,
+            "error": "took more than -1 s; the body is at rest again",
+            "kind": "work",
+        }
+        assert "expected a push" in ask(session, do="feel", tool="sphere:3,1.2:0.3")["error"]
+    assert not np.any(ask(session, do="let_go")["displacement"])
+    stopped = Session(beam)
+    stopped.stop()
+    assert ask(stopped, do="load", load=["4,1:0,-1.5"])["kind"] == "work"
+    assert "displacement" in ask(Session(beam), do="load", load=["4,1:0,-1.5"])
+
+
+def test_contact_searches_end_as_well(beam: surrogate.Surrogate) -> None:
+    """Newton's method with a tool asks for the time in every step, not only predictions."""
+    touch, limit = surrogate.Touch(beam), TimeLimit(-1)
+    with limit.running(), pytest.raises(OutOfTimeError):
+        touch.correct(Sphere((3, 1.2), 0.3))
+    assert touch.correct(Sphere((3, 1.2), 0.3)).reaction[1] == pytest.approx(-0.593, rel=0.05)
+
+
+def test_sessions_in_threads_answer_as_one_alone(beam: surrogate.Surrogate) -> None:
+    """Frames of four clients at the same time, bit by bit those of each alone."""
+
+    def frames(number: int) -> list[str]:
+        session, x = Session(beam), 2.6 + 0.2 * number
+        tools = [f"sphere:{x},{y}:0.3" for y in (1.28, 1.25, 1.2)]
+        said: list[dict[str, Any]] = [{"do": "push", "tool": tool} for tool in tools]
+        held = {"4,1": [None, -0.1 * number], "4,0": [0, None]}
+        said += [{"do": "load", "load": [f"4,1:0,{number}"]}, {"do": "hold", "held": held}]
+        return [session.answer(json.dumps(each)) for each in said]
+
+    alone = [frames(number) for number in range(4)]
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(frames, range(4))) == alone
