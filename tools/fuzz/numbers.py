@@ -181,11 +181,21 @@ def pressed(random: Random, material: Material, folder: Path) -> Outcome:
 
 def threads(random: Random, material: Material, folder: Path) -> Outcome:
     """Call one model from several threads at once: each answer as from one thread."""
+    return on_a_network("threads", random, material, folder)
+
+
+def aliasing(random: Random, material: Material, folder: Path) -> Outcome:
+    """Overwrite what a model was given and has returned: the next answers stay the same."""
+    return on_a_network("aliasing", random, material, folder)
+
+
+def on_a_network(command: str, random: Random, material: Material, folder: Path) -> Outcome:
+    """Execute a command of the fuzz itself on some network."""
     steps = Steps(material, folder)
     name = random.choice(("run", "beam2d_any", "lshape2d_any", "beam3d_any_reduced"))
     model = str(material.folder / "run") if name == "run" else name
-    steps.take("surrogate", "threads", model, str(random.randrange(2**31)))
-    return steps.ended("threads", name)
+    steps.take("surrogate", command, model, str(random.randrange(2**31)))
+    return steps.ended(command, name)
 
 
 MECHANICS: dict[str, Attack] = {
@@ -198,4 +208,5 @@ MECHANICS: dict[str, Attack] = {
     "distributed loads": distributed,
     "tolerances": soft,
     "threads": threads,
+    "aliasing": aliasing,
 }

@@ -28,6 +28,7 @@ PRELOADED = {  # nothing that begins MPI or starts threads
         "surrogate.evaluation.run_evaluation",
     ),
 }
+OWN = {"datagen": (), "surrogate": ("threads", "aliasing")}  # commands of the fuzz itself
 MEMORY = 16 * 2**30  # bytes of address space that a command may take
 POLL = 0.005
 
@@ -88,13 +89,13 @@ def serve(program: str) -> None:
     for name in PRELOADED[program]:
         importlib.import_module(name)
     main = importlib.import_module(f"{program}.command_line").main
-    threads = importlib.import_module("tools.fuzz.threads").main if program == "surrogate" else main
+    own = {name: importlib.import_module(f"tools.fuzz.{name}").main for name in OWN[program]}
     for line in sys.stdin:
         request = json.loads(line)
         began = time.monotonic()
         child = os.fork()
         if child == 0:
-            _work(threads if request["words"][0] == "threads" else main, request)
+            _work(own.get(request["words"][0], main), request)
         code, ended = _wait(child, request["limit"], request["kill"])
         answer = {"code": code, "seconds": time.monotonic() - began, "ended": ended}
         print(json.dumps(answer), flush=True)
