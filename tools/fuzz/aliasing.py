@@ -28,7 +28,7 @@ def main(words: list[str]) -> int:
     wrong = []
     for _ in range(CALLS):
         force = np.zeros(model.geometry.coordinates.shape)
-        force[random.choice(nodes, 2)] = random.uniform(-0.2, 0.2, (2, force.shape[1]))
+        force[random.choice(nodes, 2)] = random.uniform(-0.2, 0.2, (2, model.geometry.dimension))
         ways = calls(model)
         name = random.choice(list(ways))
         given = force.copy()

@@ -189,6 +189,11 @@ def aliasing(random: Random, material: Material, folder: Path) -> Outcome:
     return on_a_network("aliasing", random, material, folder)
 
 
+def strangers(random: Random, material: Material, folder: Path) -> Outcome:
+    """Serve a model to pages of other origins and to damaged requests; a friend is served well."""
+    return on_a_network("strangers", random, material, folder)
+
+
 def on_a_network(command: str, random: Random, material: Material, folder: Path) -> Outcome:
     """Execute a command of the fuzz itself on some network."""
     steps = Steps(material, folder)
@@ -209,4 +214,5 @@ MECHANICS: dict[str, Attack] = {
     "tolerances": soft,
     "threads": threads,
     "aliasing": aliasing,
+    "strangers": strangers,
 }

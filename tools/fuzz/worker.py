@@ -28,7 +28,10 @@ PRELOADED = {  # nothing that begins MPI or starts threads
         "surrogate.evaluation.run_evaluation",
     ),
 }
-OWN = {"datagen": (), "surrogate": ("threads", "aliasing")}  # commands of the fuzz itself
+OWN = {
+    "datagen": (),
+    "surrogate": ("threads", "aliasing", "strangers"),
+}  # commands of the fuzz itself
 MEMORY = 16 * 2**30  # bytes of address space that a command may take
 POLL = 0.005
 
