@@ -160,6 +160,11 @@ class DatasetReader:
             for entry in self.manifest.shards
         ]
 
+    def has(self, name: str) -> bool:
+        """Whether the first shard, and so every one, has an array that a shard may lack."""
+        path = self.folder / self.manifest.shards[0].file
+        return name in read_arrays(path, self.manifest.kind, (name,))
+
     def unstable(self) -> Numbers | None:
         """Numbers of the unstable samples, ascending; None if no shard says which are stable."""
         numbers, known = [], False

@@ -22,7 +22,7 @@ is one step from the undeformed body.
 
 Where the volumes of the cells change as a whole, the prediction's are made right first
 (`surrogate.mechanics.solids.mean_dilation`), and where elements have points between the nodes,
-these are moved to where the energy is least (`surrogate.mechanics.quadratic`).
+these are moved to where they are in equilibrium (`surrogate.mechanics.quadratic`).
 
 Under pressures that follow the surface there is no Π. The start is then the prediction, unless the
 undeformed body has the shorter step, and steps are those of `Equilibrium.damped_step`. These can
@@ -105,7 +105,8 @@ def correct(
     ----------
     equilibrium : Equilibrium
     forces, predicted : array, (n_nodes, d)
-        Nodal forces in N, and predicted displacements in m, which may be arbitrarily wrong.
+        A load in N, what acts between the nodes after the nodal forces, and predicted
+        displacements in m, which may be arbitrarily wrong.
     tolerance : ForceTolerance or float
         On ‖r‖₂ of the result, or an absolute one in N; 1e-9 of the load by default.
 
@@ -115,7 +116,8 @@ def correct(
         If 200 iterations, or under pressures load steps, do not lead to an equilibrium.
     """
     held = np.where(equilibrium.free[: equilibrium.nodes], predicted, 0.0)
-    f, u = equilibrium.forces_at_points(forces[None]), equilibrium.at_points(held[None])
+    f = equilibrium.forces_at_points(forces[None])
+    u = equilibrium.at_points(held[None], f)
     with closing(LoadProgress("surrogate: correction", equilibrium.units.force)) as progress:
         found = _corrected(equilibrium, f, u, tolerance, progress)
     return replace(found, displacement=found.displacement[: equilibrium.nodes])

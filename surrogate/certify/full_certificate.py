@@ -17,7 +17,7 @@ prediction. A prediction whose estimate does not settle is never certified, nor 
 inverted cell, for which there is no estimate.
 
 Quadratic elements have points between the nodes, at which nothing is predicted: they move to where
-the energy is least (`surrogate.mechanics.quadratic`). Errors are those of the nodes.
+they are in equilibrium (`surrogate.mechanics.quadratic`). Errors are those of the nodes.
 """
 
 from __future__ import annotations
@@ -135,13 +135,13 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
     ----------
     equilibrium : Equilibrium
     forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-        Nodal forces in N, and predicted displacements in m. What is predicted for clamped nodes is
-        wholly an error.
+        Loads in N, those between the nodes after the nodal ones, and predicted displacements in m.
+        What is predicted for clamped nodes is wholly an error.
     """
     shape = predicted.shape
-    f = equilibrium.forces_at_points(forces.reshape(-1, *shape[-2:]))
+    f = equilibrium.forces_at_points(forces.reshape(-1, *forces.shape[-2:]))
     u = predicted.reshape(-1, *shape[-2:])
-    held = equilibrium.at_points(np.where(equilibrium.free[: equilibrium.nodes], u, 0.0))
+    held = equilibrium.at_points(np.where(equilibrium.free[: equilibrium.nodes], u, 0.0), f)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, norms(r), np.inf)
@@ -173,9 +173,9 @@ def certify_each(
     pressure : FollowerPressure
         Pressures of every load case.
     forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-        Dead nodal forces in N, and predicted displacements in m.
+        Dead loads in N, and predicted displacements in m, as those of `certify`.
     """
-    f, u = (fields.reshape(-1, *predicted.shape[-2:]) for fields in (forces, predicted))
+    f, u = (fields.reshape(-1, *fields.shape[-2:]) for fields in (forces, predicted))
     each = [
         certify(equilibrium.under(pressure[one]), f[one], u[one])
         for one in (slice(row, row + 1) for row in range(len(u)))

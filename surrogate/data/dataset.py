@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
@@ -18,11 +21,13 @@ from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.material import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.body_check import Body
-from surrogate.data.elements_of_case import with_elements
+from surrogate.data.elements_of_case import loads_of_before, with_elements
 from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.data.nodal_dataset import BETWEEN, NodalSamples, between_in
 from surrogate.data.samples import Samples
 from surrogate.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -75,16 +80,21 @@ class Dataset:
     def nodal_train(self, rows: Tensor) -> NodalSamples:
         """Samples of the training split by nodes, given their rows, those of a part together."""
         if self.geometry.grid.points_are_nodes:
-            return at_nodes(self.geometry.grid, self.training[rows])
-        parts, start = [], 0
-        for stored in (self.train_on_disk, *self.further_on_disk):
-            own = rows[(rows >= start) & (rows < start + len(stored))] - start
-            parts.append(stored.at_nodes(own))
-            start += len(stored)
+            between = [(len(own), part.between(own)) for part, own in self._parts(rows)]
+            return at_nodes(self.geometry.grid, self.training[rows], joined_between(between))
+        parts = [part.at_nodes(own) for part, own in self._parts(rows)]
         return NodalSamples(
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.displacement for part in parts]),
+            joined_between([(len(part.force), part.force_between) for part in parts]),
         )
+
+    def _parts(self, rows: Tensor) -> Iterator[tuple[SamplesOnDisk, Tensor]]:
+        """Files of the training split, and which of some rows of it are theirs."""
+        start = 0
+        for stored in (self.train_on_disk, *self.further_on_disk):
+            yield stored, rows[(rows >= start) & (rows < start + len(stored))] - start
+            start += len(stored)
 
     def at_nodes(self) -> Dataset:
         """The dataset on a grid whose points are nodes, for what needs no samples on the grid."""
@@ -123,7 +133,10 @@ def read_single(folder: Path, *, on_disk: bool = False, needs_samples: bool = Tr
             f"{folder}: a body without samples; expected some, made by `datagen run` and `datagen "
             "structure` (only 'model: series' needs none)"
         )
-    geometry = with_elements(Geometry.from_arrays(reader.body, reader.cell_type), manifest.case)
+    geometry = Geometry.from_arrays(reader.body, reader.cell_type)
+    geometry = with_elements(geometry, manifest.case, manifest.forces)
+    if (of_before := loads_of_before(geometry)) is not None:
+        logger.warning("%s: %s", folder, of_before)
     is_exact = geometry.grid.points_are_nodes
     everything = reader.ascending()
     is_test = np.empty(len(everything), dtype=np.bool_)
@@ -136,17 +149,19 @@ def read_single(folder: Path, *, on_disk: bool = False, needs_samples: bool = Tr
     hint = "" if on_disk else " (with 'training.samples_on' = 'disk', only those of the test split)"
     require_memory(kept * sample, f"{folder}: {kept} samples in memory{hint}")
     train: Samples | None = None
-    if is_exact and not on_disk:
+    between = between_in(reader)
+    if is_exact and not on_disk and not between:
         trained, tested = reader.gathered(FIELDS, training, testing)  # every shard is read once
         train = samples_of(trained)
     else:
         if not on_disk:
             (trained,) = reader.gathered(FIELDS, training)
             train = samples_of(trained)
-        (tested,) = reader.gathered(FIELDS if is_exact else (*FIELDS, *AT_NODES), testing)
+        fields = FIELDS if is_exact else (*FIELDS, *AT_NODES)
+        (tested,) = reader.gathered((*fields, *between), testing)
     test = samples_of(tested)
     if is_exact:
-        nodal_test = at_nodes(geometry.grid, test)
+        nodal_test = at_nodes(geometry.grid, test, tested.get(BETWEEN))
     else:
         nodal_test = nodal_samples(tested, len(geometry.coordinates))
     has_stiffness = manifest.stiffness_checksum is not None
@@ -161,8 +176,24 @@ def samples_of(arrays: Arrays) -> Samples:
     return Samples(torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement]))
 
 
-def at_nodes(grid: Grid, samples: Samples) -> NodalSamples:
-    """Take samples from an exact grid to the nodes."""
+def at_nodes(
+    grid: Grid, samples: Samples, force_between: NDArray[np.float64] | None
+) -> NodalSamples:
+    """Take samples from an exact grid to the nodes, with their forces between these."""
     force = grid.to_nodes(samples.force.numpy()).astype(np.float64)
     displacement = grid.to_nodes(samples.displacement.numpy()).astype(np.float64)
-    return NodalSamples(force, displacement)
+    return NodalSamples(force, displacement, force_between)
+
+
+def joined_between(
+    parts: Sequence[tuple[int, NDArray[np.float64] | None]],
+) -> NDArray[np.float64] | None:
+    """Forces between the nodes of several datasets, by their numbers of samples; None without any.
+
+    Those of datasets without are zero beside others.
+    """
+    shapes = [between.shape[1:] for _, between in parts if between is not None]
+    if not shapes:
+        return None
+    each = [np.zeros((count, *shapes[0])) if own is None else own for count, own in parts]
+    return np.concatenate(each)

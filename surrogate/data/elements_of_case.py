@@ -29,10 +29,25 @@ def element_of(case: Mapping[str, Any]) -> str:
     return str(case.get("element", "linear"))
 
 
-def with_elements(geometry: Geometry, case: Mapping[str, Any]) -> Geometry:
-    """Geometry of a body with the elements of its case, and the labels of its units."""
-    dilation = has_mean_dilation(case, geometry.cell_type)
-    return replace(geometry, mean_dilation=dilation, units=Units.of_case(case))
+def with_elements(geometry: Geometry, case: Mapping[str, Any], forces: str | None) -> Geometry:
+    """Geometry of a body with the elements of its case, and the labels of its units.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    case : mapping
+        Configuration of the case.
+    forces : {"consistent"} or None
+        What the manifest says of forces between the nodes; None if pressures act at corners alone.
+    """
+    between = has_points_between(case, geometry.cell_type)
+    return replace(
+        geometry,
+        mean_dilation=has_mean_dilation(case, geometry.cell_type),
+        has_points_between=between,
+        pressed_by_corners=between and forces is None,
+        units=Units.of_case(case),
+    )
 
 
 def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:
@@ -44,6 +59,16 @@ def has_points_between(case: Mapping[str, Any], cell_type: str) -> bool:
     """Whether the elements of a case have displacements between the nodes of the mesh."""
     element = element_of(case)
     return element == "quadratic" or (element == "incompressible" and cell_type in SIMPLICES)
+
+
+def loads_of_before(geometry: Geometry) -> str | None:
+    """Say that the loads of a dataset act at corners alone, as in earlier versions; else None."""
+    if not geometry.pressed_by_corners:
+        return None
+    return (
+        "of an earlier version, whose distributed loads and pressures act at the corners of the "
+        "elements alone; new loads act between the corners too"
+    )
 
 
 def require_linear_elements(case: Mapping[str, Any], what: str) -> None:

@@ -14,6 +14,7 @@ from torch import Tensor
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid, grid_arrays, grid_of
@@ -53,6 +54,11 @@ class Geometry:
         (`surrogate.mechanics.solids.mean_dilation`), or that of quadratic triangles and tetrahedra
         linearly (`surrogate.mechanics.solids.taylor_hood`). Not among the arrays: the case says it
         (`surrogate.data.elements_of_case`).
+    has_points_between : bool
+        True if the elements have points between the nodes, on which loads act as well.
+    pressed_by_corners : bool
+        True if pressures of the case act on facets that their corners span, though elements have
+        points between these: so they do in datasets of earlier versions.
     units : Units
         Labels of the units of the case, which says them too.
     """
@@ -69,6 +75,8 @@ class Geometry:
     pressed: NDArray[np.int64] | None = None
     pressed_surface: NDArray[np.int64] | None = None
     mean_dilation: bool = False
+    has_points_between: bool = False
+    pressed_by_corners: bool = False
     units: Units = SI
 
     @classmethod
@@ -147,13 +155,43 @@ class Geometry:
 
     @property
     def surfaces(self) -> tuple[NDArray[np.int64], ...]:
-        """Facets of every surface under a pressure of the case; one surface in earlier runs."""
+        """Facets of every surface under a pressure of the case; one surface in earlier runs.
+
+        With all points that pressures act on (`pressed_points`).
+        """
         if self.pressed is None:
             return ()
+        points = self.pressed_points
+        facets = self.pressed if points is None else points.facets(self.pressed)
         if self.pressed_surface is None:
-            return (self.pressed,)
+            return (facets,)
         of = self.pressed_surface
-        return tuple(self.pressed[of == number] for number in range(int(of.max()) + 1))
+        return tuple(facets[of == number] for number in range(int(of.max()) + 1))
+
+    @cached_property
+    def points_between(self) -> PointsBetween:
+        """Points of quadratic elements on the mesh."""
+        return PointsBetween.of(self.cells, self.cell_type, len(self.coordinates))
+
+    @cached_property
+    def free_at_points(self) -> NDArray[np.bool_]:
+        """Components that are not held, at the nodes and then between them, (n_points, d).
+
+        Between nodes, those that are held at all of them.
+        """
+        if not self.has_points_between:
+            return self.free
+        return ~self.points_between.held(self.held)
+
+    @property
+    def loaded_points(self) -> PointsBetween | None:
+        """Points that loads act on; None if these are the nodes."""
+        return self.points_between if self.has_points_between else None
+
+    @property
+    def pressed_points(self) -> PointsBetween | None:
+        """Points that pressures of the case act on; None if these are the nodes."""
+        return None if self.pressed_by_corners else self.loaded_points
 
     @property
     def no_pressure(self) -> NDArray[np.float64] | None:
@@ -199,7 +237,7 @@ class Geometry:
     def loaded_body(self) -> LoadedBody:
         """The body as loads of a command refer to it."""
         mesh = self.coordinates, self.cells, self.cell_type
-        return LoadedBody(*mesh, self.held, self.groups)
+        return LoadedBody(*mesh, self.held, self.groups, self.loaded_points)
 
     @property
     def movable(self) -> NDArray[np.bool_]:

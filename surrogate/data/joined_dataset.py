@@ -66,6 +66,11 @@ def read_dataset(
             f"--data '{path}': joined with '{paths[0]}'",
             keys=("name", *BODY_KEYS),
         )
+        if other.manifest.forces != first.manifest.forces:
+            raise InputError(
+                f"--data '{path}': joined with '{paths[0]}', expected datasets in which loads act "
+                "alike between the nodes; those of earlier versions act at corners"
+            )
     return joined(datasets)
 
 

@@ -14,6 +14,7 @@ from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest
 
 Array = NDArray[np.float64]
+BETWEEN = "samples/force_between"
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,19 @@ class NodalSamples:
         In N.
     displacement : array, (N, n_nodes, d)
         In m.
+    force_between : array, (N, n_between, d), or None
+        Forces between the nodes in N, which `force` contains; None where there are none.
     """
 
     force: Array
     displacement: Array
+    force_between: Array | None = None
+
+    @property
+    def load(self) -> Array:
+        """All forces, those between the nodes after the nodal ones: what certificates take."""
+        parts = [self.force] if self.force_between is None else [self.force, self.force_between]
+        return np.concatenate(parts, axis=1)
 
 
 @dataclass(frozen=True)
@@ -61,10 +71,16 @@ def read_nodal_dataset(folder: str | Path) -> NodalDataset:
     reader = DatasetReader(Path(folder), "nodal")
     if reader.manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
-    arrays = reader.joined(("samples/loaded_nodes", "samples/force", "samples/displacement"))
+    names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
+    arrays = reader.joined((*names, *between_in(reader)))
     coordinates = reader.body["mesh/coordinates"]
     force = scatter_forces(
         arrays["samples/loaded_nodes"], arrays["samples/force"], len(coordinates)
     )
-    samples = NodalSamples(force, arrays["samples/displacement"])
+    samples = NodalSamples(force, arrays["samples/displacement"], arrays.get(BETWEEN))
     return NodalDataset(reader.manifest, coordinates, samples)
+
+
+def between_in(reader: DatasetReader) -> tuple[str, ...]:
+    """Name of the forces between the nodes, if a dataset has some."""
+    return (BETWEEN,) if reader.has(BETWEEN) else ()

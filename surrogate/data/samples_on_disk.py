@@ -26,8 +26,9 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader, Selection
+from shared_schema.layout import Arrays
 from shared_schema.shard import read_arrays
-from surrogate.data.nodal_dataset import NodalSamples
+from surrogate.data.nodal_dataset import BETWEEN, NodalSamples, between_in
 from surrogate.data.samples import Samples
 
 FIELDS = ("samples/force", "samples/displacement")
@@ -73,8 +74,17 @@ class SamplesOnDisk:
 
     def at_nodes(self, rows: Tensor) -> NodalSamples:
         """Read some samples of an embedded grid by nodes."""
-        (arrays,) = self.reader.gathered(AT_NODES, self.selection[rows.numpy()])
+        names = (*AT_NODES, *between_in(self.reader))
+        (arrays,) = self.reader.gathered(names, self.selection[rows.numpy()])
         return nodal_samples(arrays, len(self.reader.body["mesh/coordinates"]))
+
+    def between(self, rows: Tensor) -> NDArray[np.float64] | None:
+        """Read the forces between the nodes of some samples; None if the dataset has none."""
+        names = between_in(self.reader)
+        if not names:
+            return None
+        (arrays,) = self.reader.gathered(names, self.selection[rows.numpy()])
+        return arrays[BETWEEN]
 
     @cached_property
     def window(self) -> int:
@@ -162,8 +172,9 @@ def last_written(path: Path) -> Written:
     return found.st_mtime_ns, found.st_size
 
 
-def nodal_samples(arrays: dict[str, NDArray[np.generic]], nodes: int) -> NodalSamples:
+def nodal_samples(arrays: Arrays, nodes: int) -> NodalSamples:
     """Forces and displacements by nodes from the arrays `AT_NODES` of an embedded grid."""
     loaded, loads, displacement = AT_NODES
     force = scatter_forces(arrays[loaded].astype(np.int64), arrays[loads], nodes)
-    return NodalSamples(force.astype(np.float64), arrays[displacement].astype(np.float64))
+    moved = arrays[displacement].astype(np.float64)
+    return NodalSamples(force.astype(np.float64), moved, arrays.get(BETWEEN))

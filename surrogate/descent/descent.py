@@ -212,9 +212,10 @@ def descend(
     ----------
     body : DrivenBody
     force, predicted : array, (n_nodes, d)
-        Dead forces in N and displacements in m at the nodes. A prediction may be wrong, have
-        inverted cells or be no number: where its first direction is long, the directions begin
-        at the warped linear response, if that is nearer.
+        A dead load in N, what acts between the nodes after the nodal forces, and displacements in m
+        at the nodes. A prediction may be wrong, have inverted cells or be no number: where its
+        first direction is long, the directions begin at the warped linear response, if that is
+        nearer.
     aim : Aim
     last_term : float
         What the last term of the prediction's series adds at most, in m; infinite if it is not one.
@@ -230,7 +231,8 @@ def descend(
     begun, equilibrium = clock(), body.equilibrium
     nodes, f = equilibrium.nodes, equilibrium.forces_at_points(force[None])[0]
     directions = Directions(body, f)
-    start = equilibrium.at_points(np.where(equilibrium.free[:nodes], predicted, 0.0)[None])[0]
+    held = np.where(equilibrium.free[:nodes], predicted, 0.0)
+    start = equilibrium.at_points(held[None], f[None])[0]
     allowed = aim.allowed(longest(start[:nodes]))
     known = aim.tolerance is not None and last_term <= LAST * allowed
     if known and body.softened(start) >= SOFT:

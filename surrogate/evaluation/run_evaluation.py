@@ -30,6 +30,7 @@ from surrogate.measures.error_metrics import ErrorMeasures, measure, sample_erro
 from surrogate.measures.extrapolation import Extrapolation, extrapolate
 from surrogate.measures.shown_sample import find_example, tip_measures
 from surrogate.measures.stress_errors import StressMeasures, measure_stresses
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from surrogate.probabilistic.distribution import Distribution
@@ -72,6 +73,8 @@ class Evaluation:
         Calibrated bounds of single errors.
     stress : StressMeasures or None
         Errors of von Mises stresses, if the material is a shipped one.
+    acting : tuple of array (M, n_nodes or n_points, d) and FollowerPressure or None
+        Dead loads in N and pressures of the samples, as far as stresses depend on them.
     content : dict
         All measures and their origin as plain data, as in ``evaluation.json``.
     """
@@ -88,6 +91,7 @@ class Evaluation:
     intervals: Intervals | None
     fast_certificate: FastCertificate | None
     stress: StressMeasures | None
+    acting: tuple[Array, FollowerPressure | None]
     content: dict[str, Any]
 
     @property
@@ -258,7 +262,8 @@ def evaluate(
     if loads is not None:
         others = extrapolate(surrogate, Path(loads), passes, seed)
     measures = measure(force, predicted.mean, reference, tip)
-    stress = measure_stresses(surrogate, predicted.mean, reference)
+    acting = acting_in(data)
+    stress = measure_stresses(surrogate, predicted.mean, reference, *acting)
     example = find_example(force, reference, tip, np.array([tip]), example_displacement)
     moved, error = tip_measures(predicted.mean[example], reference[example], tip)
     content = origin_of(folder, surrogate, data) | {
@@ -302,8 +307,24 @@ def evaluate(
         intervals=intervals,
         fast_certificate=fast,
         stress=stress,
+        acting=acting,
         content=content,
     )
+
+
+def acting_in(data: Dataset) -> tuple[Array, FollowerPressure | None]:
+    """Dead loads in N and pressures of the test samples, if elements move under them in between.
+
+    Elements without points between the nodes do not: their loads are left as they are.
+    """
+    loads = data.nodal_test.load
+    if not data.geometry.has_points_between:
+        return loads, None
+    try:
+        return separated(data.geometry, loads)
+    except InputError as error:
+        logger.warning("stresses between the nodes are those under dead forces: %s", error)
+        return loads, None
 
 
 def has_estimate(surrogate: Surrogate, force: Array) -> bool:

@@ -49,8 +49,10 @@ def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     force = evaluation.force[example]
 
     def von_mises() -> Figure:
-        fields = (evaluation.surrogate.stresses(u)["von_mises"] for u in (predicted, reference))
-        ours, theirs = fields
+        (dead, pressure), one = evaluation.acting, slice(example, example + 1)
+        load = dead[one], None if pressure is None else pressure[one]
+        both = (evaluation.surrogate.stresses_under(*load, u) for u in (predicted, reference))
+        ours, theirs = (fields["von_mises"][0] for fields in both)
         return von_mises_beside_reference(geometry, predicted, reference, (ours, theirs))
 
     drawings: Drawings = {

@@ -202,7 +202,7 @@ def identify(
         if confirm:
             raise InputError("confirm: expected without a tool, whose contact is predicted")
         require_outside(tool, geometry.coordinates, geometry.free)
-    unknowns = Unknowns.of(geometry, unknown, given.forces, moduli, nearest, tool)
+    unknowns = Unknowns.of(geometry, unknown, given.load, moduli, nearest, tool)
     count = len(unknowns.names) + geometry.dimension * (SOMEWHERE in unknown)
     if count >= markers.moved.size:
         raise InputError(
@@ -250,7 +250,7 @@ def described(
         place_std=None if place is None else float(np.sqrt(spread)),
         displacement=best.fit.state,
         std_displacement=np.sqrt(variance),
-        force=best.force * factor,
+        force=best.force[: len(geometry.coordinates)] * factor,
         noise=best.fit.sigma,
         left_out=~best.fit.counts,
         model_error=best.model_error,

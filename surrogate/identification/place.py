@@ -58,8 +58,8 @@ class Places:
         unit = np.zeros((m, d, *shape))
         for axis in range(d):
             unit[:, axis, :, axis] = at_markers.toarray()
-        respond = body.driven_body.compliance.linear_response
-        columns = respond(unit.reshape(m * d, *shape))[:, self.nodes]
+        units = body.equilibrium.forces_at_points(unit.reshape(m * d, *shape))
+        columns = body.driven_body.compliance.linear_response(units)[:, self.nodes]
         of_nodes = np.moveaxis(columns, 1, 0).reshape(len(self.nodes), m, d, d)
         others = np.broadcast_to(beside, (len(self.nodes), *beside.shape))
         self._matrix = np.concatenate([of_nodes, others], axis=-1)  # (n, m, d, d + K)

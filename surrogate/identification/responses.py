@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -105,11 +104,13 @@ class ExactResponse(Response):
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ; WorkError if the equilibrium is not stable."""
-        respond: Callable[[Array], Array] | None = self.body.equilibrium.response_at(field)
+        body = self.body.equilibrium
+        f = body.forces_at_points(self.unknowns.forces(theta)[None])
+        respond = body.response_at(body.at_points(field[None], f)[0])
         if respond is None:
             raise WorkError("the equilibrium that fits the markers is not stable")
-        rates = respond(self.unknowns.slopes(theta))
-        return np.asarray(np.moveaxis(rates, 0, -1))
+        rates = respond(body.forces_at_points(self.unknowns.slopes(theta)))
+        return np.asarray(np.moveaxis(rates[:, : body.nodes], 0, -1))
 
 
 def differences(ahead: Array, field: Array, steps: Array) -> Array:

@@ -186,8 +186,9 @@ class Search:
         """Displacements of the markers by the linear response, (m, d, K)."""
         if not len(patterns):
             return np.zeros((*self._moved.shape, 0))
-        fields = self._body.driven_body.compliance.linear_response(patterns)
-        seen = [self._at_markers @ field for field in fields]
+        body, compliance = self._body.equilibrium, self._body.driven_body.compliance
+        fields = compliance.linear_response(body.forces_at_points(patterns))
+        seen = [self._at_markers @ field for field in fields[:, : body.nodes]]
         return np.moveaxis(np.array(seen), 0, -1)
 
     def _scale(self, strengths: Array, unknowns: Unknowns) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Displaced
 from surrogate.identification.responses import Response
+from surrogate.touch.body import together_with
 from surrogate.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class ToolResponse(Response):
         try:
             return self._frame(theta).displacement
         except (InputError, WorkError):  # the tool may not be there
-            return np.full(self.unknowns.known.shape, np.nan)
+            return np.full(self.body.geometry.coordinates.shape, np.nan)
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ."""
@@ -48,7 +49,7 @@ class ToolResponse(Response):
 
     def forces(self, theta: Array) -> Array:
         """Forces of the tool, and those that are known, in N."""
-        return np.asarray(self.unknowns.known + self._frame(theta).force)
+        return together_with(self.unknowns.known, self._frame(theta).force)
 
     def _frame(self, theta: Array) -> TouchFrame:
         assert self.unknowns.tool is not None

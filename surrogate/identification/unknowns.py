@@ -40,9 +40,9 @@ class Unknowns:
     ----------
     names : tuple of str
         Of each parameter, such as "4,1 x"; those of φ are last.
-    known : array, (n_nodes, d)
-        f₀ in N.
-    patterns : array, (K, n_nodes, d)
+    known : array, (n_nodes or n_points, d)
+        f₀ in N, with what acts between the nodes after the nodal forces.
+    patterns : array, (K, n_nodes or n_points, d)
         b_k: 1 N in all, or those of 1 N/m³.
     moduli : array, (q,)
         E₀ in Pa of every φ that is sought.
@@ -78,7 +78,7 @@ class Unknowns:
             Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
             "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere", which `at` brings
             in.
-        known : array, (n_nodes, d)
+        known : array, (n_nodes or n_points, d)
         moduli : array, (q,)
         nearest : bool
             Let places beside a node mean the nearest one.
@@ -94,7 +94,7 @@ class Unknowns:
             raise InputError(f"unknown: {', '.join(texts)}: expected 'tool' alone, and a tool")
         if tool is not None:
             names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
-            none = np.empty((0, *geometry.coordinates.shape))
+            none = np.empty((0, *known.shape))
             return cls(names, known, none, np.empty(0), tool=tool)
         if len(set(texts)) < len(texts):
             raise InputError(f"unknown: {', '.join(texts)}: expected each once")
@@ -110,7 +110,7 @@ class Unknowns:
                 else:
                     load.add(f"{text}:{values}", nearest)
                 sought.append(f"{text} {AXES[axis]}")
-                patterns.append(load.forces)
+                patterns.append(load.load)
         zones = zones_of(texts)
         if YOUNG_MODULUS in texts and not known.any():
             raise InputError(
@@ -120,7 +120,7 @@ class Unknowns:
         sought += [text for text in texts if is_modulus(text)]
         if not sought and SOMEWHERE not in texts:
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
-        shape = (len(patterns), *geometry.coordinates.shape)
+        shape = (len(patterns), *known.shape)
         stacked = np.array(patterns).reshape(shape)
         return cls(tuple(sought), known, stacked, moduli, zones)
 
@@ -135,7 +135,7 @@ class Unknowns:
             return np.asarray(self.moduli * np.exp(theta[len(theta) - len(self.moduli) :]))
 
     def forces(self, theta: Array) -> Array:
-        """f(θ) in N, for a body of E₀ if its own is sought: (..., n) → (..., n_nodes, d)."""
+        """f(θ) in N, for a body of E₀ if its own is sought: (..., n) → (..., *, d)."""
         count = len(self.patterns)
         total = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
         if self.softens:
@@ -143,7 +143,7 @@ class Unknowns:
         return np.asarray(total)
 
     def slopes(self, theta: Array) -> Array:
-        """∂f/∂θ, (p, n_nodes, d)."""
+        """∂f/∂θ, (p, n_nodes or n_points, d)."""
         if not self.softens:
             return self.patterns
         softened = self.patterns * np.exp(-theta[-1])

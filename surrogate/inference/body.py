@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.errors import InputError
 from surrogate.data.elements_of_case import (
     element_of,
@@ -20,7 +21,7 @@ from surrogate.data.elements_of_case import (
     require_nodes_alone,
 )
 from surrogate.data.geometry import Geometry
-from surrogate.inference.given_load import fields_at_nodes
+from surrogate.inference.given_load import checked_loads, fields_at_nodes, without_pressure
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
@@ -172,8 +173,8 @@ class TrainedBody:
 
         Parameters
         ----------
-        dead : array, (n_nodes, d)
-            Dead forces in N.
+        dead : array, (n_nodes or n_points, d)
+            Dead load in N.
         pressure : FollowerPressure or None
             Pressures of the load case, if the body's loads have some.
         predicted : array, (n_nodes, d)
@@ -197,13 +198,24 @@ class TrainedBody:
         """The solid whose stresses are known; InputError as `equilibrium`."""
         return self.equilibrium.solid
 
-    def stresses(self, displacement: ArrayLike | Tensor) -> dict[str, Array]:
+    def stresses(
+        self,
+        displacement: ArrayLike | Tensor,
+        forces: ArrayLike | Tensor | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> dict[str, Array]:
         """Compute stresses at the middle of every cell.
 
         Parameters
         ----------
         displacement : array, (n_nodes, d) or (N, n_nodes, d)
             In m.
+        forces : array, (n_nodes or n_points, d) or (N, *), optional
+            Loads in N, as of `Surrogate.certify`. They matter to elements with points between the
+            nodes alone, which move under the forces there; none by default.
+        pressure : array, (n_surfaces,) or (N, n_surfaces), optional
+            Pressures in Pa that are a part of these loads; none by default.
 
         Returns
         -------
@@ -213,18 +225,20 @@ class TrainedBody:
         Raises
         ------
         InputError
-            If the shape is wrong, or the material is none of the shipped ones.
+            If a shape is wrong, or the material is none of the shipped ones.
         """
-        from surrogate.mechanics.stresses import cell_stresses
-
         u = fields_at_nodes(self.geometry, displacement, "displacements")
-        samples = u.reshape(-1, *self.geometry.coordinates.shape)
-        body = self.equilibrium
-        fields = cell_stresses(self.stressed, body.geometry, body.at_points(samples))
+        given = self.geometry.no_pressure if pressure is None else pressure
+        load = without_pressure(self.geometry, self._load_on(u, forces), given)
+        fields = self.stresses_under(*load, u)
         return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
 
     def reactions(
-        self, displacement: ArrayLike | Tensor, pushed: ArrayLike | Tensor | None = None
+        self,
+        displacement: ArrayLike | Tensor,
+        pushed: ArrayLike | Tensor | None = None,
+        *,
+        forces: ArrayLike | Tensor | None = None,
     ) -> Array:
         """Compute the forces of the supports on the body in N, of the displacements' shape.
 
@@ -233,7 +247,10 @@ class TrainedBody:
         displacement : array, (n_nodes, d) or (N, n_nodes, d)
             In m.
         pushed : array of the same shape, optional
-            Forces in N of pressures on the deformed body; none by default.
+            Forces in N of pressures on the deformed body, with n_points rows on elements with
+            points between the nodes; none by default.
+        forces : array, (n_nodes or n_points, d) or (N, *), optional
+            Dead loads in N, which matter as to `stresses`; none by default.
 
         Raises
         ------
@@ -242,14 +259,63 @@ class TrainedBody:
         """
         from surrogate.mechanics.stresses import reactions
 
-        u = fields_at_nodes(self.geometry, displacement, "displacements")
-        forces = np.zeros(u.shape)
+        u, body = fields_at_nodes(self.geometry, displacement, "displacements"), self.equilibrium
+        nodes, d = self.geometry.coordinates.shape
+        loads = self._load_on(u, forces)
+        acting = body.forces_at_points(loads.reshape(-1, *loads.shape[-2:])).copy()
         if pushed is not None:
-            forces = fields_at_nodes(self.geometry, pushed, "forces of pressures")
-        if forces.shape != u.shape:
-            raise InputError(f"forces of pressures have shape {forces.shape}, expected {u.shape}")
-        samples, body = (-1, *self.geometry.coordinates.shape), self.equilibrium
-        at_points = body.at_points(u.reshape(samples))
-        pushed_points = body.forces_at_points(forces.reshape(samples))
-        found = reactions(self.stressed, body.geometry, at_points, pushed_points)
+            of_pressures = real_numbers(pushed, "forces of pressures")
+            several, rows = u.shape[:-2], of_pressures.shape[-2:-1]
+            if of_pressures.shape != (*several, *rows, d) or rows[0] not in (nodes, len(body.free)):
+                raise InputError(
+                    f"forces of pressures have shape {of_pressures.shape}, expected {u.shape}"
+                )
+            acting[:, : rows[0]] += of_pressures.reshape(-1, *rows, d)
+        at_points = body.at_points(u.reshape(-1, nodes, d), acting)
+        found = reactions(self.stressed, body.geometry, at_points, acting)
+        return np.asarray(body.forces_at_nodes(found).reshape(u.shape))
+
+    def _load_on(self, u: Array, forces: ArrayLike | Tensor | None) -> Array:
+        """Loads on displacements of some shape; InputError unless they are as many."""
+        if forces is None:
+            return np.zeros(u.shape)
+        loads = checked_loads(self.geometry, forces)
+        if loads.shape[:-2] != u.shape[:-2]:
+            raise InputError(f"forces have shape {loads.shape}, expected {u.shape}")
+        return loads
+
+    def _under_load(
+        self, dead: Array, pressure: FollowerPressure | None, u: Array
+    ) -> tuple[Array, Array]:
+        """Displacements of all points in m, and all forces on them in N: (N, n_points, d) each."""
+        body, shape = self.equilibrium, self.geometry.coordinates.shape
+        u, f = u.reshape(-1, *shape), body.forces_at_points(dead.reshape(-1, *dead.shape[-2:]))
+        if pressure is None:
+            return body.at_points(u, f), f
+        at_points = np.empty(f.shape)
+        for row in range(len(u)):
+            one = slice(row, row + 1)
+            under = body.under(pressure[one])
+            at_points[one] = under.at_points(u[one], f[one])
+            f[one] = under.external(at_points[one], f[one])
+        return at_points, f
+
+    def stresses_under(
+        self, dead: Array, pressure: FollowerPressure | None, u: Array
+    ) -> dict[str, Array]:
+        """Stresses of N displacements in m, (N, n_nodes, d), under dead loads in N and pressures.
+
+        By name, (N, n_cells, …); of a single displacement, (n_nodes, d), that of N = 1.
+        """
+        from surrogate.mechanics.stresses import cell_stresses
+
+        at_points, _ = self._under_load(dead, pressure, u)
+        return cell_stresses(self.stressed, self.equilibrium.geometry, at_points)
+
+    def reactions_under(self, dead: Array, pressure: FollowerPressure | None, u: Array) -> Array:
+        """Reactions in N of the same displacements, of their shape."""
+        from surrogate.mechanics.stresses import reactions
+
+        body = self.equilibrium
+        found = reactions(self.stressed, body.geometry, *self._under_load(dead, pressure, u))
         return np.asarray(body.forces_at_nodes(found).reshape(u.shape))

@@ -70,5 +70,6 @@ def drawn_loads(
             )
     low, high = np.transpose(ranges)
     pressures = random.uniform(low, high, (count, len(ranges)))
-    pressed = FollowerPressure(body.coordinates, body.surfaces, pressures)
-    return np.asarray(forces + np.where(body.held, 0, pressed.at_rest))
+    pressed = FollowerPressure.on(body.coordinates, body.surfaces, pressures, body.pressed_points)
+    at_nodes = pressed.load[:, : len(body.coordinates)]
+    return np.asarray(forces + np.where(body.held, 0, at_nodes))

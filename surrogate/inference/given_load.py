@@ -1,8 +1,13 @@
-"""The load of a prediction, as nodal forces: given as such, or in the words of a command line."""
+"""The load of a prediction: given as forces, or in the words of a command line.
+
+A load is nodal forces, and after these, of elements with points between the nodes, the forces there
+(`surrogate.mechanics.quadratic`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -12,7 +17,6 @@ from torch import Tensor
 
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
-from shared_schema.common.bodies.facet_quadrature import area_vectors
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
@@ -39,7 +43,23 @@ def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -
 
 
 def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
-    """Return nodal forces in N in double precision, (n_nodes, d) or (N, n_nodes, d).
+    """Return the nodal forces of a load in N, (n_nodes, d) or (N, n_nodes, d).
+
+    Those between the nodes, which they contain, are checked and left out.
+
+    Raises
+    ------
+    InputError
+        As `checked_loads`.
+    """
+    return checked_loads(geometry, forces)[..., : len(geometry.coordinates), :]
+
+
+def checked_loads(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
+    """Return a load in N in double precision, (n_nodes, d) or (N, n_nodes, d).
+
+    It may have n_points rows instead, of elements with points between the nodes: the forces there
+    after the nodal ones.
 
     Raises
     ------
@@ -47,7 +67,14 @@ def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
         If they are no real numbers, the shape is wrong, a force is not finite, or one acts on a
         held component.
     """
-    nodal = fields_at_nodes(geometry, forces, "forces")
+    points, loads = geometry.loaded_points, real_numbers(forces, "forces")
+    if points is not None and loads.ndim in (2, 3) and loads.shape[-2] == points.count:
+        nodal = fields_at_nodes(geometry, loads[..., : points.nodes, :], "forces")
+        between = loads[..., points.nodes :, :]
+        if not np.abs(between).max(initial=0.0) < LARGEST_FORCE:
+            raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+    else:
+        nodal, between = fields_at_nodes(geometry, loads, "forces"), None
     least, most = nodal.min(initial=0.0), nodal.max(initial=0.0)
     if not (least > -LARGEST_FORCE and most < LARGEST_FORCE):  # true for NaN as well
         raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
@@ -57,21 +84,21 @@ def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
         node = held[at_held.any(axis=0)][0] // nodal.shape[-1]
         how = "clamped" if geometry.clamped[node] else "held in this component"
         raise InputError(f"forces at node {node}: the node is {how}, expected a free one")
-    return nodal
+    return nodal if between is None else loads
 
 
-def checked_force(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
-    """Return the nodal forces of one load case, (n_nodes, d) in N; InputError as above."""
-    nodal = checked_forces(geometry, forces)
-    if nodal.ndim != 2:
-        raise InputError(f"forces have shape {nodal.shape}, expected {nodal.shape[1:]}")
-    return nodal
+def checked_load(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
+    """Return one load, (n_nodes or n_points, d) in N; InputError as `checked_loads`."""
+    load = checked_loads(geometry, forces)
+    if load.ndim != 2:
+        raise InputError(f"forces have shape {load.shape}, expected {load.shape[1:]}")
+    return load
 
 
 def checked_pressure(
     geometry: Geometry, pressure: ArrayLike | None, forces: Array
 ) -> FollowerPressure | None:
-    """Return the pressures that are a part of nodal forces, (n_nodes, d) or (N, n_nodes, d).
+    """Return the pressures that are a part of a load, (n_nodes, d) or (N, n_nodes, d).
 
     Parameters
     ----------
@@ -103,19 +130,24 @@ def checked_pressure(
             f"pressure has shape {np.shape(pressure)}, expected {len(surfaces)} finite "
             f"{'number' if len(surfaces) == 1 else 'numbers'} in Pa for each load case"
         )
-    return FollowerPressure(geometry.coordinates, surfaces, values)
+    return FollowerPressure.on(geometry.coordinates, surfaces, values, geometry.pressed_points)
 
 
 def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | None) -> Array:
-    """Forces in N without those of pressures on the undeformed body, of the same shape.
+    """A load in N without the forces of pressures on the undeformed body, of the same shape.
 
-    Differences that are rounding of single precision are zero.
+    Where it does not say what acts between the nodes, that is the pressures alone. Differences that
+    are rounding of single precision are zero.
     """
     if pressure is None:
         return forces
-    at_rest = pressure.at_rest.reshape(forces.shape)
-    dead = (forces - at_rest) * geometry.free
-    return np.where(np.abs(dead) <= ROUNDING * np.abs(at_rest), 0.0, dead)
+    rows = forces.shape[-2]
+    of_pressures = pressure.load[:, :rows]
+    beside = ((0, 0), (0, rows - of_pressures.shape[1]), (0, 0))
+    at_rest = np.pad(of_pressures, beside).reshape(forces.shape)
+    dead = (forces - at_rest) * geometry.free_at_points[:rows]
+    size = np.linalg.norm(at_rest, axis=-1, keepdims=True)
+    return np.where(np.abs(dead) <= ROUNDING * size, 0.0, dead)
 
 
 def without_pressure(
@@ -136,11 +168,11 @@ def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressur
     ----------
     geometry : Geometry
     forces : array, (N, n_nodes, d)
-        Nodal forces in N, with those of pressures on the undeformed body.
+        Loads in N, with the forces of pressures on the undeformed body.
 
     Returns
     -------
-    dead : array, (N, n_nodes, d)
+    dead : array of the same shape
         In N.
     pressure : FollowerPressure or None
         None for a body without such surfaces.
@@ -152,18 +184,21 @@ def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressur
     """
     if not geometry.surfaces:
         return forces, None
-    areas = np.stack([area_vectors(geometry.coordinates, s) for s in geometry.surfaces])
-    areas *= geometry.free
+    count, nodes = len(geometry.surfaces), len(geometry.coordinates)
+    of_units = checked_pressure(geometry, -np.eye(count), np.zeros((count, 1, 1)))
+    assert of_units is not None
+    areas = of_units.load[:, :nodes] * geometry.free
     own = areas.any(axis=2) & (areas.any(axis=2).sum(axis=0) == 1)
     pressures, known = np.zeros((len(forces), len(areas))), own.any(axis=1).all()
-    for number, (area, nodes) in enumerate(zip(areas, own, strict=True)):
+    for number, (area, some) in enumerate(zip(areas, own, strict=True)):
         if known:
-            a, f = area[nodes], forces[:, nodes]
+            a, f = area[some], forces[:, :nodes][:, some]
             pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
-    pressure = FollowerPressure(geometry.coordinates, geometry.surfaces, pressures)
+    pressure = replace(of_units, pressures=pressures)
     dead = dead_part(geometry, forces, pressure)
-    for nodes in own:
-        known = known and (2 * dead[:, nodes].any(axis=2).sum(axis=1) < nodes.sum()).all()
+    for some in own:
+        loaded = dead[:, :nodes][:, some].any(axis=2).sum(axis=1)
+        known = known and (2 * loaded < some.sum()).all()
     if not known:
         raise InputError("the pressures of the samples cannot be told from their other forces")
     return dead, pressure
@@ -173,8 +208,8 @@ def following(given: CommandLoads) -> FollowerPressure | None:
     """Pressures of a load as those of one load case; None if it has none."""
     if not given.surfaces:
         return None
-    pressures = np.array([given.pressures])
-    return FollowerPressure(given.body.coordinates, tuple(given.surfaces), pressures)
+    body, pressures = given.body, np.array([given.pressures])
+    return FollowerPressure.on(body.coordinates, given.surfaces, pressures, body.points)
 
 
 def given_load(
@@ -189,8 +224,8 @@ def given_load(
     Parameters
     ----------
     geometry : Geometry
-    load : array (n_nodes, d), Tensor, str, Path or sequence of str and Path
-        Nodal forces in N; or texts as ``--load`` takes them, and files as ``--forces`` does
+    load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
+        A load in N; or texts as ``--load`` takes them, and files as ``--forces`` does
         (`shared_schema.common.bodies.command_loads`).
     nearest : bool
         Let forces at other places act at the nearest node.
@@ -218,7 +253,9 @@ def given_load(
             )
         return given
     given = CommandLoads(body)
-    given.forces = checked_force(geometry, load)  # type: ignore[arg-type]  # no texts are left
+    both = checked_load(geometry, load)  # type: ignore[arg-type]  # no texts are left
+    given.forces, between = both[: len(body.coordinates)], both[len(body.coordinates) :]
+    given.between[: len(between)] = between
     if body_force is not None:
         given.add_body_force(body_force)
     return given

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
-from surrogate.data.elements_of_case import with_elements
+from surrogate.data.elements_of_case import loads_of_before, with_elements
 from surrogate.data.geometry import PREFIX, Geometry
 from surrogate.device import choose_device
 from surrogate.hardware import memory_errors
@@ -38,7 +38,8 @@ def make_surrogate(
     """
     on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
     config, data = description.run, description.data
-    geometry = with_elements(Geometry.from_tensors(on_cpu, data.cell_type), data.case)
+    geometry = Geometry.from_tensors(on_cpu, data.cell_type)
+    geometry = with_elements(geometry, data.case, data.forces)
     material = data.material if config.needs_material else None
     network = config.build_for(geometry, data.info, material, data.case)
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
@@ -90,6 +91,8 @@ def load(
         folder.seal.require_intact(folder.modal_cubature)
         balance(surrogate, read_cubature(folder.modal_cubature))
     restore_columns(surrogate, folder)
+    if (of_before := loads_of_before(surrogate.geometry)) is not None:
+        logger.warning("%s: trained on data %s", folder.folder, of_before)
     surrogate.precision = precision
     surrogate.folder = folder.folder
     surrogate.mean_error = folder.mean_error()

@@ -50,6 +50,9 @@ class Solution:
         Name of the body.
     force : array, (n_nodes, d)
         Nodal forces in N; of pressures, those on the undeformed body.
+    force_between : array, (n_between, d), or None
+        Forces in N on points of the elements between the nodes, which `force` contains; None for
+        elements without such points.
     displacement : array, (n_nodes, d)
         In m; the equilibrium of the finite elements if the prediction is corrected, the state that
         directions have reached if it is driven towards it.
@@ -108,6 +111,13 @@ class Solution:
     descent: Descent | None = None
     grips: Array | None = None
     contact: TouchFrame | None = None
+    force_between: Array | None = None
+
+    @property
+    def load(self) -> Array:
+        """All forces in N, those between the nodes after the nodal ones: what `certify` takes."""
+        parts = [self.force] if self.force_between is None else [self.force, self.force_between]
+        return np.concatenate(parts)
 
     @property
     def std(self) -> Array | None:
@@ -186,7 +196,9 @@ class Solution:
             If the file's name has another end, or its folder does not exist.
         """
         mesh = self.geometry.coordinates, self.geometry.cells, self.geometry.cell_type
-        write_solution(Path(path), *mesh, self.fields(), self.stresses)
+        between = self.force_between
+        between = None if between is None or not between.any() else between
+        write_solution(Path(path), *mesh, self.fields(), self.stresses, between)
 
     def plot(self) -> Figure:
         """Draw the deformed body over the undeformed one, with the forces.

@@ -68,6 +68,7 @@ def stiffened(solution: Solution, factor: float) -> Solution:
     return replace(
         solution,
         force=solution.force * factor,
+        force_between=None if solution.force_between is None else solution.force_between * factor,
         stresses={
             name: values if name in OF_STRAIN else values * factor
             for name, values in solution.stresses.items()

@@ -20,8 +20,8 @@ from shared_schema.common.progress import Progress
 from surrogate.data.elements_of_case import require_nodes_alone
 from surrogate.inference.given_load import (
     Load,
-    checked_force,
-    checked_forces,
+    checked_load,
+    checked_loads,
     following,
     given_load,
     without_pressure,
@@ -81,10 +81,11 @@ class Surrogate(TrainedNetwork):
 
         Parameters
         ----------
-        load : array (n_nodes, d), Tensor, str, Path or sequence of str and Path
-            Nodal forces in N; or texts as ``--load`` takes them, such as "4,1:0,-1.5" (a force in N
-            at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a pressure in Pa),
-            and files as ``--forces`` takes them. All act together.
+        load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
+            Nodal forces in N, and after these, of elements with points between the nodes, the
+            forces there (`Solution.load`); or texts as ``--load`` takes them, such as "4,1:0,-1.5"
+            (a force in N at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a
+            pressure in Pa), and files as ``--forces`` takes them. All act together.
         held : mapping of str to displacements, or sequence of str, optional
             Places and groups that are held at displacements in m, such as {"4,1": (0.02, None)},
             or texts as ``--hold`` takes them, such as "4,1:0.02,-"; the solution's `force` holds
@@ -160,7 +161,7 @@ class Surrogate(TrainedNetwork):
         interval = None
         if intervals is not None and conformal is not None:
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
-        dead, pressure = given.forces, following(given)
+        dead, pressure = given.load, following(given)
         displacement, correction, descent = network.mean, None, None
         sought = contact if frame is None else frame
         if sought is not None and sought.correction is not None:
@@ -196,6 +197,7 @@ class Surrogate(TrainedNetwork):
             geometry=self.geometry,
             case=self.description.run.case,
             force=force,
+            force_between=given.at_rest_between,
             displacement=displacement,
             predicted=network.mean,
             distribution=network if self.is_probabilistic and is_own else None,
@@ -205,8 +207,8 @@ class Surrogate(TrainedNetwork):
             certificate=certificate,
             half_width=half_width,
             tolerance=tolerance,
-            stresses=self.stresses(displacement) if stresses else {},
-            reaction=self.reactions(displacement, given.pushed(displacement)) if stresses else None,
+            stresses=self._stresses_of(dead, pressure, displacement) if stresses else {},
+            reaction=self.reactions_under(dead, pressure, displacement) if stresses else None,
             notes=tuple(given.notes),
             grips=None if frame is None else frame.reactions,
             contact=contact,
@@ -230,7 +232,8 @@ class Surrogate(TrainedNetwork):
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N, with those that pressures have on the undeformed body, as in a
-            dataset.
+            dataset. On elements with points between the nodes the forces there may follow, so that
+            there are n_points rows; without them, these are the pressures' alone.
         predicted : array of the same shape, optional
             Displacements in m; by default those of `predict`.
         pressure : array, (n_surfaces,) or (N, n_surfaces)
@@ -242,9 +245,9 @@ class Surrogate(TrainedNetwork):
         InputError
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
-        nodal = checked_forces(self.geometry, forces)
-        dead, follows = without_pressure(self.geometry, nodal, pressure)
-        return self._certified(dead, follows, self._displacement(nodal, predicted))
+        loads = checked_loads(self.geometry, forces)
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        return self._certified(dead, follows, self._displacement(loads, predicted))
 
     def bounds(
         self,
@@ -279,12 +282,18 @@ class Surrogate(TrainedNetwork):
             If a shape is wrong, a force is not finite, or the run has no fast certificate or none
             of this level.
         """
-        fast, nodal, std = self._fast_of_level(level), checked_forces(self.geometry, forces), None
-        dead, follows = without_pressure(self.geometry, nodal, pressure)
+        fast, loads, std = self._fast_of_level(level), checked_loads(self.geometry, forces), None
+        dead, follows = without_pressure(self.geometry, loads, pressure)
         if predicted is None and self.is_probabilistic:
-            network = self._averaged(nodal, PASSES, 0)
+            network = self._averaged(loads, PASSES, 0)
             predicted, std = network.mean, network.std
-        return fast.certify(dead, self._displacement(nodal, predicted), level, std, follows)
+        return fast.certify(dead, self._displacement(loads, predicted), level, std, follows)
+
+    def _stresses_of(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> dict[str, Array]:
+        found = self.stresses_under(dead, pressure, displacement)
+        return {name: values[0] for name, values in found.items()}
 
     def _certified(
         self, dead: Array, pressure: FollowerPressure | None, displacement: Array
@@ -306,8 +315,8 @@ class Surrogate(TrainedNetwork):
 
         Parameters
         ----------
-        forces : array, (n_nodes, d)
-            Nodal forces in N, as those of `certify`.
+        forces : array, (n_nodes or n_points, d)
+            A load in N, as those of `certify`.
         predicted : array of the same shape, optional
             Displacements in m, which may be wrong; by default those of `predict`.
         pressure : array, (n_surfaces,)
@@ -320,9 +329,9 @@ class Surrogate(TrainedNetwork):
         WorkError
             If no equilibrium is found.
         """
-        nodal = checked_force(self.geometry, forces)
-        dead, follows = without_pressure(self.geometry, nodal, pressure)
-        return self._corrected(dead, follows, self._displacement(nodal, predicted))
+        load = checked_load(self.geometry, forces)
+        dead, follows = without_pressure(self.geometry, load, pressure)
+        return self._corrected(dead, follows, self._displacement(load, predicted))
 
     def correct_each(
         self,
@@ -348,14 +357,14 @@ class Surrogate(TrainedNetwork):
             If no equilibrium is found for a load; the message has its number.
         """
         shape = self.geometry.coordinates.shape
-        nodal = checked_forces(self.geometry, forces)
-        if nodal.ndim != 3:
-            raise InputError(f"forces have shape {nodal.shape}, expected {('N', *shape)}")
-        dead, follows = without_pressure(self.geometry, nodal, pressure)
-        displacement, found = self._displacement(nodal, predicted), []
-        progress = Progress(len(nodal), unit="loads", title="surrogate: corrections", passing=True)
+        loads = checked_loads(self.geometry, forces)
+        if loads.ndim != 3:
+            raise InputError(f"forces have shape {loads.shape}, expected {('N', *shape)}")
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        displacement, found = self._displacement(loads, predicted), []
+        progress = Progress(len(loads), unit="loads", title="surrogate: corrections", passing=True)
         with closing(progress):
-            for number in range(len(nodal)):
+            for number in range(len(loads)):
                 one = None if follows is None else follows[slice(number, number + 1)]
                 try:
                     found.append(self._corrected(dead[number], one, displacement[number]))
@@ -372,8 +381,9 @@ class Surrogate(TrainedNetwork):
         tolerance = ForceTolerance.of_case(self.description.data.case)
         return correct(self.under(pressure), dead, displacement, tolerance)
 
-    def _displacement(self, nodal: Array, predicted: ArrayLike | None) -> Array:
+    def _displacement(self, loads: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         if predicted is None:
             return self._mean(nodal)
         displacement = real_numbers(predicted, "predicted displacements")

@@ -19,7 +19,7 @@ from surrogate.data.load_range import PressedNodes
 from surrogate.device import Precision
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
-from surrogate.inference.given_load import checked_forces, without_pressure
+from surrogate.inference.given_load import checked_forces, checked_loads, without_pressure
 from surrogate.inference.training_range import TrainingRange
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.held_nodes import HeldNodes
@@ -168,8 +168,9 @@ class TrainedNetwork(TrainedBody):
         Parameters
         ----------
         forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N. A tensor that requires gradients gives displacements that are
-            differentiable by the forces; the network's weights get no gradients.
+            Nodal forces in N, or loads as those of `Surrogate.certify`. A tensor that requires
+            gradients gives displacements that are differentiable by the forces; the network's
+            weights get no gradients.
         tolerance : float, optional
             Largest error of a node, relative to the largest displacement under the load.
         budget : float, optional
@@ -198,17 +199,19 @@ class TrainedNetwork(TrainedBody):
         if isinstance(forces, Tensor):
             found = self._predicted_tensor(forces, aim, pressure)
             return found if wanted is None else found[..., torch.from_numpy(wanted), :]
-        nodal = checked_forces(self.geometry, forces)
+        loads = checked_loads(self.geometry, forces)
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         self.training_range.warn(nodal)
         if aim is not None:
-            driven = self._driven(nodal, aim, pressure)
+            driven = self._driven(loads, aim, pressure)
             return driven if wanted is None else driven[..., wanted, :]
         return self._mean(nodal) if wanted is None else self._mean_at(nodal, wanted)
 
     def _predicted_tensor(
         self, forces: Tensor, aim: Aim | None, pressure: ArrayLike | None
     ) -> Tensor:
-        nodal = checked_forces(self.geometry, forces)
+        loads = checked_loads(self.geometry, forces)
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         self.training_range.warn(nodal)
         kind = forces.dtype if forces.is_floating_point() else torch.float64
         differentiable = forces.requires_grad and torch.is_grad_enabled()
@@ -217,11 +220,11 @@ class TrainedNetwork(TrainedBody):
                 "tolerance and budget: directions have no gradients, expected forces without"
             )
         if not differentiable:
-            found = self._mean(nodal) if aim is None else self._driven(nodal, aim, pressure)
+            found = self._mean(nodal) if aim is None else self._driven(loads, aim, pressure)
             return torch.from_numpy(found).to(forces.device, kind)
-        samples = forces.reshape(-1, *nodal.shape[-2:]).to(self.network.free.device)
-        mean = self._batched.mean(samples, PASSES, 0)
-        return mean.reshape(forces.shape).to(forces.device)
+        samples = forces[..., : nodal.shape[-2], :].reshape(-1, *nodal.shape[-2:])
+        mean = self._batched.mean(samples.to(self.network.free.device), PASSES, 0)
+        return mean.reshape(nodal.shape).to(forces.device)
 
     def _mean(self, nodal: Array) -> Array:
         """Predict without warnings."""
@@ -264,15 +267,15 @@ class TrainedNetwork(TrainedBody):
             mean = self._averaged(nodal, PASSES, 0).mean
         return mean.reshape(nodal.shape), last
 
-    def _driven(self, nodal: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
+    def _driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
         """Predict, and drive load by load towards the equilibrium."""
         from surrogate.descent.aim import UnreachedToleranceWarning
 
-        dead, follows = without_pressure(self.geometry, nodal, pressure)
-        shape, driven, missed = (-1, *nodal.shape[-2:]), [], []
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        nodal, driven, missed = loads[..., : len(self.geometry.coordinates), :], [], []
         mean, last = self.mean_and_last_term(nodal)
-        loads = zip(dead.reshape(shape), mean.reshape(shape), last, strict=True)
-        for number, (force, predicted, remainder) in enumerate(loads):
+        each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
+        for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
             one = None if follows is None else follows[slice(number, number + 1)]
             displacement, descent = self.descend(force, one, predicted, aim, float(remainder))
             driven.append(displacement)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
 from surrogate.inference.surrogate import Surrogate
+from surrogate.mechanics.follower_pressure import FollowerPressure
 
 Array = NDArray[np.float64]
 AT_ONCE = 2**18  # cells of all samples that are held at once
@@ -42,7 +44,11 @@ class StressMeasures:
 
 
 def measure_stresses(
-    surrogate: Surrogate, predicted: Array, reference: Array
+    surrogate: Surrogate,
+    predicted: Array,
+    reference: Array,
+    dead: Array | None = None,
+    pressure: FollowerPressure | None = None,
 ) -> StressMeasures | None:
     """Measure the stresses of predictions; None if the material is none of the shipped ones.
 
@@ -51,16 +57,24 @@ def measure_stresses(
     surrogate : Surrogate
     predicted, reference : array, (M, n_nodes, d)
         Displacements in m.
+    dead : array, (M, n_nodes or n_points, d), optional
+        Dead loads in N, under which points between the nodes move; none by default.
+    pressure : FollowerPressure, optional
+        Pressures of the samples; none by default.
     """
     try:
         surrogate.stressed  # noqa: B018
     except InputError:
         return None
     step = max(1, AT_ONCE // len(surrogate.geometry.cells))
-    parts = [
-        _errors(surrogate, predicted[start : start + step], reference[start : start + step])
-        for start in range(0, len(predicted), step)
-    ]
+    dead = np.zeros_like(predicted) if dead is None else dead
+    parts = []
+    for start in range(0, len(predicted), step):
+        some = slice(start, start + step)
+        of_load = partial(
+            surrogate.stresses_under, dead[some], None if pressure is None else pressure[some]
+        )
+        parts.append(_errors(of_load(predicted[some]), of_load(reference[some])))
     mean, largest, of_largest, inverted = map(np.concatenate, zip(*parts, strict=True))
     stressed = largest > 0
     relative = np.divide(mean, largest, out=np.zeros_like(mean), where=stressed)
@@ -73,10 +87,9 @@ def measure_stresses(
 
 
 def _errors(
-    surrogate: Surrogate, predicted: Array, reference: Array
+    found: dict[str, Array], expected: dict[str, Array]
 ) -> tuple[Array, Array, Array, Array]:
     """Mean error, largest stress, relative error of the largest, inverted cells: (M,) each."""
-    found, expected = surrogate.stresses(predicted), surrogate.stresses(reference)
     sound = found["jacobian"] > 0
     ours = np.where(sound, found["von_mises"], 0.0)
     theirs = np.where(sound, expected["von_mises"], 0.0)

@@ -6,7 +6,7 @@ that is closed, or whose edge is held, has a symmetric tangent; at a free edge i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
@@ -26,16 +27,32 @@ class FollowerPressure:
     Attributes
     ----------
     coordinates : array, (n_nodes, d)
-        Positions of the undeformed body in m.
+        Positions of the undeformed body in m; those of all points if the facets have some between
+        the nodes.
     surfaces : tuple of array of int, (n_facets, n_corners)
         Facets of every surface, seen from outside.
     pressures : array, (N, n_surfaces)
         In Pa; those that push into the body are positive.
+    points : PointsBetween or None
+        Points of the facets between the nodes; None if these are spanned by their corners.
     """
 
     coordinates: Array
     surfaces: tuple[NDArray[np.int64], ...]
     pressures: Array
+    points: PointsBetween | None = None
+
+    @classmethod
+    def on(
+        cls,
+        coordinates: Array,
+        surfaces: Sequence[NDArray[np.int64]],
+        pressures: Array,
+        points: PointsBetween | None,
+    ) -> FollowerPressure:
+        """Pressures on facets of a body with nodes at some positions, which may have `points`."""
+        at = coordinates if points is None else points.interpolated(coordinates)
+        return cls(at, tuple(surfaces), pressures, points)
 
     def __getitem__(self, cases: slice | NDArray[np.int64]) -> FollowerPressure:
         """Pressures of some of the load cases."""
@@ -46,7 +63,7 @@ class FollowerPressure:
         return replace(self, pressures=factor * self.pressures)
 
     def forces(self, u: Array) -> Array:
-        """Nodal forces on the deformed body: (N, n_nodes, d) in m → same in N."""
+        """Forces on the deformed body: (N, n_nodes, d) in m → same in N."""
         total = np.zeros(u.shape)
         for case, surface, pressure in self._acting():
             total[case] += pressure_forces(self.coordinates + u[case], surface, pressure)
@@ -54,8 +71,16 @@ class FollowerPressure:
 
     @property
     def at_rest(self) -> Array:
-        """Nodal forces on the undeformed body in N, (N, n_nodes, d)."""
+        """Forces on the undeformed body in N, (N, n_nodes, d)."""
         return self.forces(np.zeros((len(self.pressures), *self.coordinates.shape)))
+
+    @property
+    def load(self) -> Array:
+        """`at_rest` as a load (`surrogate.mechanics.quadratic`): at the nodes, and between them."""
+        f, points = self.at_rest, self.points
+        if points is None:
+            return f
+        return np.concatenate([points.on_nodes(f), f[:, points.nodes :]], axis=1)
 
     def tangents(self, u: Array) -> Iterator[tuple[int, NDArray[np.int64], Array]]:
         """Yield what the forces add to the tangent, −∂f/∂u, of one surface after the other.

@@ -150,12 +150,12 @@ class Equilibrium:
         body.__dict__.update(known)
         return body
 
-    def at_points(self, u: Array) -> Array:
-        """Displacements of all points by those of the nodes, in m."""
+    def at_points(self, u: Array, f: Array) -> Array:
+        """Displacements of all points by those of the nodes in m, under forces f on all in N."""
         return u
 
     def forces_at_points(self, f: Array) -> Array:
-        """Forces on all points by those on the nodes, in N."""
+        """Forces on all points by those of a load (`surrogate.mechanics.quadratic`), in N."""
         return f
 
     def forces_at_nodes(self, f: Array) -> Array:

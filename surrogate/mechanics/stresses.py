@@ -52,7 +52,7 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())
 
 
-def reactions(solid: Solid, geometry: Geometry, displacement: Array, pushed: Array) -> Array:
+def reactions(solid: Solid, geometry: Geometry, displacement: Array, acting: Array) -> Array:
     """Forces of the supports on the body: (N, n_nodes, d) in N, zero where nothing is held.
 
     Parameters
@@ -61,8 +61,9 @@ def reactions(solid: Solid, geometry: Geometry, displacement: Array, pushed: Arr
     geometry : Geometry
     displacement : array, (N, n_nodes, d)
         In m.
-    pushed : array, (N, n_nodes, d)
-        Forces in N that pressures have on the deformed body, which the supports bear as well.
+    acting : array, (N, n_nodes, d)
+        Forces in N, with those that pressures have on the deformed body. What of them acts where
+        the body is held, the supports bear as well.
     """
     internal = solid.internal_forces(torch.from_numpy(displacement)).numpy()
-    return np.where(geometry.held, internal - pushed, 0.0)
+    return np.where(geometry.held, internal - acting, 0.0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from shared_schema.common.configuration import Frozen
+from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.manifest import StructuredInfo
@@ -36,6 +36,9 @@ class DataFingerprint(Frozen):
         Grid, split and statistics.
     loads : LoadRange or None
         Numbers of loads and resultants of the training split; None in older files.
+    forces : {"consistent"} or None
+        How the dataset's loads act on elements with points between the nodes, as its manifest says
+        it; absent from the file where that is None.
     """
 
     case: dict[str, Any]
@@ -44,6 +47,7 @@ class DataFingerprint(Frozen):
     cell_type: str
     info: StructuredInfo
     loads: LoadRange | None = None
+    forces: Literal["consistent"] | None = Field(None, exclude_if=absent)
 
     @property
     def load_numbers(self) -> tuple[int, int]:
@@ -180,5 +184,6 @@ def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) 
         cell_type=dataset.geometry.cell_type,
         info=dataset.info,
         loads=load_range(dataset) if len(dataset.training) else None,
+        forces=manifest.forces,
     )
     return RunDescription(run=config, data=data, start_from=start_from)

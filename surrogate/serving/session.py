@@ -187,7 +187,7 @@ class Session:
         return parse_tool(message["tool"], self._model.geometry.dimension, self._meshes)
 
     def _given(self, message: Message) -> Array:
-        """The load beside what is pushed or held, (n_nodes, d) in N."""
+        """The load beside what is pushed or held, in N."""
         texts, density = message.get("load", []), message.get("body_force")
         if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
             raise InputError("load: expected a list of texts")
@@ -198,7 +198,7 @@ class Session:
         given = given_load(self._model.geometry, texts, False, density, needed=False)
         if given.surfaces:
             raise InputError("load: expected forces, no pressure")
-        return given.forces
+        return given.load
 
     def _field(self, message: Message, displacement: Array) -> dict[str, Any]:
         if message.get("fields", True) is False:

@@ -39,9 +39,21 @@ class Body(Protocol):
 
 
 def load_beside(geometry: Geometry, load: Array | None) -> Array:
-    """Nodal forces in N beside those of grips or tools, (n_nodes, d); InputError if wrong."""
+    """Load in N beside the forces of grips or tools, which may say what acts between the nodes.
+
+    (n_nodes or n_points, d); InputError if it is wrong.
+    """
     if load is None:
         return np.zeros(geometry.coordinates.shape)
+    points, nodes, load = geometry.loaded_points, len(geometry.coordinates), np.asarray(load)
+    between = load[nodes:] if points is not None and len(load) == points.count else load[:0]
     given = CommandLoads(geometry.loaded_body)
-    given.add_forces(load)
-    return given.forces
+    given.add_forces(load[: len(load) - len(between)])
+    return np.concatenate([given.forces, between])
+
+
+def together_with(load: Array, force: Array) -> Array:
+    """A load with nodal forces beside it, (n_nodes, d), in N."""
+    total = load.copy()
+    total[: len(force)] += force
+    return total

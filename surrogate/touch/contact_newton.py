@@ -58,8 +58,8 @@ class ContactNewton:
         Parameters
         ----------
         tool : Tool
-        load : array, (n_nodes, d)
-            Nodal forces in N beside those of the tool.
+        load : array, (n_nodes or n_points, d)
+            Load in N beside the forces of the tool.
         field, force : array, (n_nodes, d) and (n, d)
             Displacement in m to begin from, and forces of a tool on the surface in N.
 
@@ -75,7 +75,8 @@ class ContactNewton:
             If no stable equilibrium is found.
         """
         body = self._body
-        f, u = body.forces_at_points(load[None]), body.at_points(field[None])
+        f = body.forces_at_points(load[None])
+        u = body.at_points(field[None], f)
         if body.inverted(u)[0]:
             u, force = np.zeros_like(u), np.zeros_like(force)
         depth = max(0.0, -float(tool.gap(self._at_rest + u[0, self._surface]).min()))
@@ -103,7 +104,7 @@ class ContactNewton:
         last = replace(found[-1], displacement=at_nodes, iterations=iterations)
         return last, springs.multipliers[:, None] * normal
 
-    def reaction(self, tool: Tool, last: Tool, field: Array, force: Array) -> Array:
+    def reaction(self, tool: Tool, last: Tool, load: Array, field: Array, force: Array) -> Array:
         r"""Resultant in N, (d,), of a tool close to the last one, linear around its equilibrium.
 
         With the stiffness K of body and springs, the normals N of the nodes that bear forces, the
@@ -114,10 +115,12 @@ class ContactNewton:
         Parameters
         ----------
         tool, last : Tool
+        load : array, (n_nodes or n_points, d)
+            Load in N beside the forces of the tool.
         field, force : array, (n_nodes, d) and (n, d)
             Displacement in m and forces on the surface in N in the last equilibrium.
         """
-        u, sizes = self._body.at_points(field[None]), np.linalg.norm(force, axis=1)
+        u, sizes = self._at_points(field, load), np.linalg.norm(force, axis=1)
         springs = ToolSprings(last, self._surface, self._at_rest, self._stiffness, sizes)
         bear, x = np.flatnonzero(sizes), self._at_rest + u[0, self._surface]
         respond = self._body.against(springs).response_at(u[0])
@@ -134,9 +137,13 @@ class ContactNewton:
         shift = np.tensordot(np.append(found, 1.0), moved, 1)
         return np.asarray(after @ tool.normal(x[bear] + shift))
 
-    def holds(self, field: Array) -> bool:
-        """True if the body is stable under the forces of the tool, without it, (n_nodes, d)."""
-        return self._body.response_at(self._body.at_points(field[None])[0]) is not None
+    def holds(self, load: Array, field: Array) -> bool:
+        """True if the body is stable under the forces of the tool, without it."""
+        return self._body.response_at(self._at_points(field, load)[0]) is not None
+
+    def _at_points(self, field: Array, load: Array) -> Array:
+        """Displacement of all points in m, (1, n_points, d), by that of the nodes under a load."""
+        return self._body.at_points(field[None], self._body.forces_at_points(load[None]))
 
     def _balanced(self, springs: ToolSprings, f: Array, u: Array) -> tuple[Correction, Array]:
         """Equilibrium in which λ are the forces of the springs, and these, (n,)."""

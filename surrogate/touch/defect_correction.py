@@ -78,16 +78,17 @@ class DefectCorrection:
         return predicted + self.shift_under(force) if force.any() else predicted
 
     def shift_under(self, force: Array) -> Array:
-        """Return δ in m under forces in N, (n_nodes, d) each."""
-        return self.shift + part_of(force - self._force, self._further, FURTHEST) * self._grown
+        """Return δ in m, (n_nodes, d), under a load in N."""
+        further = force[: len(self._force)] - self._force
+        return self.shift + part_of(further, self._further, FURTHEST) * self._grown
 
     def improve(self, field: Array, force: Array, felt: Felt | None = None) -> Array:
         """Correct the shift if that is due, and return its change in m, (n_nodes, d).
 
         Parameters
         ----------
-        field, force : array, (n_nodes, d)
-            Displacement in m that is shown, and all forces in N under which it is.
+        field, force : array, (n_nodes, d) and (n_nodes or n_points, d)
+            Displacement in m that is shown, and the whole load in N under which it is.
         felt : callable, optional
             A change of the field in m, (n_nodes, d) → relative change of the forces that hold the
             body. Every frame is corrected if it is not given.
@@ -99,9 +100,9 @@ class DefectCorrection:
         if felt is not None and self._is_calm(way):
             return np.zeros_like(field)
         body, equilibrium = self._model.driven_body, self._model.equilibrium
-        points = equilibrium.forces_at_points(force[None])[0]
-        u = equilibrium.at_points(field[None])[0]
-        state = body.state(u, points)
+        points = equilibrium.forces_at_points(force[None])
+        u = equilibrium.at_points(field[None], points)[0]
+        state = body.state(u, points[0])
         if state is not None:
             step = -body.compliance.at(u)(state.r)[: equilibrium.nodes]
             step /= 1 - min(part_of(step, self._step), 0.0)
@@ -121,6 +122,7 @@ class DefectCorrection:
         return moves and self._effect * (way / self._way) ** 2 <= 1
 
     def _remember(self, field: Array, force: Array, shift: Array, step: Array) -> None:
+        force = force[: len(field)]
         way, further = longest(field - self._field), force - self._force
         if way > STILL * self._way:
             self._way = way

@@ -28,7 +28,7 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.touch.body import Body, Predict, load_beside
+from surrogate.touch.body import Body, Predict, load_beside, together_with
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.force_search import TOLERANCE, ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
@@ -158,8 +158,8 @@ class Grip:
         ----------
         displacements : array, (n_places, d)
             In m; those of free components have no meaning.
-        load : array, (n_nodes, d), optional
-            Nodal forces in N beside those of the grips.
+        load : array, (n_nodes or n_points, d), optional
+            A load in N beside the forces of the grips, as that of `Surrogate.certify`.
         predict : callable, optional
             Nodal forces in N to displacements in m, both (n_nodes, d); `Surrogate.predict` by
             default.
@@ -184,7 +184,7 @@ class Grip:
             grips = held.reshape(wanted.shape)
             if shown is None or not shown.is_of(grips, acting, predict):
                 count += 1
-                total = acting + grips
+                total = together_with(acting, grips)
                 field = self._defect.corrected(np.asarray(shows(total)), total)
                 shown = Shown(field, grips, acting, predict)
             return shown.field.ravel()[self._dofs]
@@ -194,7 +194,8 @@ class Grip:
                 self._search.find(displaced, target, max(self.tolerance, ROUGHLY))
                 assert shown is not None
                 felt = partial(self._felt, grips=shown.grips)
-                change = self._defect.improve(shown.field, acting + shown.grips, felt)
+                total = together_with(acting, shown.grips)
+                change = self._defect.improve(shown.field, total, felt)
                 shown = replace(shown, field=shown.field + change)
             self._search.find(displaced, target, self.tolerance)  # asks for what it finds last
         except WorkError as error:
@@ -234,7 +235,7 @@ class Grip:
         return HeldNewton(self._model.equilibrium, np.asarray(self.components.any(axis=0)))
 
     def _given(self, displacements: ArrayLike, load: Array | None) -> tuple[Array, Array]:
-        """Displacements of the held components in m, and the load in N, (n_nodes, d) each."""
+        """Displacements of the held components in m, (n_nodes, d), and the load in N."""
         moved = real_numbers(displacements, "displacements")
         places, _, d = self.components.shape
         if moved.shape != (places, d) or not np.isfinite(moved).all():
@@ -263,14 +264,15 @@ class Grip:
 
 def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:
     """Inverse of the block of K⁻¹ of held components, (m, m) in N/m."""
-    dofs = np.flatnonzero(held)
+    dofs, body = np.flatnonzero(held), model.equilibrium
     block = np.empty((len(dofs), len(dofs)))
     for start in range(0, len(dofs), COLUMNS):
         some = dofs[start : start + COLUMNS]
         unit = np.zeros((len(some), held.size))
         unit[np.arange(len(some)), some] = 1.0
-        response = model.equilibrium.linear_response(unit.reshape(-1, *held.shape))
-        block[start : start + len(some)] = response.reshape(len(some), -1)[:, dofs]
+        response = body.linear_response(body.forces_at_points(unit.reshape(-1, *held.shape)))
+        at_nodes = response[:, : body.nodes].reshape(len(some), -1)
+        block[start : start + len(some)] = at_nodes[:, dofs]
     return inverse(block)
 
 

@@ -115,8 +115,9 @@ class LinearBody:
             unit = np.zeros((len(some), shape[1], *shape))
             for axis in range(shape[1]):
                 unit[np.arange(len(some)), axis, self._surface[some], axis] = 1.0
-            response = self._model.equilibrium.linear_response(unit.reshape(-1, *shape))
-            columns = response.reshape(unit.shape)[:, :, self._surface]
+            body = self._model.equilibrium
+            response = body.linear_response(body.forces_at_points(unit.reshape(-1, *shape)))
+            columns = response[:, : body.nodes].reshape(unit.shape)[:, :, self._surface]
             self._places[some] = len(self._columns) + np.arange(len(some))
             columns = columns.reshape(len(some), shape[1], -1)
             self._columns = np.concatenate([self._columns, columns])

@@ -133,8 +133,8 @@ class Touch:
         ----------
         tool : Tool
             Of `shared_schema.tools`.
-        load : array, (n_nodes, d), optional
-            Nodal forces in N beside those of the tool.
+        load : array, (n_nodes or n_points, d), optional
+            A load in N beside the forces of the tool, as that of `Surrogate.certify`.
         predict : callable, optional
             Nodal forces in N to displacements in m, both (n_nodes, d); `Surrogate.predict` by
             default.
@@ -177,7 +177,7 @@ class Touch:
                     self._bend.learn(search.lack, search.force - self._force, effect)
                 return self._frame(tool, acting, search.field, search.force, search.predictions)
         frame = self.correct(tool, load)
-        self._holds = self._newton.holds(frame.displacement)
+        self._holds = self._newton.holds(acting, frame.displacement)
         return frame
 
     @checked_arguments
@@ -203,10 +203,11 @@ class Touch:
         return self._frame(tool, acting, found.displacement, force, 0, found)
 
     def _all_forces(self, acting: Array, on_surface: Array) -> Array:
-        """Those of a tool and those beside it in N, (n_nodes, d); supports bear the others."""
+        """Those of a tool and the load beside it in N; supports bear the others."""
         total = acting.copy()
         total[self.surface] += on_surface
-        total[~self._geometry.free] = 0.0
+        at_nodes = total[: len(self._geometry.coordinates)]
+        at_nodes[~self._geometry.free] = 0.0
         return total
 
     @cached_property
@@ -214,7 +215,7 @@ class Touch:
         return ContactNewton(self._model.equilibrium, self.surface)
 
     def _acting_with(self, tool: Tool, load: Array | None) -> Array:
-        """Nodal forces beside those of a tool in N, (n_nodes, d)."""
+        """Load beside the forces of a tool in N, (n_nodes or n_points, d)."""
         geometry = self._geometry
         require_outside(tool, geometry.coordinates, geometry.free)
         return load_beside(geometry, load)
@@ -230,7 +231,7 @@ class Touch:
     ) -> TouchFrame:
         """Keep what is found, and describe it."""
         self._force, self._field, self._acting, self._tool = on_surface, field, acting, tool
-        geometry, force = self._geometry, np.zeros(acting.shape)
+        geometry, force = self._geometry, np.zeros(field.shape)
         force[self.surface] = on_surface
         gap = tool.gap(geometry.coordinates + field)
         depth = max(0.0, -float(gap.min()))
@@ -261,7 +262,7 @@ class Touch:
         found = linear_contact(body, tool, x, force, settled=CLOSE) if self._holds else None
         if found is None:  # of a body that the contact holds
             last = self._tool or tool
-            return self._newton.reaction(tool, last, self._field, force)
+            return self._newton.reaction(tool, last, self._acting, self._field, force)
         return np.asarray(found.sum(axis=0))
 
 

@@ -44,13 +44,13 @@ def gripped(
     require_dead("held", given)
     grip = Grip(model, held, nearest, tolerance=HELD)
     given.notes += grip.notes
-    frame = grip.move(grip.displacements, given.forces)
+    load, frame = given.load, grip.move(grip.displacements, given.load)
     if correct and grip.can_correct:
-        return grip.correct(grip.displacements, given.forces)
+        return grip.correct(grip.displacements, load)
     shown = what_is_shown(model, correct, tolerance)
     if shown is None:
         return frame
-    return grip.move(grip.displacements, given.forces, predict=shown)
+    return grip.move(grip.displacements, load, predict=shown)
 
 
 def pushed(
@@ -73,11 +73,11 @@ def pushed(
     if isinstance(tool, str):
         tool = parse_tool(tool, model.geometry.dimension)
     touch = Touch(model, min(SINGLE, tolerance or SINGLE))
-    frame = touch.move(tool, given.forces)
+    load, frame = given.load, touch.move(tool, given.load)
     if correct:
-        return touch.correct(tool, given.forces)
+        return touch.correct(tool, load)
     shown = what_is_shown(model, correct, tolerance)
-    return frame if shown is None else touch.move(tool, given.forces, predict=shown)
+    return frame if shown is None else touch.move(tool, load, predict=shown)
 
 
 def what_is_shown(model: Correctable, correct: bool, tolerance: float | None) -> Predict | None:

@@ -1,4 +1,4 @@
-"""Quadratic elements, also with pressures: both programs have the same equilibria and stresses."""
+"""Quadratic elements under all loads: both programs have the same equilibria and stresses."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import pytest
 import yaml
 
 import surrogate
-from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
 from shared_schema.material import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.data.nodal_dataset import read_nodal_dataset
+from surrogate.inference.given_load import following
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from surrogate.runs.folder import RunFolder
@@ -40,7 +41,10 @@ CASE = {
     "mesh": {"kind": "box", "lower": [0, 0], "upper": [1, 0.2], "elements": [10, 2]},
     "material": {"young_modulus": 500, "poisson_ratio": 0.45},
     "supports": [{"x": 0}],
-    "load": {"family": "random_nodes", "region": {"x": 1}, "range": [-1, 1], "count": [1, 1]},
+    "load": [
+        {"family": "random_nodes", "region": {"x": 1}, "range": [-0.5, 0.5], "count": [1, 1]},
+        {"family": "body_force", "range": [-2, 2]},
+    ],
     "dataset": {"samples": 20, "seed": 5, "shard_size": 20, "test_fraction": 0.2},
 }
 TRIANGLES = """
@@ -89,7 +93,7 @@ for path in sys.argv[1:]:
                                  str(body["element"]), surfaces=[body["pressed"]])
     nodes = np.flatnonzero(body["force"].any(axis=1))
     load = nodes, body["force"][nodes], settings, np.array([float(body["pressure"])])
-    assert solve_load_case(problem, *load).solved
+    assert solve_load_case(problem, *load, between=body["between"]).solved
     body |= CellStresses(problem, [material], None).fields()
     np.savez(path, u=problem.displacement(), reactions=problem.reactions(), **body)
 """
@@ -100,13 +104,18 @@ def held_box(cell_type: str) -> Geometry:
     geometry = box(cell_type)
     held = geometry.held.copy()
     held[(geometry.coordinates[:, :2] == [2.0, 0.0]).all(axis=1), 1] = True
-    return replace(geometry, single=held)
+    groups = {"end": geometry.coordinates[:, 0] == 2.0, "top": geometry.coordinates[:, 1] == 1.0}
+    return replace(geometry, single=held, groups=groups, has_points_between=True)
 
 
-def pressed_facets(geometry: Geometry) -> np.ndarray:
-    """Facets of the upper side."""
-    facets = outward_facets(geometry.coordinates, geometry.cells, geometry.cell_type)
-    return np.asarray([f for f in facets if (geometry.coordinates[f, 1] == 1.0).all()])
+def loads_on(geometry: Geometry, pressure: float) -> CommandLoads:
+    """A force at a node, a traction, a body force, and a pressure on the upper side."""
+    given, d = CommandLoads(geometry.loaded_body), geometry.dimension
+    given.add_forces(end_load(geometry, *(4.0, 3.0, 4.0)[:d]))
+    given.add("end:" + ("4,3", "4,3,4")[d - 2])
+    given.add_body_force(("-1,2", "-1,2,1")[d - 2])
+    given.add(f"top:{pressure}")
+    return given
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +124,8 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("solved")
     for cell_type, element, ratio in BODIES:
         geometry = held_box(cell_type)
-        force = end_load(geometry, *(8.0, 6.0, 8.0)[: geometry.dimension])
         for pressure in (0.0, PRESSURE):
+            given = loads_on(geometry, pressure)
             np.savez(
                 folder / f"{cell_type}-{element}-{ratio}-{pressure:g}.npz",
                 element=element,
@@ -125,8 +134,9 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 cells=geometry.cells,
                 cell_type=cell_type,
                 held=geometry.held,
-                force=force,
-                pressed=pressed_facets(geometry),
+                force=given.forces,
+                between=given.between,
+                pressed=given.surfaces[0],
                 pressure=pressure,
             )
     execute(DATAGEN.parent / "python", "-c", FACTORY, *sorted(folder.iterdir()))
@@ -143,30 +153,33 @@ def test_the_two_programs_have_one_equilibrium(
     geometry = replace(held_box(cell_type), mean_dilation=element == "incompressible")
     with np.load(solved / f"{cell_type}-{element}-{ratio}-{pressure:g}.npz") as found:
         theirs = dict(found)
-    u, force = theirs["u"], theirs["force"]
+    u, given = theirs["u"], loads_on(geometry, pressure)
+    load, follows = given.load, following(given)
+    assert follows is not None
     body = QuadraticEquilibrium(geometry, NeoHookean(young_modulus=500, poisson_ratio=ratio))
-    surfaces = (theirs["pressed"],)
-    follows = FollowerPressure(geometry.coordinates, surfaces, np.array([[pressure]]))
     pressed = body.under(follows)
     largest = np.abs(u).max()
     assert largest > 0.05
 
-    corrected = correct(pressed, force, np.zeros_like(u), ForceTolerance())
+    corrected = correct(pressed, load, np.zeros_like(u), ForceTolerance())
     assert corrected.displacement.shape == u.shape
     np.testing.assert_allclose(corrected.displacement, u, rtol=0, atol=1e-9 * largest)
 
     wrong = u + 1e-3 * np.sin(5 * geometry.coordinates) * geometry.free
-    certificate = certify(pressed, force, wrong)
+    certificate = certify(pressed, load, wrong)
     assert certificate.settled
     error = certificate.error - (wrong - u)
     assert np.linalg.norm(error) < 0.01 * np.linalg.norm(wrong - u)
 
-    points, at_points = body.geometry, body.at_points(u[None])
+    points, f = body.geometry, body.forces_at_points(load[None])
+    at_points = pressed.at_points(u[None], f)
+    acting = pressed.external(at_points, f)
+    residual = np.abs(pressed.out_of_balance(at_points, f)).max()
+    assert residual < 1e-6 * np.abs(acting).max()
     for name, values in cell_stresses(body.solid, points, at_points).items():
         scale = np.abs(theirs[name]).max()
         np.testing.assert_allclose(values[0], theirs[name], atol=1e-6 * scale, err_msg=name)
-    pushed = body.forces_at_points(follows.forces(u[None]))
-    bearing = body.forces_at_nodes(reactions(body.solid, points, at_points, pushed))[0]
+    bearing = body.forces_at_nodes(reactions(body.solid, points, at_points, acting))[0]
     scale = np.abs(theirs["reactions"]).max()
     expected = np.where(geometry.held, theirs["reactions"], 0.0)
     np.testing.assert_allclose(bearing, expected, atol=1e-6 * scale)
@@ -178,7 +191,7 @@ def test_the_two_programs_have_one_equilibrium(
     [("quadratic", 0.45, "0.3,-0.5"), ("incompressible", 0.4999, "0.15,-0.25")],
 )
 def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> None:
-    """From the case to the correction; what is for nodes alone is refused."""
+    """From the case to the correction, under a body force too; what is for nodes is refused."""
     case, config = tmp_path / "case.yaml", tmp_path / "config.yaml"
     of_case = CASE | {
         "element": element,
@@ -196,7 +209,21 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
     said = execute(SURROGATE, "evaluate", run, "--data", structured, "--certify")
     assert "fast" in said.stdout + said.stderr
 
-    load = ("--load", f"1,0.2:{force}", "--stresses")
+    model = surrogate.load(run)
+    gripped = model.solve(held={"1,0.2": (0.001, -0.002)}, body_force=(0.5, -1))
+    assert gripped.grips is not None
+    for samples in (
+        read_nodal_dataset(nodal).samples,
+        surrogate.read_dataset(structured).nodal_test,
+    ):
+        assert samples.force_between is not None
+        u = samples.displacement[:2]
+        balanced = model.certify(samples.load[:2], u)
+        at_corners = model.certify(samples.force[:2], u)
+        assert (balanced.max_error < 1e-5 * np.abs(u).max()).all()
+        assert (at_corners.max_error > 100 * balanced.max_error).all()
+
+    load = ("--load", f"1,0.2:{force}", "--body-force", "0.5,-1", "--stresses")
     solved, found = tmp_path / "solved.npz", tmp_path / "found.npz"
     execute(DATAGEN, "solve", case, *load, "--out", solved)
     execute(SURROGATE, "predict", run, *load, "--certify", "--out", found)
@@ -206,11 +233,17 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
         assert difference < 0.05 * np.linalg.norm(wrong)
     execute(SURROGATE, "predict", run, *load, "--correct", "--out", found)
     with np.load(solved) as theirs, np.load(found) as ours:
-        for name in ("displacement", "von_mises", "reaction"):
+        for name in ("force", "force_between", "displacement", "von_mises", "reaction"):
             scale = np.abs(theirs[name]).max()
             np.testing.assert_allclose(
                 ours[name], theirs[name], rtol=0, atol=1e-6 * scale, err_msg=name
             )
+    pushed = ("--tool", "sphere:0.9,0.31:0.12", "--body-force", "0.5,-1")
+    execute(DATAGEN, "solve", case, *pushed, "--out", solved)
+    execute(SURROGATE, "predict", run, *pushed, "--correct", "--out", found)
+    with np.load(solved) as theirs, np.load(found) as ours:
+        u = theirs["displacement"]
+        np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
     assert certificates_of(RunFolder(run)) == "full"
     with pytest.raises(InputError, match=f"'{element}': proposed loads, refinement"):
         surrogate.load(run).balanced()

@@ -141,6 +141,11 @@ class CommandLoads:
         return None if self.body.points is None else self.between
 
     @property
+    def load(self) -> Array:
+        """All dead forces in N, those between the nodes after those at them: (n_points, d)."""
+        return np.concatenate([self.forces, self.between])
+
+    @property
     def at_rest(self) -> Array:
         """Forces, with those that the pressures have on the undeformed body: (n_nodes, d) in N."""
         return self._with_pressures()[0]

@@ -41,9 +41,9 @@ def test_linear_elements_are_known() -> None:
 )
 def test_incompressible_elements(cell_type: str, whole: bool) -> None:
     """F-bar is assembled at the nodes; Taylor and Hood's pair has points between them."""
-    geometry = with_elements(box(cell_type), SOFT)
+    geometry = with_elements(box(cell_type), SOFT, None)
     assert geometry.mean_dilation == whole
-    assert not with_elements(geometry, {}).mean_dilation
+    assert not with_elements(geometry, {}, None).mean_dilation
     require_known_elements(SOFT)
     assert has_points_between(SOFT, cell_type) == (not whole)
     if whole:
@@ -67,7 +67,9 @@ def test_response_of_other_elements_does_not_lock() -> None:
     """ν = 0.4 at most, and the same E; that of linear elements is their own."""
     geometry = box("tetra")
     assert body_of_response(geometry, SILICONE, {}, series=False) == (geometry, SILICONE)
-    body, softer = body_of_response(with_elements(geometry, SOFT), SILICONE, SOFT, series=False)
+    body, softer = body_of_response(
+        with_elements(geometry, SOFT, None), SILICONE, SOFT, series=False
+    )
     assert not body.mean_dilation
     assert isinstance(softer, NeoHookean)
     assert (softer.young_modulus, softer.poisson_ratio) == (5e5, 0.4)

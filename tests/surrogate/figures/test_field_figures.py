@@ -59,7 +59,7 @@ def test_error_beside_certificate_in_one_unit(dataset: Dataset) -> None:
 
 def test_figures_name_the_units_of_the_case(dataset: Dataset) -> None:
     """A body in mm, moved by σ of 5e-4 mm: its axes are in mm, the field in µm: 0.5."""
-    geometry = with_elements(dataset.geometry, {"units": {"length": "mm", "force": "kN"}})
+    geometry = with_elements(dataset.geometry, {"units": {"length": "mm", "force": "kN"}}, None)
     x = geometry.coordinates
     std = np.broadcast_to([3e-4, 4e-4], x.shape)
     figure = uncertainty_field(geometry, 0 * x, std)
