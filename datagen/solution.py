@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import CaseSource, read_case
+from datagen.cases.placed_body import points_of
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.contact.tool_contact import INSIDE, ToolContact, touched
@@ -63,6 +64,9 @@ class Solution:
     force : array, (n_nodes, d)
         Nodal forces in N, with those of pressures on the undeformed body, of held nodes and of a
         tool.
+    force_between : array, (n_between, d), or None
+        The part of distributed forces that acts between the nodes of quadratic elements, in N
+        (`shared_schema.common.bodies.quadratic.points_between`); None if there is none.
     displacement : array, (n_nodes, d)
         In m.
     reactions : array, (n_nodes, d)
@@ -96,6 +100,7 @@ class Solution:
     cells: NDArray[np.int64]
     cell_type: str
     force: Array
+    force_between: Array | None
     displacement: Array
     reactions: Array
     stresses: Mapping[str, Array]
@@ -139,7 +144,7 @@ class Solution:
         if self.stresses:
             fields["reaction"] = self.reactions
         mesh = self.coordinates, self.cells, self.cell_type
-        write_solution(Path(path), *mesh, fields, self.stresses)
+        write_solution(Path(path), *mesh, fields, self.stresses, self.force_between)
 
     def plot(self) -> Figure:
         """Draw the deformed body with its displacement and forces, over the undeformed one."""
@@ -253,7 +258,8 @@ def solve(
 
     def driven(mesh: Mesh, supported: NDArray[np.bool_]) -> CommandLoads:
         nonlocal given
-        body = LoadedBody(mesh.coordinates, mesh.cells, mesh.cell_type, supported, mesh.node_sets)
+        known = mesh.coordinates, mesh.cells, mesh.cell_type
+        body = LoadedBody(*known, supported, mesh.node_sets, points_of(found, mesh))
         files = [Path(path) for path in forces]
         given = command_loads(body, load, files, held, nearest, body_force, needed=tool is None)
         return given
@@ -284,12 +290,13 @@ def _solved(
     nodes = np.flatnonzero(given.forces.any(axis=1))
     load, origin = (nodes, given.forces[nodes]), ""
     began = time.perf_counter()
-    drive = np.array(given.pressures), given.displacement
+    drive, between = (np.array(given.pressures), given.displacement), given.forces_between
     with _shown(body) as begin:
         if start is None:
-            report = solve_load_case(problem, *load, case.solver, *drive, begin)
+            report = solve_load_case(problem, *load, case.solver, *drive, begin, between)
         else:
-            report, used = solve_from(_start(start, mesh), problem, *load, case.solver, begin)
+            where = _start(start, mesh)
+            report, used = solve_from(where, problem, *load, case.solver, begin, between)
             origin = "start" if used else "rest"
         report = with_stability(problem, report, case.solver)
     seconds = time.perf_counter() - began
@@ -312,13 +319,19 @@ def _solved(
     warning = size_warning(displacement, mesh.coordinates, "the largest displacement")
     if warning is not None:
         logger.warning(warning)
-    grip = np.where(given.moved, problem.reactions(), 0.0)
+    force, between, grip = given.at_rest, given.at_rest_between, problem.grip()
+    if given.body.points is None or between is None:
+        force = force + grip
+    else:
+        force = force + given.body.points.on_nodes(grip)
+        between = between + grip[given.body.points.nodes :]
     return Solution(
         case=case.name,
         coordinates=mesh.coordinates,
         cells=mesh.cells,
         cell_type=mesh.cell_type,
-        force=given.at_rest + grip + (0.0 if contact is None else contact.force),
+        force=force + (0.0 if contact is None else contact.force),
+        force_between=between if between is not None and between.any() else None,
         contact=contact,
         displacement=displacement,
         reactions=reactions_of_supports(problem, body.held),

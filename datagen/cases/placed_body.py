@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,14 @@ from scipy.sparse.csgraph import connected_components
 
 from datagen.cases.case import Case
 from datagen.cases.support import can_move
+from datagen.discretisation.element import element_kind
 from datagen.discretisation.locking import locking_warning
 from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.mesh.regions import Region
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import group_arrays
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.material import ShippedMaterial, ratio_at_rest
 
@@ -58,6 +60,11 @@ class PlacedBody:
             loadable[self.surface if part.family.touches else part.loadable.nodes] = True
         return loadable & ~self.clamped
 
+    @property
+    def forces(self) -> Literal["consistent"] | None:
+        """What a manifest says of loads on the points of the elements (`shared_schema`)."""
+        return None if self.loads.points is None else "consistent"
+
     @cached_property
     def surface(self) -> NDArray[np.int64]:
         """Nodes of the surface."""
@@ -83,7 +90,7 @@ class PlacedBody:
         if self.parts is not None:
             arrays["mesh/material"] = self.parts
         arrays |= group_arrays(mesh.node_sets)
-        surfaces = self.loads.surfaces
+        surfaces = self.loads.pressed
         if surfaces:
             arrays["mesh/pressed"] = np.concatenate(surfaces)
             counts = [len(facets) for facets in surfaces]
@@ -114,8 +121,11 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
             )
         held[_select(case, f"supports.{number}", support, mesh)] |= components
     several = isinstance(case.load, tuple)
+    points = points_of(case, mesh)
     nodes = [
-        _loadable(case, f"load.{number}.region" if several else "load.region", family, mesh, held)
+        _loadable(
+            case, f"load.{number}.region" if several else "load.region", family, mesh, held, points
+        )
         for number, family in enumerate(case.loads)
     ]
     _require_supported(case, mesh, held)
@@ -125,6 +135,13 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     return PlacedBody(case, mesh, held, parts, loads)
+
+
+def points_of(case: Case, mesh: RawMesh) -> PointsBetween | None:
+    """All points of the elements of a case; None if the nodes of the mesh are all."""
+    if element_kind(case.element, mesh.cell_type).corners_only:
+        return None
+    return PointsBetween.of(mesh.cells, mesh.cell_type, len(mesh.coordinates))
 
 
 def _material_of_cells(case: Case, mesh: RawMesh) -> NDArray[np.int64] | None:
@@ -150,7 +167,12 @@ def _material_of_cells(case: Case, mesh: RawMesh) -> NDArray[np.int64] | None:
 
 
 def _loadable(
-    case: Case, key: str, family: LoadFamily, mesh: RawMesh, held: NDArray[np.bool_]
+    case: Case,
+    key: str,
+    family: LoadFamily,
+    mesh: RawMesh,
+    held: NDArray[np.bool_],
+    points: PointsBetween | None,
 ) -> LoadableNodes:
     """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
     region, clamped = _select(case, key, family.region, mesh), held.all(axis=1)
@@ -168,6 +190,7 @@ def _loadable(
         mesh.cell_type,
         np.flatnonzero(region),
         np.flatnonzero(clamped),
+        points,
     )
 
 

@@ -1,14 +1,15 @@
 r"""Unknowns of a discretised body: displacements, and with some elements dilations and pressures.
 
 Displacements are those of the *points* of the elements: the corners of the cells and, if they are
-quadratic, points between them. Everything that enters or leaves the solver (loads, supports,
-displacements) belongs to the corners, which are the nodes of the mesh. At a point between corners,
-a given field has the value that the linear shape functions :math:`N_a` of the cell interpolate,
+quadratic, points between them (`shared_schema.common.bodies.quadratic.points_between`). Loads act
+on all points. Supports and displacements that enter or leave the solver belong to the corners,
+which are the nodes of the mesh. At a point between corners, a given field has the value that the
+linear shape functions :math:`N_a` of the cell interpolate,
 
 .. math:: u_b = \sum_a N_a(x_b) \, u_a,
 
-and a force at such a point counts as the forces :math:`N_a(x_b) f_b` at the corners, which do the
-same work.
+and a reaction at such a point counts as the forces :math:`N_a(x_b) f_b` at the corners, which do
+the same work.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from scipy.sparse import csr_array
 from datagen.discretisation.element import ElementKind
 from datagen.dolfinx_versions import cell_blocks, functionspace, mixed_space
 from datagen.mesh.distributed_mesh import Mesh
-from datagen.mesh.node_numbering import node_numbering
+from datagen.mesh.node_numbering import NodeNumbering, node_numbering
+from shared_schema.common.bodies.quadratic.points_between import NONE, PointsBetween
 
 
 class Unknowns:
@@ -46,8 +48,12 @@ class Unknowns:
         Nodes of the corners, by their blocks.
     dofs : array of int, (n_corners, d)
         Entries of the state of each corner's displacement, in the order of `numbering`.
+    points : PointsBetween or None
+        All points of the whole mesh, the same on every rank; None if the corners are all.
+    point_numbering : NodeNumbering
+        Numbers that `points` gives the points, by their blocks; `numbering` if there are none.
     point_dofs : array of int, (n_points, d)
-        The same for all points; corners among them.
+        The same as `dofs` for all points, in the order of `point_numbering`.
     cell_points : array of int, (n_owned_cells, n_points_of_a_cell)
         Numbers of the points of each cell.
     interpolation : sparse array, (n_points, n_corners)
@@ -79,6 +85,29 @@ class Unknowns:
         self.numbering = node_numbering(mesh, corner_of, owned_corners)
         self.cell_points = point_of[:owned_cells]
         self.interpolation = _interpolation(weights, point_of, corner_of)
+        self.points: PointsBetween | None = None
+        self.point_numbering = self.numbering
+        if not kind.corners_only:
+            self.points = PointsBetween.of(mesh.cells, mesh.cell_type, len(mesh.coordinates))
+            owned_points = int((self.point_dofs[:, 0] < self.owned).sum())
+            self.point_numbering = NodeNumbering(
+                self._numbers_of_points(self.points), owned_points, self.points.count
+            )
+
+    def _numbers_of_points(self, points: PointsBetween) -> NDArray[np.int64]:
+        """Numbers of the points of this rank in those of the whole mesh, by their corners."""
+        sizes = np.diff(self.interpolation.indptr)
+        nodes = self.numbering.node_of_block[self.interpolation.indices]
+        numbers = np.empty(len(sizes), dtype=np.int64)
+        numbers[sizes == 1] = nodes[self.interpolation.indptr[:-1][sizes == 1]]
+        between = np.flatnonzero(sizes > 1)
+        width = np.arange(points.corners.shape[1])
+        inside = width < sizes[between, None]
+        corners = np.full(inside.shape, NONE)
+        at = self.interpolation.indptr[between, None] + width
+        corners[inside] = nodes[at[inside]]
+        numbers[between] = points.numbers(corners)
+        return numbers
 
     def set_owned(self, values: NDArray[np.float64]) -> None:
         """Set the entries of the state that this rank owns, and of its ghosts (collective)."""
@@ -103,16 +132,6 @@ class Unknowns:
         """Components held at all corners around a point: nodes' (n_nodes, d) → (n_points, d)."""
         free = (~components[self.numbering.node_of_block]).astype(np.float64)
         return np.asarray(self.interpolation @ free == 0.0)
-
-    def forces_at_corners(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Forces on the corners that do the work of those in a vector: (n_corners, d) in N.
-
-        Parameters
-        ----------
-        values : array
-            In the layout of the state, ghosts included.
-        """
-        return self.interpolation.T @ values[self.point_dofs]
 
 
 def _dofs_of_cells(space: Any) -> NDArray[np.int32]:

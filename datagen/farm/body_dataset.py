@@ -99,10 +99,11 @@ def _on_mesh(case: Case) -> PlacedBody:
 
 def _forces_drawn(body: PlacedBody) -> ComponentStatistics:
     """Statistics of the forces of the first load cases; InputError if there are none."""
-    nothing, statistics = np.zeros(body.held.shape), RunningStatistics()
+    nothing = np.zeros(body.loads.loadable.positions.shape)
+    statistics = RunningStatistics()
     for number in range(min(DRAWN, body.case.dataset.samples)):
-        nodes, forces = body.loads.recorded(body.loads[number], nothing)
-        force = scatter_forces(nodes, forces, len(nothing))
+        nodes, forces, _ = body.loads.recorded(body.loads[number], nothing)
+        force = scatter_forces(nodes, forces, len(body.held))
         statistics.add(force.T[None].astype(np.float32))
     found = statistics.result()
     if not any(found.max_abs):
@@ -138,6 +139,7 @@ def _write(body: PlacedBody, force: ComponentStatistics, folder: Path) -> Manife
         dimension=dimension,
         samples=0,
         failed=0,
+        forces=body.forces,
         shards=(),
         structured=StructuredInfo(
             grid_shape=grid.shape,

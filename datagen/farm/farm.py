@@ -24,6 +24,7 @@ from datagen.farm.shard_job import ShardJob, merged
 from datagen.farm.software_versions import software_versions
 from datagen.farm.work_desk import WorkDesk
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
+from datagen.loads import act_between
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup, on_rank_zero
@@ -338,7 +339,12 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     path = journal.folder / shards[0].file
     first, cell_type = read_shard(path, "nodal"), str(read_attributes(path, "nodal")["cell_type"])
     checksum, history = journal.stiffness, journal.history
-    if checksum is None and element_kind(case.element, cell_type).corners_only:
+    dimension = first["mesh/coordinates"].shape[1]
+    corners_only = element_kind(case.element, cell_type).corners_only
+    is_consistent = not corners_only and (
+        "samples/force_between" in first or not act_between(case.loads, dimension)
+    )  # else an earlier version has made the shards
+    if checksum is None and corners_only:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
         parts = first.get("mesh/material")
         stiffness = stiffness_of(mesh, case.material, case.element, parts)
@@ -353,10 +359,11 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
         seed=case.dataset.seed,
         units=case.units.labels,
         software=software_versions(),
-        dimension=first["mesh/coordinates"].shape[1],
+        dimension=dimension,
         samples=sum(entry.samples for entry in shards),
         failed=sum(entry.failed for entry in shards),
         history=history,
         shards=shards,
         stiffness=checksum,
+        forces="consistent" if is_consistent else None,
     )

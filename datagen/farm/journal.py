@@ -19,8 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from datagen.cases.case import Case
+from datagen.discretisation.element import element_kind
 from datagen.farm.work_plan import shard_name
+from datagen.loads import act_between
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
+from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import validate
 from shared_schema.common.differences import difference_text, differences
@@ -35,7 +38,7 @@ from shared_schema.manifest import (
     digest_of,
     read_manifest,
 )
-from shared_schema.shard import read_attributes, read_shard, write_shard
+from shared_schema.shard import read_arrays, read_attributes, read_shard, write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from shared_schema.unfinished import JOURNAL
 
@@ -100,6 +103,8 @@ class Journal:
             raise InputError(f"--out '{self.folder}': the folder holds something else")
         if not is_recorded:
             self._require_shards_of(case)
+        if manifest is None or self._before is not None:  # further samples are to be solved
+            self._require_same_loads(case)
         self._journal.mkdir(exist_ok=True)
         for folder in (self.folder, self._journal):
             remove_partial_files(folder)
@@ -142,10 +147,33 @@ class Journal:
         kept = None if self._before is None else self._before.stiffness
         return kept if path.is_file() and sha256(path) == kept else None
 
+    def _kept(self) -> list[Path]:
+        """Intact shards and parts in the folder."""
+        shards = [self.folder / name for name in self.entries()]
+        parts = sorted(self._journal.glob("part-*.h5"))
+        return [*shards, *(part for part in parts if _is_intact(part))]
+
+    def _require_same_loads(self, case: Case) -> None:
+        """Raise InputError if distributed loads of kept samples act on corners of cells alone.
+
+        On elements with points between the nodes, that is so in datasets of earlier versions.
+        """
+        for path in self._kept():
+            cell_type = str(read_attributes(path, "nodal")["cell_type"])
+            if element_kind(case.element, cell_type).corners_only:
+                return
+            between = "samples/force_between"
+            if between in read_arrays(path, "nodal", (between,)):
+                continue
+            if act_between(case.loads, len(CORNERS[cell_type][0])):
+                raise InputError(
+                    f"--out '{self.folder}': made by an earlier version, whose distributed loads "
+                    "act on the corners of cells alone; expected another folder"
+                )
+
     def _require_shards_of(self, case: Case) -> None:
         """Raise InputError unless every shard and part is of this case."""
-        kept = [self.folder / name for name in self.entries()]
-        kept += [part for part in sorted(self._journal.glob("part-*.h5")) if _is_intact(part)]
+        kept = self._kept()
         manifest = self._manifest()
         digests = {case.digest()} | (set() if manifest is None else manifest.case_digests)
         for path in kept:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body
 from datagen.cases.case import Case
-from datagen.loads import Load
+from datagen.loads import Load, Recorded
 from datagen.ranks import on_rank_zero
 from datagen.solver.contact.tool_contact import INSIDE, touched
 from datagen.solver.load_stepping import solve_load_case
@@ -22,7 +22,6 @@ from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.tools import Contact, Sphere
 
-Forces = tuple[NDArray[np.int64], NDArray[np.float64]]  # loaded nodes, and forces in N
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
 
 
@@ -32,7 +31,7 @@ class Solved:
 
     number: int
     load: Load
-    reactions: NDArray[np.float64] | None
+    grip: NDArray[np.float64] | None
     contact: Contact | None
     displacement: NDArray[np.float64]
     counts: tuple[int, ...]
@@ -47,7 +46,7 @@ class Failed:
 
     number: int
     load: Load
-    reactions: NDArray[np.float64] | None
+    grip: NDArray[np.float64] | None
     contact: Contact | None
     load_factor: float
     reason: str
@@ -106,19 +105,19 @@ class ShardJob:
         load = on_rank_zero(self.body.mesh.domain.comm, lambda: loads[number])
         began = time.perf_counter()
         self._put(load.tool)
-        report = solve_load_case(
-            problem, load.nodes, load.forces, case.solver, load.pressures, load.displacement
-        )
+        acting = problem, load.nodes, load.forces, case.solver
+        driven = load.pressures, load.displacement
+        report = solve_load_case(*acting, *driven, between=load.between)
         report = with_stability(problem, report, case.solver)
         elapsed = time.perf_counter() - began
-        reactions = None if load.is_dead else problem.reactions()
+        grip = None if load.is_dead else problem.grip()
         displacement, touch = problem.displacement(), problem.load.contact
         contact = None if touch is None else touch.found(displacement)
         if contact is not None and contact.penetration > INSIDE * np.ptp(
             self.body.mesh.coordinates
         ):
             report = replace(report, solved=False, explanation="a node is inside the tool")
-        acted = number, load, reactions, contact
+        acted = number, load, grip, contact
         if report.solved:
             counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
             found = counts, report.residual_norm, report.stable, elapsed
@@ -150,8 +149,9 @@ class ShardJob:
         body, dimension = self.body, self.body.mesh.coordinates.shape[1]
         width = body.loads.most
         solved, failed = self.solved, self.failed
-        loaded_nodes, force = _pad([self._recorded(s) for s in solved], width, dimension)
-        failed_nodes, failed_force = _pad([self._recorded(f) for f in failed], width, dimension)
+        of_solved, of_failed = ([self._recorded(r) for r in some] for some in (solved, failed))
+        loaded_nodes, force = _pad(of_solved, width, dimension)
+        failed_nodes, failed_force = _pad(of_failed, width, dimension)
         displacement = np.array([s.displacement for s in solved], dtype=np.float64)
         counts = np.array([s.counts for s in solved], dtype=np.int64).reshape(-1, len(COUNTS))
         return {
@@ -169,17 +169,30 @@ class ShardJob:
             "failed/force": failed_force,
             "failed/load_factor": np.array([f.load_factor for f in failed], dtype=np.float64),
             "failed/reason": np.array([f.reason for f in failed], dtype=object),
+            **self._between("samples", of_solved),
+            **self._between("failed", of_failed),
             **self._pressures(),
             **self._poses(),
         }
 
-    def _recorded(self, result: Solved | Failed) -> Forces:
-        """Nodal forces that stand for the load of a sample."""
+    def _recorded(self, result: Solved | Failed) -> Recorded:
+        """Forces that stand for the load of a sample."""
         load = result.load
-        if result.reactions is None:
-            return load.nodes, load.forces
+        if result.grip is None:
+            return load.nodes, load.forces, load.between
         pushes = 0.0 if result.contact is None else result.contact.force
-        return self.body.loads.recorded(load, result.reactions, pushes)
+        return self.body.loads.recorded(load, result.grip, pushes)
+
+    def _between(self, group: str, loads: Sequence[Recorded]) -> dict[str, Any]:
+        """Forces between the nodes, if a load of the case acts there."""
+        points = self.body.loads.points
+        if points is None or not self.body.loads.is_between:
+            return {}
+        values = np.zeros((len(loads), points.between, self.body.mesh.coordinates.shape[1]))
+        for row, (_, _, between) in enumerate(loads):
+            if between is not None:
+                values[row] = between
+        return {f"{group}/force_between": values}
 
     def _poses(self) -> dict[str, Any]:
         """Poses of the tool, if the case has one, and how deep a node is inside of it."""
@@ -222,11 +235,11 @@ def merged(parts: Sequence[Arrays]) -> Arrays:
     return arrays
 
 
-def _pad(loads: list[Forces], width: int, dimension: int) -> tuple[Any, Any]:
+def _pad(loads: Sequence[Recorded], width: int, dimension: int) -> tuple[Any, Any]:
     """Loaded nodes (n, width) and forces (n, width, d), padded."""
     nodes = np.full((len(loads), width), NO_NODE, dtype=np.int64)
     force = np.zeros((len(loads), width, dimension))
-    for row, (loaded, forces) in enumerate(loads):
+    for row, (loaded, forces, _) in enumerate(loads):
         nodes[row, : len(loaded)] = loaded
         force[row, : len(loaded)] = forces
     return nodes, force

@@ -2,7 +2,7 @@
 
 from datagen.loads.drawn_load import DrawnLoads
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
-from datagen.loads.together import Load, LoadsTogether
+from datagen.loads.together import Load, LoadsTogether, Recorded, act_between
 
 __all__ = [
     "DrawnLoads",
@@ -11,6 +11,8 @@ __all__ = [
     "LoadFamily",
     "LoadableNodes",
     "LoadsTogether",
+    "Recorded",
+    "act_between",
     "generator",
     "load_family",
 ]

@@ -1,8 +1,8 @@
-r"""A random uniform body force, such as gravity in a random direction, as consistent nodal forces.
+r"""A random uniform body force, such as gravity in a random direction, as consistent forces.
 
 .. math:: f_a = \int_{Ω} N_a \, dV \; b
 
-is the force at node a, in N, with the force density b in N per m³ of the undeformed body. What
+is the force on point a, in N, with the force density b in N per m³ of the undeformed body. What
 would act on clamped nodes is borne by the supports. In two dimensions the body is 1 m thick.
 """
 
@@ -32,19 +32,22 @@ class BodyForce(LoadFamily):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless every node of the region belongs to a cell of the region."""
-        if not np.all(self._volumes(loadable) > 0):
+        lonely = np.setdiff1d(loadable.nodes, loadable.cells[self._members(loadable)])
+        if lonely.size:
             raise ValueError("key 'region': a node of it belongs to no cell of the region")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Draw the force density and convert it to nodal forces."""
+        """Draw the force density and convert it to forces."""
         density = generator(seed, number).uniform(*self.range, size=loadable.dimension)
-        return LoadCase(loadable.nodes, np.outer(self._volumes(loadable), density))
+        points, members = loadable.points, self._members(loadable)
+        cells = (loadable.cells if points is None else points.cells)[members]
+        return loadable.under(np.outer(nodal_volumes(loadable.positions, cells), density))
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Number of loaded nodes: all nodes of the region that are not clamped."""
         return len(loadable)
 
-    def _volumes(self, loadable: LoadableNodes) -> NDArray[np.float64]:
+    def _members(self, loadable: LoadableNodes) -> NDArray[np.bool_]:
+        """Cells whose nodes all lie in the region, (n_cells,)."""
         members = loadable.nodes if loadable.region is None else loadable.region
-        cells = loadable.cells[np.isin(loadable.cells, members).all(axis=1)]
-        return nodal_volumes(loadable.coordinates, cells)[loadable.nodes]
+        return np.asarray(np.isin(loadable.cells, members).all(axis=1))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -113,13 +113,28 @@ class DrawnLoads:
                 f"expected at most {LARGEST_MAGNITUDE:g} N in magnitude"
             )
         self._require_driven_as_said(load, what)
+        self._require_between(load, what)
         nodes, forces = sum_per_node(nodes, forces)
         if len(nodes) > self.most:
             raise self._wrong(
                 f"{what}: {len(nodes)} nodes are loaded, expected at most {self.most} "
                 "(loads_per_sample)"
             )
-        return LoadCase(nodes, forces, load.pressure, load.displacement, load.tool)
+        return replace(load, nodes=nodes, forces=forces)
+
+    def _require_between(self, load: LoadCase, what: str) -> None:
+        """Raise InputError unless forces between the nodes are finite and on the points there."""
+        if load.between is None:
+            return
+        points, found = self.loadable.points, np.asarray(load.between)
+        if not self.family.acts_between:
+            raise self._wrong(f"{what}: forces between the nodes, expected none (integrates)")
+        shape = (0 if points is None else points.between, self.loadable.dimension)
+        if found.shape != shape or not np.all(np.abs(found) <= LARGEST_MAGNITUDE):
+            raise self._wrong(
+                f"{what}: forces between the nodes have shape {found.shape}, expected {shape} and "
+                f"finite numbers of at most {LARGEST_MAGNITUDE:g} N"
+            )
 
     def _require_driven_as_said(self, load: LoadCase, what: str) -> None:
         """Raise InputError unless pressure, displacement and tool are those of such a family."""

@@ -25,6 +25,7 @@ from datagen.mesh.regions import Region
 from datagen.own_class import import_named
 from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
 from shared_schema.tools import Sphere
 
@@ -79,6 +80,8 @@ class LoadableNodes:
         Numbers of all nodes of the region, clamped ones included; by default `nodes`.
     clamped : array of int, (n_clamped,), optional
         Numbers of all nodes that do not move at all; by default there are none.
+    points : PointsBetween, optional
+        All points of the elements; by default the nodes are all.
     """
 
     nodes: NDArray[np.int64]
@@ -87,6 +90,7 @@ class LoadableNodes:
     cell_type: str
     region: NDArray[np.int64] | None = None
     clamped: NDArray[np.int64] | None = None
+    points: PointsBetween | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -106,6 +110,23 @@ class LoadableNodes:
         """Facets of the surface whose nodes all lie in the region, seen from outside."""
         members = self.nodes if self.region is None else self.region
         return self.surface[np.isin(self.surface, members).all(axis=1)]
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions of all points of the elements, (n_points, d) in m."""
+        x = self.coordinates
+        return x if self.points is None else self.points.interpolated(x)
+
+    def all_points(self, facets: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Facets by the numbers of all their points, by those of their corners."""
+        return facets if self.points is None else self.points.facets(facets)
+
+    def under(self, forces: NDArray[np.float64]) -> LoadCase:
+        """Load case of forces on all points, (n_points, d) in N, at the nodes of the region."""
+        between = None
+        if self.points is not None:
+            forces, between = self.points.on_nodes(forces), forces[self.points.nodes :]
+        return LoadCase(self.nodes, forces[self.nodes], between=between)
 
     def require_facets(self) -> None:
         """Raise ValueError unless every node of the region belongs to a facet of the region."""
@@ -136,6 +157,10 @@ class LoadCase:
         Displacement in m of all nodes of the region, of a family that `moves` them.
     tool : Sphere, optional
         Rigid ball that the body keeps out of, of a family that `touches` it.
+    between : array, (n_between, d), optional
+        Forces between the nodes of quadratic elements in N
+        (`shared_schema.common.bodies.quadratic.points_between`); by default there are none, and
+        the forces are those of points, the corners of cells.
     """
 
     nodes: NDArray[np.int64]
@@ -143,6 +168,7 @@ class LoadCase:
     pressure: float | None = None
     displacement: NDArray[np.float64] | None = None
     tool: Sphere | None = None
+    between: NDArray[np.float64] | None = None
 
 
 class LoadFamily(Frozen, ABC):
@@ -175,6 +201,11 @@ class LoadFamily(Frozen, ABC):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError, which names the key, if the family does not fit the mesh."""
+
+    @property
+    def acts_between(self) -> bool:
+        """True if the loads act on the points between the nodes of quadratic elements as well."""
+        return self.integrates
 
     def moves(self, dimension: int) -> tuple[bool, ...]:
         """Say which components of the region's displacement are prescribed; none of most loads."""

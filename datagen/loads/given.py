@@ -54,18 +54,27 @@ class GivenLoads(LoadFamily):
         except InputError as error:
             raise ValueError(str(error)) from None
 
+    @property
+    def acts_between(self) -> bool:
+        """True if the file has forces between the nodes."""
+        return self.cases.between is not None
+
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless the file is of this mesh."""
         ours, theirs = loadable.coordinates, self.cases.coordinates
         size = np.ptp(ours, axis=0).max()
         if ours.shape != theirs.shape or np.abs(ours - theirs).max() > SAME_PLACE * size:
             raise ValueError(f"'{self.file}': its loads are for another mesh")
+        between, points = self.cases.between, loadable.points
+        if between is not None and (points is None or between.shape[1] != points.between):
+            raise ValueError(f"'{self.file}': its forces between the nodes are for other elements")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Take the load case of that number."""
         if number >= len(self.cases):
             raise ValueError(f"'{self.file}' has {len(self.cases)} load cases")
-        return LoadCase(*self.cases.load(number))
+        between = None if self.cases.between is None else self.cases.between[number]
+        return LoadCase(*self.cases.load(number), between=between)
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Largest number of loaded nodes of a load case."""

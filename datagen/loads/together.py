@@ -13,11 +13,13 @@ from datagen.loads.drawn_load import DrawnLoads
 from datagen.loads.family import LoadableNodes, LoadFamily
 from datagen.quantities import LARGEST_SEED
 from shared_schema.common.bodies.facet_quadrature import pressure_forces
+from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
 from shared_schema.tools import Sphere
 
 Array = NDArray[np.float64]
+Recorded = tuple[NDArray[np.int64], Array, Array | None]  # nodes, forces there, and between them
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,9 @@ class Load:
         Prescribed displacements in m; 0 where none is prescribed.
     tool : Sphere or None
         Rigid ball that the body keeps out of.
+    between : array, (n_between, d), or None
+        Dead forces between the nodes of quadratic elements in N; zero where all corners around a
+        point are held or moved. None if no family loads them.
     """
 
     nodes: NDArray[np.int64]
@@ -43,6 +48,7 @@ class Load:
     pressures: Array
     displacement: Array | None = None
     tool: Sphere | None = None
+    between: Array | None = None
 
     @property
     def is_dead(self) -> bool:
@@ -82,10 +88,26 @@ class LoadsTogether:
         """Nodes of the first family."""
         return self.parts[0].loadable
 
+    @property
+    def points(self) -> PointsBetween | None:
+        """All points of the elements; None if the nodes are all."""
+        return self.loadable.points
+
+    @cached_property
+    def is_between(self) -> bool:
+        """True if a family loads points between the nodes, or prescribes their displacement."""
+        families = [part.family for part in self.parts]
+        return self.points is not None and act_between(families, self.held.shape[1])
+
+    @cached_property
+    def pressed(self) -> tuple[NDArray[np.int64], ...]:
+        """Facets of every surface under pressure by their corners, (n_facets, n_corners) each."""
+        return tuple(part.loadable.facets for part in self.parts if part.family.presses)
+
     @cached_property
     def surfaces(self) -> tuple[NDArray[np.int64], ...]:
-        """Facets of every surface under pressure, (n_facets, n_corners) each."""
-        return tuple(part.loadable.facets for part in self.parts if part.family.presses)
+        """The same facets by all their points, (n_facets, n_points of a facet) each."""
+        return tuple(self.loadable.all_points(facets) for facets in self.pressed)
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -134,22 +156,24 @@ class LoadsTogether:
                     displacement[part.loadable.nodes] = each.displacement
             displacement[~self.moved] = 0.0
         tool = next((each.tool for each in drawn if each.tool is not None), None)
-        return Load(nodes, forces, pressures, displacement, tool)
+        between = [each.between for each in drawn if each.between is not None]
+        acting = None
+        if between and self.points is not None:
+            known = self.points.held(fixed)[self.points.nodes :]
+            acting = np.where(known, 0.0, np.sum(between, axis=0))
+        return Load(nodes, forces, pressures, displacement, tool, acting)
 
-    def recorded(
-        self, load: Load, reactions: Array, pushes: Array | float = 0.0
-    ) -> tuple[NDArray[np.int64], Array]:
-        """Nodal forces that stand for a load in a dataset.
+    def recorded(self, load: Load, grip: Array, pushes: Array | float = 0.0) -> Recorded:
+        """Forces that stand for a load in a dataset.
 
-        They are the dead forces, the forces of the pressures on the undeformed body, the reactions
-        where displacements are prescribed, and the forces of the tool. None acts on a held
-        component.
+        They are the dead forces, the forces of the pressures on the undeformed body, those that
+        hold prescribed displacements, and the forces of the tool. None acts on a held component.
 
         Parameters
         ----------
         load : Load
-        reactions : array, (n_nodes, d)
-            Reactions of the equilibrium in N.
+        grip : array, (n_points, d)
+            Forces that hold the prescribed displacements in equilibrium, in N.
         pushes : array, (n_nodes, d)
             Forces of the tool in N.
 
@@ -157,18 +181,31 @@ class LoadsTogether:
         -------
         nodes : array of int, (n_loads,)
         forces : array, (n_loads, d)
-            In N.
+            At the nodes in N.
+        between : array, (n_between, d), or None
+            Between the nodes in N.
         """
         if load.is_dead:
-            return load.nodes, load.forces
-        coordinates = self.loadable.coordinates
-        total = scatter_forces(load.nodes, load.forces, len(coordinates))
+            return load.nodes, load.forces, load.between
+        positions, points, driven = self.loadable.positions, self.points, grip.copy()
         for facets, pressure in zip(self.surfaces, load.pressures, strict=True):
-            total += pressure_forces(coordinates, facets, pressure)
-        total += np.where(self.moved, reactions, 0.0) + pushes
+            driven += pressure_forces(positions, facets, pressure)
+        total = scatter_forces(load.nodes, load.forces, len(self.held)) + pushes
+        between = None
+        if points is None:
+            total += driven
+        else:
+            total += points.on_nodes(driven)
+            between = np.where(points.held(self.held), 0.0, driven)[points.nodes :]
+            between += 0.0 if load.between is None else load.between
         total[self.held] = 0.0
         nodes = np.flatnonzero(total.any(axis=1))
-        return nodes, total[nodes]
+        return nodes, total[nodes], between
+
+
+def act_between(families: Sequence[LoadFamily], dimension: int) -> bool:
+    """True if a family loads points between nodes, should they be, or prescribes displacements."""
+    return any(family.acts_between or any(family.moves(dimension)) for family in families)
 
 
 def _seed(seed: int, part: int) -> int:

@@ -1,9 +1,9 @@
-r"""A random uniform traction on a patch of the boundary, as consistent nodal forces.
+r"""A random uniform traction on a patch of the boundary, as consistent forces.
 
 .. math:: f_a = \int_{Γ} N_a \, \bar t \, dS
 
-is the force at node a, in N, with the shape functions N_a of the facets of the patch Γ
-(Deshpande et al. 2022, Eq. VWP, second term). In two dimensions the body is 1 m thick.
+is the force on point a, in N, with the shape functions N_a of the facets of the patch Γ (Deshpande
+et al. 2022, Eq. VWP, second term). In two dimensions the body is 1 m thick.
 """
 
 from __future__ import annotations
@@ -39,17 +39,18 @@ class Traction(LoadFamily):
         loadable.require_facets()
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
-        """Draw the traction and convert it to nodal forces."""
+        """Draw the traction and convert it to forces."""
         traction = generator(seed, number).uniform(*self.range, size=loadable.dimension)
-        return LoadCase(loadable.nodes, np.outer(nodal_areas(loadable), traction))
+        return loadable.under(np.outer(point_areas(loadable), traction))
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Number of loaded nodes: all nodes of the region that are not clamped."""
         return len(loadable)
 
 
-def nodal_areas(loadable: LoadableNodes) -> NDArray[np.float64]:
-    """Integrate N_a over the facets of the region, for each of its nodes: (n_loadable,) in m²."""
-    areas = np.zeros(len(loadable.coordinates))
-    np.add.at(areas, loadable.facets, facet_shares(loadable.coordinates[loadable.facets]))
-    return areas[loadable.nodes]
+def point_areas(loadable: LoadableNodes) -> NDArray[np.float64]:
+    """Integrate N_a over the facets of the region, for every point: (n_points,) in m²."""
+    x, facets = loadable.positions, loadable.all_points(loadable.facets)
+    areas = np.zeros(len(x))
+    np.add.at(areas, facets, facet_shares(x[facets]))
+    return areas

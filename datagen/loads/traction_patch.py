@@ -9,6 +9,8 @@ the region (`shared_schema.common.bodies.surface_patches`). In two dimensions th
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
@@ -76,14 +78,15 @@ class TractionPatch(LoadFamily):
         random, surface = generator(seed, number), surface_of(loadable)
         (fewest, most), (smallest, largest) = self.count, self.radii
         patches = fewest if fewest == most else int(random.integers(fewest, most + 1))
-        forces = np.zeros(loadable.coordinates.shape)
+        forces = np.zeros(loadable.positions.shape)
         for _ in range(patches):
             centre = loadable.coordinates[loadable.nodes[random.integers(len(loadable))]]
             traction = random.uniform(*self.range, size=loadable.dimension)
             radius = smallest if smallest == largest else random.uniform(smallest, largest)
             forces += np.outer(surface.weights(centre, radius), traction)
-        nodes = np.flatnonzero(forces.any(axis=1))
-        return LoadCase(nodes, forces[nodes])
+        load = loadable.under(forces)
+        loaded = load.forces.any(axis=1)
+        return replace(load, nodes=load.nodes[loaded], forces=load.forces[loaded])
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Most nodes that as many of the largest patches, about any nodes of the region, can load.
@@ -91,12 +94,14 @@ class TractionPatch(LoadFamily):
         They are no more than the nodes of the region.
         """
         surface, centres = surface_of(loadable), loadable.coordinates[loadable.nodes]
-        under = max(int(np.count_nonzero(surface.weights(c, self.radii[1]))) for c in centres)
-        return min(self.count[1] * under, len(np.unique(surface.facets)))
+        reached = (loadable.under(surface.weights(c, self.radii[1])[:, None]) for c in centres)
+        under = max(int(np.count_nonzero(load.forces)) for load in reached)
+        nodes = np.unique(surface.facets)
+        return min(self.count[1] * under, int((nodes < len(loadable.coordinates)).sum()))
 
 
 def surface_of(loadable: LoadableNodes) -> SurfacePatches:
     """Find the boundary facets whose nodes are all loadable."""
     facets = boundary_facets(loadable.cells, loadable.cell_type)
-    facets = facets[np.isin(facets, loadable.nodes).all(axis=1)]
-    return SurfacePatches.of(loadable.coordinates, facets)
+    facets = loadable.all_points(facets[np.isin(facets, loadable.nodes).all(axis=1)])
+    return SurfacePatches.of(loadable.positions, facets)

@@ -18,10 +18,11 @@ from datagen.mesh.distributed_mesh import Mesh
 
 @dataclass(frozen=True)
 class NodeNumbering:
-    """Node numbers of the corners of the cells, on one rank.
+    """Node numbers of the corners of the cells, or of all points of elements, on one rank.
 
     The d degrees of freedom of a node form a block. Each block is owned by one rank; ranks that
-    share a cell with it hold a copy (ghost).
+    share a cell with it hold a copy (ghost). Points of quadratic elements have numbers as well
+    (`shared_schema.common.bodies.quadratic.points_between`).
 
     Attributes
     ----------
@@ -58,9 +59,7 @@ class NodeNumbering:
         positions = np.flatnonzero(blocks >= 0)
         return positions, blocks[positions]
 
-    def gathered(
-        self, comm: Any, local: NDArray[np.float64], add: bool = False
-    ) -> NDArray[np.float64]:
+    def gathered(self, comm: Any, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """Collect values at this rank's nodes by node number: (n_nodes, d) on every rank.
 
         Parameters
@@ -68,18 +67,15 @@ class NodeNumbering:
         comm : mpi4py communicator
             Of the mesh; the call is collective.
         local : array, (n_local_blocks, d)
-            Values of owned nodes, then of ghosts.
-        add : bool
-            Add the values of ghosts to those of the nodes; otherwise they are left out.
+            Values of owned nodes, then of ghosts, which are left out.
         """
-        count = len(local) if add else self.owned
-        part, numbers = local[:count], self.node_of_block[:count]
+        part, numbers = local[: self.owned], self.node_of_block[: self.owned]
         result = np.zeros((self.total, local.shape[1]))
         if comm.size == 1:
             result[numbers] = part
         else:
             for some_numbers, values in comm.allgather((numbers, part)):
-                result[some_numbers] += values
+                result[some_numbers] = values
         return result
 
 

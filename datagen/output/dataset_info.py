@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from datagen.discretisation.element import element_kind
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.keys.units import Units
 from shared_schema.common.memory import megabytes
@@ -43,6 +44,7 @@ def info(dataset: Path | str) -> dict[str, str]:
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
     rows += _solver(reader.manifest)
+    rows += _elements(reader)
     unstable = reader.unstable()
     if unstable is not None:
         rows.append(("stability", unstable_samples(unstable)))
@@ -72,6 +74,17 @@ def _common(manifest: Manifest, body: Arrays) -> list[Row]:
         ("made by", ", ".join(f"{k} {v}" for k, v in manifest.software.items())),
         ("digest", manifest.digest),
     ]
+
+
+def _elements(reader: DatasetReader) -> list[Row]:
+    """How distributed loads act, if the elements have points between the nodes."""
+    element = reader.manifest.case.get("element", "linear")
+    if element_kind(element, reader.cell_type).corners_only:
+        return []
+    where = "all points of the elements"
+    if reader.manifest.forces is None:
+        where = "the corners of the cells alone, as in datasets of earlier versions"
+    return [("distributed loads on", where)]
 
 
 def _solver(manifest: Manifest) -> list[Row]:

@@ -1,9 +1,10 @@
-r"""The load on a body: dead nodal forces, pressures that follow the surface, and a rigid tool.
+r"""The load on a body: dead forces, pressures that follow the surface, and a rigid tool.
 
 .. math:: f(u) = f + f_p(u) + f_c(u)
 
-f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`, :math:`f_c` that
-of `datagen.solver.contact.tool_contact`.
+All forces act on the points of the elements: the nodes and, in quadratic elements, those between
+them. f in N does not change; :math:`f_p` is that of `datagen.solver.follower_pressure`, :math:`f_c`
+that of `datagen.solver.contact.tool_contact`, at the nodes alone.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.contact.tool_contact import ToolContact
 from datagen.solver.follower_pressure import FollowerPressure
 from datagen.solver.supports import Supports
-from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,9 @@ class ActingLoad:
     mesh : Mesh
     unknowns : Unknowns
     supports : Supports
-    surfaces : sequence of array of int, (n_facets, n_corners)
-        Facets under pressures, by node number and seen from outside.
+    surfaces : sequence of array of int, (n_facets, n_points of a facet)
+        Facets under pressures, by numbers of points and seen from outside; with their corners
+        alone, a pressure acts on the facets that these span.
 
     Attributes
     ----------
@@ -52,23 +54,37 @@ class ActingLoad:
         supports: Supports,
         surfaces: Sequence[NDArray[np.int64]],
     ) -> None:
-        self._unknowns, self._mesh, self._shape = unknowns, mesh, mesh.coordinates.shape
+        self._unknowns, self._mesh, self._points = unknowns, mesh, unknowns.points
+        nodes, d = mesh.coordinates.shape
+        self._shape = (nodes if self._points is None else self._points.count, d)
         self._dofs, self._values = np.empty(0, dtype=np.intp), np.empty(0)
         self.norm = self.touch_norm = 0.0
         self.contact: ToolContact | None = None
         self._pressure: FollowerPressure | None = None
         if len(surfaces):
+            x = mesh.coordinates
             self._pressure = FollowerPressure(
-                mesh.coordinates,
+                x if self._points is None else self._points.interpolated(x),
                 surfaces,
                 *self.rows_and_columns(supports),
             )
 
-    def set(self, nodes: NDArray[np.int64], forces: Array, pressures: Array | None) -> None:
+    def set(
+        self,
+        nodes: NDArray[np.int64],
+        forces: Array,
+        pressures: Array | None,
+        between: Array | None = None,
+    ) -> None:
         """Replace the load (`EquilibriumProblem.set_load`)."""
-        nodes, forces = sum_per_node(nodes, forces)
-        positions, blocks = self._unknowns.numbering.owned_blocks(nodes)
-        self._dofs = self._unknowns.dofs[blocks].ravel().astype(np.intp)
+        points, forces = sum_per_node(nodes, forces)
+        if between is not None and self._points is not None:
+            of_nodes = scatter_forces(points, forces, self._points.nodes)
+            forces = self._points.on_points(of_nodes, between)
+            points = np.flatnonzero(forces.any(axis=1))
+            forces = forces[points]
+        positions, blocks = self._unknowns.point_numbering.owned_blocks(points)
+        self._dofs = self._unknowns.point_dofs[blocks].ravel().astype(np.intp)
         self._values = np.ascontiguousarray(forces[positions]).ravel()
         self.norm = float(np.linalg.norm(forces))
         if self._pressure is not None:
@@ -76,13 +92,6 @@ class ActingLoad:
             if self._pressure.pressures.any():
                 at_rest = self._pressure.forces(np.zeros(self._shape))
                 self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
-
-    def set_at_unknowns(self, forces: Array) -> None:
-        """Replace the load (`EquilibriumProblem.set_load_at_unknowns`)."""
-        self._dofs, self._values = np.arange(len(forces)), forces
-        self.norm = float(np.sqrt(self._mesh.domain.comm.allreduce(float(forces @ forces))))
-        if self._pressure is not None:
-            self._pressure.pressures[:] = 0.0
 
     @property
     def presses(self) -> bool:
@@ -99,43 +108,52 @@ class ActingLoad:
         b.array_w[self._dofs] -= load_factor * self._values
 
     def subtract_pressures(self, b: PETSc.Vec, load_factor: float, u: Array) -> None:
-        """Subtract s f_p(u) and f_c(u) of a displacement, (n_nodes, d) in m."""
-        numbering, pushed = self._unknowns.numbering, np.zeros(self._shape)
+        """Subtract s f_p(u) and f_c(u) of a displacement of all points, (n_points, d) in m."""
+        numbering, pushed = self._unknowns.point_numbering, np.zeros(self._shape)
+        nodes = len(self._mesh.coordinates)
         if self._pressure is not None:
             pushed += load_factor * self._pressure.forces(u)
         if self.contact is not None:
-            touch = self.contact.forces(u, load_factor)
+            touch = self.contact.forces(u[:nodes], load_factor)
             self.touch_norm = float(np.linalg.norm(touch))
-            pushed += touch
+            pushed[:nodes] += touch
         of_rank = pushed[numbering.node_of_block[: numbering.owned]]
-        b.array_w[self._unknowns.dofs[: numbering.owned]] -= of_rank
+        b.array_w[self._unknowns.point_dofs[: numbering.owned]] -= of_rank
 
     def add_tangent(self, matrix: PETSc.Mat, load_factor: float, u: Array) -> None:
-        """Add −s ∂f_p/∂u − ∂f_c/∂u at a displacement, (n_nodes, d) in m (collective)."""
+        """Add −s ∂f_p/∂u − ∂f_c/∂u at a displacement, (n_points, d) in m (collective)."""
         if self._pressure is not None:
             self._pressure.add_tangent(matrix, u, load_factor)
         if self.contact is not None:
-            self.contact.add_tangent(matrix, u, load_factor)
+            self.contact.add_tangent(matrix, u[: len(self._mesh.coordinates)], load_factor)
 
     def rows_and_columns(self, supports: Supports) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Rows of this rank's nodes, and columns of all, (n_nodes, d) each (collective).
+        """Rows of this rank's points, and columns of all, (n_points, d) each (collective).
 
-        They are -1 where there is no equation; columns of moved components are kept.
+        The nodes are the first points. They are -1 where there is no equation; columns of moved
+        components are kept.
         """
-        numbering, rows = self._unknowns.numbering, _rows_of_nodes(self._mesh, self._unknowns)
+        numbering, rows = (
+            self._unknowns.point_numbering,
+            _rows_of_points(self._mesh, self._unknowns),
+        )
         owned = np.zeros(self._shape[0], dtype=bool)
         owned[numbering.node_of_block[: numbering.owned]] = True
-        own_rows = np.where(owned[:, None] & ~supports.fixed, rows, -1)
-        columns = np.where(supports.fixed & ~supports.moved, -1, rows)
+        fixed, held = supports.fixed, supports.fixed & ~supports.moved
+        if self._points is not None:
+            fixed, held = self._points.held(fixed), self._points.held(held)
+        own_rows = np.where(owned[:, None] & ~fixed, rows, -1)
+        columns = np.where(held, -1, rows)
         return own_rows.astype(PETSc.IntType), columns.astype(PETSc.IntType)
 
 
-def _rows_of_nodes(mesh: Mesh, unknowns: Unknowns) -> NDArray[np.int64]:
-    """Rows of the distributed matrix that belong to every node, (n_nodes, d) (collective)."""
-    dofmap, numbering = unknowns.state.function_space.dofmap, unknowns.numbering
+def _rows_of_points(mesh: Mesh, unknowns: Unknowns) -> NDArray[np.int64]:
+    """Rows of the distributed matrix that belong to every point, (n_points, d) (collective)."""
+    dofmap, numbering = unknowns.state.function_space.dofmap, unknowns.point_numbering
     first = dofmap.index_map.local_range[0] * dofmap.index_map_bs
-    numbers, rows = numbering.node_of_block[: numbering.owned], unknowns.dofs[: numbering.owned]
-    rows_of_nodes = np.empty(mesh.coordinates.shape, dtype=np.int64)
+    here = slice(numbering.owned)
+    numbers, rows = numbering.node_of_block[here], unknowns.point_dofs[here]
+    rows_of_points = np.empty((numbering.total, rows.shape[1]), dtype=np.int64)
     for some, of_some in mesh.domain.comm.allgather((numbers, first + rows)):
-        rows_of_nodes[some] = of_some
-    return rows_of_nodes
+        rows_of_points[some] = of_some
+    return rows_of_points

@@ -1,4 +1,4 @@
-r"""Equilibrium of one body under nodal loads.
+r"""Equilibrium of one body under loads.
 
 The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the residual vanishes
 (Deshpande et al. 2022, Eq. res):
@@ -6,7 +6,7 @@ The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the
 .. math:: R(u) = f_{int}(u) - s f - s f_p(u) = 0 \quad \text{at free nodes}, \qquad
           u = 0 \quad \text{at clamped nodes}, \qquad u = s \bar u \quad \text{where prescribed},
 
-with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the nodal load :math:`f` in
+with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the dead load :math:`f` in
 N, the forces :math:`f_p` of pressures that follow the surface (`datagen.solver.acting_load`), and
 the load factor :math:`s`, the part of the load that acts. Newton's method (`datagen.solver.newton`)
 finds u with the tangent :math:`K = ∂f_{int}/∂u - s \, ∂f_p/∂u`. In the rows of known displacements
@@ -15,12 +15,12 @@ identity; the first step moves the rest of the body with a prescribed displaceme
 
 Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
 triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
-of them. Loads, supports and results are those of the nodes of the mesh, the corners of the cells: a
-displacement is prescribed between corners where it is at all of them, and a pressure acts on the
-facets that the corners span.
+of them. Loads act on all points (`shared_schema.common.bodies.quadratic.points_between`), and
+pressures on the facets that these span. Supports and results are those of the nodes of the mesh,
+the corners of the cells: a displacement is prescribed between corners where it is at all of them.
 
-Over several ranks, each rank owns some nodes, with their rows of residual and tangent. A nodal
-force is subtracted on the rank that owns the node, after the internal forces of all cells have been
+Over several ranks, each rank owns some points, with their rows of residual and tangent. A force is
+subtracted on the rank that owns the point, after the internal forces of all cells have been
 summed, and before the rows of the clamped nodes are replaced.
 """
 
@@ -72,8 +72,8 @@ class EquilibriumProblem:
         Position of each cell's material in the sequence.
     moved : array of bool, (n_nodes, d), optional
         Components whose displacement is prescribed by the loads.
-    surfaces : sequence of array of int, (n_facets, n_corners)
-        Facets under pressures that follow them, by node number and seen from outside.
+    surfaces : sequence of array of int, (n_facets, n_points of a facet)
+        Facets under pressures that follow them, by numbers of points and seen from outside.
 
     Raises
     ------
@@ -216,8 +216,9 @@ class EquilibriumProblem:
         forces: NDArray[np.float64],
         pressures: NDArray[np.float64] | None = None,
         displacement: NDArray[np.float64] | None = None,
+        between: NDArray[np.float64] | None = None,
     ) -> None:
-        """Replace the load; each rank keeps the forces at the nodes that it owns.
+        """Replace the load; each rank keeps the forces at the points that it owns.
 
         Parameters
         ----------
@@ -229,26 +230,12 @@ class EquilibriumProblem:
             Pressure on each surface, in Pa; 0 by default.
         displacement : array, (n_nodes, d), optional
             Displacement of the moved components in m; 0 by default.
+        between : array, (n_between, d), optional
+            Forces between the nodes of quadratic elements in N, the same on every rank; 0 by
+            default. Other elements ignore them.
         """
         moves = self.supports.prescribe(displacement)
-        self.load.set(nodes, forces, pressures)
-        self._begin(moves)
-
-    def set_load_at_unknowns(self, forces: NDArray[np.float64]) -> None:
-        """Replace the load by dead forces on all unknowns that this rank owns (collective).
-
-        So the points between corners of quadratic elements can have forces of their own.
-
-        Parameters
-        ----------
-        forces : array, (n_owned,)
-            In N, in the layout of `u`.
-        """
-        self.supports.prescribe(None)
-        self.load.set_at_unknowns(forces)
-        self._begin(moves=False)
-
-    def _begin(self, moves: bool) -> None:
+        self.load.set(nodes, forces, pressures, between)
         self._grip_norm = 0.0
         self._is_loaded = self.load.norm > 0.0 or moves or self.load.contact is not None
         if self._settings.tolerance is not None:
@@ -349,15 +336,41 @@ class EquilibriumProblem:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
         return self.numbering.gathered(self.comm, self.u.x.array[self.unknowns.dofs])
 
+    def displacement_of_points(self) -> NDArray[np.float64]:
+        """Gather the displacement of all points of the elements: (n_points, d) in m (collective).
+
+        The nodes are the first points.
+        """
+        numbering = self.unknowns.point_numbering
+        return numbering.gathered(self.comm, self.u.x.array[self.unknowns.point_dofs])
+
     def reactions(self) -> NDArray[np.float64]:
         """Gather f_int(u) − s f − s f_p(u) by node number: (n_nodes, d) in N, on every rank.
 
         In equilibrium these forces vanish at the free nodes; at the clamped nodes they are the
-        reactions of the supports, and where displacements are prescribed those of the grip.
+        reactions of the supports, and where displacements are prescribed those of the grip. A
+        force between nodes counts as those at the nodes that do the same work.
         """
+        forces, points = self._reactions_of_points(), self.unknowns.points
+        return forces if points is None else points.on_nodes(forces)
+
+    def grip(self) -> NDArray[np.float64]:
+        """Gather the forces that hold prescribed displacements: (n_points, d) in N, on every rank.
+
+        They are 0 at all other points. With the points' own forces, they hold the body as it is.
+        """
+        points, supports = self.unknowns.points, self.supports
+        fixed, held = supports.fixed, supports.fixed & ~supports.moved
+        if points is not None:
+            fixed, held = points.held(fixed), points.held(held)
+        return np.where(fixed & ~held, self._reactions_of_points(), 0.0)
+
+    def _reactions_of_points(self) -> NDArray[np.float64]:
+        """Gather f_int(u) − s f − s f_p(u) of all points: (n_points, d) in N, on every rank."""
         values = np.zeros(len(self.u.x.array))
         values[: self.unknowns.owned] = self.out_of_balance().array_r
-        return self.numbering.gathered(self.comm, self.unknowns.forces_at_corners(values), add=True)
+        numbering = self.unknowns.point_numbering
+        return numbering.gathered(self.comm, values[self.unknowns.point_dofs])
 
     def energy(self) -> float:
         """Integrate the strain energy ∫ W dV of the current state, in J; the same on every rank."""
@@ -391,7 +404,7 @@ class EquilibriumProblem:
         self._assembly.assemble_tangent()
         self._predict_from_here()
         if self.load.presses:
-            self.load.add_tangent(self.matrix, self.load_factor, self.displacement())
+            self.load.add_tangent(self.matrix, self.load_factor, self.displacement_of_points())
         if self.drag is not None:
             self.drag.add_tangent(self.matrix)
         return self.matrix
@@ -411,7 +424,7 @@ class EquilibriumProblem:
         self._assembly.assemble_forces(b)
         self.load.subtract_forces(b, self.load_factor)
         if self.load.presses:
-            self.load.subtract_pressures(b, self.load_factor, self.displacement())
+            self.load.subtract_pressures(b, self.load_factor, self.displacement_of_points())
         return b
 
     def compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:

@@ -3,7 +3,8 @@ r"""Pressure that follows the deformed surface: its part in residual and tangent
 .. math:: f_a(u) = -p \int_{Γ(u)} N_a \, n \, dS
 
 and its derivative with respect to u, which the tangent of the body lacks, are those of
-`shared_schema.common.bodies.facet_quadrature`.
+`shared_schema.common.bodies.facet_quadrature`. A facet of a quadratic element is deformed with all
+its points.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ Array = NDArray[np.float64]
 class FollowerPressure:
     """Pressures on surfaces of a body that may be distributed over ranks.
 
-    Every rank looks at all facets and keeps the rows of its own nodes.
+    Every rank looks at all facets and keeps the rows of its own points.
 
     Parameters
     ----------
-    coordinates : array, (n_nodes, d)
-        Undeformed positions in m, the same on every rank.
-    surfaces : sequence of array of int, (n_facets, n_corners)
-        Facets of every surface by node number, seen from outside.
-    rows, columns : array of int, (n_nodes, d)
-        Rows of the matrix, and its columns, of every node; -1 where they are not to be changed.
+    coordinates : array, (n_points, d)
+        Undeformed positions of the points of the elements in m, the same on every rank.
+    surfaces : sequence of array of int, (n_facets, n_points of a facet)
+        Facets of every surface by numbers of points, seen from outside.
+    rows, columns : array of int, (n_points, d)
+        Rows of the matrix, and its columns, of every point; -1 where they are not to be changed.
 
     Attributes
     ----------
@@ -51,7 +52,7 @@ class FollowerPressure:
         self._rows, self._columns = rows, columns
 
     def forces(self, u: Array) -> Array:
-        """Nodal forces of the full pressures at a displacement in m: (n_nodes, d) in N."""
+        """Forces of the full pressures at a displacement in m: (n_points, d) in N."""
         total = np.zeros(u.shape)
         for facets, pressure in zip(self._surfaces, self.pressures, strict=True):
             if pressure:
@@ -63,7 +64,7 @@ class FollowerPressure:
         for facets, pressure in zip(self._surfaces, self.pressures, strict=True):
             if pressure:
                 blocks = -factor * facet_derivatives(self._coordinates + u, facets, pressure)
-                for corners, block in zip(facets, blocks, strict=True):
-                    rows, columns = self._rows[corners].ravel(), self._columns[corners].ravel()
+                for points, block in zip(facets, blocks, strict=True):
+                    rows, columns = self._rows[points].ravel(), self._columns[points].ravel()
                     matrix.setValues(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()

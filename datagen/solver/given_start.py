@@ -41,14 +41,15 @@ def solve_from(
     forces: Array,
     settings: SolverSettings,
     begin: Callable[[float, float], None] = lambda reached, target: None,
+    between: Array | None = None,
 ) -> tuple[SolveReport, bool]:
-    """Bring the body to equilibrium under nodal forces, starting from a displacement (collective).
+    """Bring the body to equilibrium under dead forces, starting from a displacement (collective).
 
     Parameters
     ----------
     displacement : array, (n_nodes, d)
         In m; what it says of clamped nodes is ignored. It may hold anything, NaN included.
-    problem, nodes, forces, settings, begin
+    problem, nodes, forces, settings, begin, between
         As for `load_stepping.solve_load_case`.
 
     Returns
@@ -58,7 +59,7 @@ def solve_from(
     used : bool
         True if the start led to the equilibrium; false if the load was stepped up from rest.
     """
-    problem.set_load(nodes, forces)
+    problem.set_load(nodes, forces, between=between)
     problem.set_displacement(displacement)
     problem.supports.hold()
     energy, iterations = problem.potential(), 0
@@ -79,7 +80,7 @@ def solve_from(
                 residual_norm=result.residual_norm,
             )
             return report, True
-    report = solve_load_case(problem, nodes, forces, settings, begin=begin)
+    report = solve_load_case(problem, nodes, forces, settings, begin=begin, between=between)
     return replace(report, newton_iterations=report.newton_iterations + iterations), False
 
 

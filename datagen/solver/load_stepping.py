@@ -79,8 +79,9 @@ def solve_load_case(
     pressures: NDArray[np.float64] | None = None,
     displacement: NDArray[np.float64] | None = None,
     begin: Callable[[float, float], None] = lambda reached, target: None,
+    between: NDArray[np.float64] | None = None,
 ) -> SolveReport:
-    """Bring the body from rest to equilibrium under nodal forces (collective).
+    """Bring the body from rest to equilibrium under a load (collective).
 
     `problem` holds the equilibrium afterwards, or the last one found if the load case failed.
     Failure raises nothing; it is reported in the result.
@@ -93,12 +94,12 @@ def solve_load_case(
     forces : array, (n_loads, d)
         Force vector at each of them, in N; the same on every rank.
     settings : SolverSettings
-    pressures, displacement
+    pressures, displacement, between
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     begin : callable
         Called on every rank at the begin of each load step, with s and s'.
     """
-    problem.set_load(nodes, forces, pressures, displacement)
+    problem.set_load(nodes, forces, pressures, displacement, between)
     contact = problem.load.contact
     touched, rubs = contact is not None, contact is not None and contact.friction is not None
     longest = min(settings.first_step, FRICTION_STEP) if rubs else 1.0

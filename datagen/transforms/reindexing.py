@@ -48,6 +48,7 @@ from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 IMPORT = "import"  # name of the step that made a dataset of other files, with its split
+KEPT = ("samples/stable", "samples/force_between")
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
@@ -314,7 +315,7 @@ def structured_arrays(nodal: Arrays, grid: Grid, is_test: NDArray[np.bool_]) -> 
         "samples/is_test": is_test,
         "samples/force": grid.forces_to_grid(force).astype(np.float32),
         "samples/displacement": grid.to_grid(displacement).astype(np.float32),
-        **{name: nodal[name] for name in ("samples/stable",) if name in nodal},
+        **{name: nodal[name] for name in KEPT if name in nodal},
     }
     if not grid.points_are_nodes:
         arrays["samples/loaded_nodes"] = nodal["samples/loaded_nodes"]

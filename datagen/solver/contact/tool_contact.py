@@ -67,7 +67,7 @@ class ToolContact:
         Nodes of the surface that can move.
     diagonal : array, (n,)
         Their stiffness at rest in N/m.
-    rows, columns : array of int, (n_nodes, d)
+    rows, columns : array of int, (n_nodes or more, d)
         Rows of the matrix, and its columns, of every node; -1 where they are not to be changed.
     friction : float
         Coefficient μ.
@@ -233,8 +233,10 @@ def touched(
     at_rest = problem.tangent().getDiagonal()
     diagonal[: problem.unknowns.owned] = at_rest.array_r
     at_rest.destroy()
-    of_corners = problem.unknowns.forces_at_corners(diagonal)
-    of_nodes = problem.numbering.gathered(problem.comm, of_corners, add=True)
+    unknowns = problem.unknowns
+    of_nodes = unknowns.point_numbering.gathered(problem.comm, diagonal[unknowns.point_dofs])
+    if unknowns.points is not None:
+        of_nodes = unknowns.points.on_nodes(of_nodes)
     nodes = surface[~supports.fixed[surface].all(axis=1)]
     stiffness = np.where(supports.fixed, 0.0, of_nodes)[nodes].max(axis=1)
     where = problem.load.rows_and_columns(supports)

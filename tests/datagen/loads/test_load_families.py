@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from datagen.loads.traction import nodal_areas
+from datagen.loads.traction import point_areas
 from tests.datagen.loads.places import family, place
 
 
@@ -54,18 +54,20 @@ def test_traction_on_an_edge() -> None:
     """Edge of length 1 in two elements: trapezoidal rule, 1/4, 1/2, 1/4."""
     edge = place({"x": 4})
     order = np.argsort(edge.coordinates[edge.nodes, 1])
-    assert nodal_areas(edge)[order] == pytest.approx([0.25, 0.5, 0.25])
+    assert point_areas(edge)[edge.nodes][order] == pytest.approx([0.25, 0.5, 0.25])
     pull = family("traction", range=[-3, 3])
     load = pull.draw(0, 0, edge)
     total = load.forces.sum(axis=0)
     assert np.abs(total).max() <= 3
-    assert load.forces == pytest.approx(np.outer(nodal_areas(edge), total))
+    assert load.forces == pytest.approx(np.outer(point_areas(edge)[edge.nodes], total))
 
 
 def test_traction_on_a_face() -> None:
     """Face of 1 m² in 2 x 2 elements: corners 1/16, edges 1/8, centre 1/4."""
     face = place({"x": 4}, (4, 2, 2))
-    assert np.sort(nodal_areas(face)) == pytest.approx([1 / 16] * 4 + [1 / 8] * 4 + [1 / 4])
+    assert np.sort(point_areas(face)[face.nodes]) == pytest.approx(
+        [1 / 16] * 4 + [1 / 8] * 4 + [1 / 4]
+    )
 
 
 def test_traction_needs_facets() -> None:

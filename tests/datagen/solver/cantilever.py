@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from datagen.discretisation.element import Element
 from datagen.loads import LoadableNodes
-from datagen.loads.traction import nodal_areas
+from datagen.loads.traction import point_areas
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.mesh.raw_mesh import RawMesh
@@ -68,7 +68,7 @@ def bent(
     """Hold a body where x is least, and pull where it is largest by a traction in Pa."""
     x = mesh.coordinates
     loaded = np.flatnonzero(np.isclose(x[:, 0], x[:, 0].max()))
-    areas = nodal_areas(LoadableNodes(loaded, x, mesh.cells, mesh.cell_type))
+    areas = point_areas(LoadableNodes(loaded, x, mesh.cells, mesh.cell_type))[loaded]
     held = np.isclose(x[:, 0], x[:, 0].min())
     problem = EquilibriumProblem(mesh, material, held, settings, element)
     report = solve_load_case(problem, loaded, np.outer(areas, traction), settings)

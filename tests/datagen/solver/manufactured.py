@@ -133,6 +133,20 @@ def measured(
     return Convergence(tuple(errors(element, d, simplices, n, *of) for n in meshes))
 
 
+Forces = tuple[np.ndarray, np.ndarray, None, None, np.ndarray | None]
+
+
+def at_nodes_and_between(problem: EquilibriumProblem, forces: np.ndarray) -> Forces:
+    """Load of a problem on one rank, for `set_load`, by the forces on its unknowns in N."""
+    unknowns = problem.unknowns
+    of_points = unknowns.point_numbering.gathered(problem.comm, forces[unknowns.point_dofs])
+    nodes = np.arange(len(problem.mesh.coordinates))
+    if unknowns.points is None:
+        return nodes, of_points, None, None, None
+    of_nodes, between = unknowns.points.on_nodes(of_points), of_points[len(nodes) :]
+    return nodes, of_nodes, None, None, between
+
+
 def errors(
     element: Element,
     d: int,
@@ -157,7 +171,7 @@ def errors(
     load = ufl.inner(-ufl.div(stress), v) * dx
     load += ufl.inner(stress * ufl.FacetNormal(domain), v) * ds  # no work where the body is held
     forces = dolfinx.fem.assemble_vector(form(load, COMPILER_OPTIONS)).array
-    problem.set_load_at_unknowns(np.array(forces))
+    problem.set_load(*at_nodes_and_between(problem, forces))
     problem.set_displacement(values(keeps_volume, mesh.coordinates))
     result = problem.solve(1.0, direct=True)
     assert result.converged, result.explanation

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from datagen.discretisation.element import Element
 from datagen.loads import LoadableNodes
-from datagen.loads.traction import nodal_areas
+from datagen.loads.traction import point_areas
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
@@ -43,7 +43,9 @@ class Column:
         mesh = distributed(box(upper, elements, simplices), MPI.COMM_SELF)
         self.x = mesh.coordinates
         self.end = np.flatnonzero(np.isclose(self.x[:, 0], LENGTH))
-        self.areas = nodal_areas(LoadableNodes(self.end, self.x, mesh.cells, mesh.cell_type))
+        self.areas = point_areas(LoadableNodes(self.end, self.x, mesh.cells, mesh.cell_type))[
+            self.end
+        ]
         self.settings = SolverSettings(linear_solver=linear_solver, first_step=0.5)
         material = NeoHookean(young_modulus=MODULUS, poisson_ratio=ratio)
         clamped = np.isclose(self.x[:, 0], 0.0)
