@@ -67,7 +67,8 @@ def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     Raises
     ------
     InputError
-        On every rank, if the cells have a `conformity_problem`: dolfinx would damage its memory.
+        On every rank, if the cells have a `conformity_problem`: dolfinx would damage its memory; or
+        if a rank gets no cell.
     """
     problem = conformity_problem(raw.coordinates, raw.cells, raw.cell_type)
     if problem is not None:
@@ -76,5 +77,11 @@ def distributed(raw: RawMesh, comm: MPI.Comm) -> Mesh:
     to_dolfinx = dolfinx.cpp.io.perm_vtk(dolfinx.cpp.mesh.to_type(cell), raw.cells.shape[1])
     here = slice(None) if comm.rank == 0 else slice(0)  # rank 0 hands in all cells and nodes
     domain = create_mesh(comm, raw.cells[here][:, to_dolfinx], cell, raw.coordinates[here])
+    fewest = comm.allreduce(domain.topology.index_map(domain.topology.dim).size_local, op=MPI.MIN)
+    if fewest == 0:
+        raise InputError(
+            f"mesh: {comm.size} ranks share its {len(raw.cells)} cells and one of them gets none, "
+            "expected fewer ranks (--ranks-per-solve)"
+        )
     whole = {field.name: getattr(raw, field.name) for field in fields(RawMesh)}
     return Mesh(**whole, domain=domain)
