@@ -272,11 +272,13 @@ class Equilibrium:
         """Make the volumes of the cells right by a step, if they change as a whole.
 
         Where that leads to inverted cells, or the relaxed tangent is not positive definite,
-        displacements stay as they are: (N, n_nodes, d) in m, without inverted cells → same.
+        displacements stay as they are: (N, n_nodes, d) in m, without inverted cells → same, an
+        array of its own.
         """
+        found = u.copy()
         if not isinstance(self.solid, MeanDilationSolid | TaylorHoodSolid):
-            return u
-        found, r = u.copy(), self.out_of_balance(u, f)
+            return found
+        r = self.out_of_balance(u, f)
         for row in range(len(u)):
             one = slice(row, row + 1)
             cells = self.solid.cell_tangents(torch.from_numpy(u[one]), relaxed=True)

@@ -168,6 +168,8 @@ export class Panel {
       const numbers = `${asLength(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
       isBad ||= share > LARGE_SHARE;
       text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
+    } else if (certificate) {
+      text = "None: the forces of the prediction are no finite numbers.";
     }
     this.estimate.textContent = text;
     this.estimate.classList.toggle("bad", isBad);

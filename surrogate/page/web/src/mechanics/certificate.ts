@@ -3,21 +3,23 @@
  *
  *   u − u_true ≈ −(δ + δ̄),  δ = −K(u)⁻¹ r(u),  δ̄ = −K(u)⁻¹ r(u + δ)
  *
- * once Newton's method contracts; until then the state is improved by steps with line search, and
- * then δ itself has to be small.
+ * once Newton's method contracts, which a third step with the same tangent, δ̿ = −K(u)⁻¹ r(u + δ + δ̄),
+ * has to show as well, or r is no more than rounding errors. Until then the state is improved by
+ * steps with line search, and then δ itself has to be small.
  */
 
 import { dot, norm, plus, type Equilibrium } from "./equilibrium";
 
 const CONTRACTION = 0.25; // largest ‖δ̄‖/‖δ‖ of an estimate that is settled
 const LAST_PART = 0.1; // largest part of δ̄ in it
+const SMALL_PART = 1e-3; // largest part in it of a third step that need not contract
 const NEGLIGIBLE = 1e-9; // of the displacement
 const ROUNDS = 20;
 const HALVINGS = 40;
 const SUFFICIENT = 1e-4; // of Armijo's rule
 
 export interface Certificate {
-  /** Predicted minus true displacement in m, (nodes · d); null if cells are inverted. */
+  /** Predicted minus true displacement in m, (nodes · d); null if cells are inverted, or r is not finite. */
   error: Float64Array | null;
   /** Number of inverted cells. */
   inverted: number;
@@ -36,43 +38,62 @@ export async function certify(
   predicted: Float64Array,
   wanted: () => Promise<boolean>,
 ): Promise<Certificate | null> {
-  let u = equilibrium.held(predicted);
-  const start = u;
-  const inverted = equilibrium.solid.inverted(u);
-  if (inverted > 0) return { error: null, inverted, settled: false };
+  const start = equilibrium.held(predicted);
+  const inverted = equilibrium.solid.inverted(start);
+  const isSound = inverted === 0 && Number.isFinite(norm(equilibrium.outOfBalance(start, f)));
+  if (!isSound) return { error: null, inverted, settled: false };
+  let u = start;
   let settled = false;
   for (let round = 0; round < ROUNDS && !settled; round++) {
     if (!(await wanted())) return null;
     const r = equilibrium.outOfBalance(u, f);
     const { factor, stable } = equilibrium.tangent(u);
-    const step = equilibrium.solve(factor, r).map((value) => -value);
-    const trial = plus(u, step);
-    const simplified = equilibrium.solid.inverted(trial)
-      ? null
-      : equilibrium.solve(factor, equilibrium.outOfBalance(trial, f)).map((value) => -value);
-    if (simplified && stable && contracts(start, u, step, simplified, round)) {
-      u = plus(trial, simplified);
-      settled = true;
-    } else {
-      u = searched(equilibrium, f, u, r, step) ?? u;
-    }
+    const step = negative(equilibrium.solve(factor, r));
+    const once = plus(u, step);
+    const simplified = negative(equilibrium.solve(factor, finiteResidual(equilibrium, once, f)));
+    const twice = plus(once, simplified);
+    const further = negative(equilibrium.solve(factor, finiteResidual(equilibrium, twice, f)));
+    const { atRest, perDisplacement } = equilibrium.roundOff;
+    const size = norm(u);
+    const last = norm(round === 0 ? simplified : step); // improved states must be closer
+    const contracts =
+      isSmall(norm(plus(plus(start, u, -1), step, -1)), step, simplified, further, last) ||
+      norm(r) <= atRest + perDisplacement * size ||
+      last <= NEGLIGIBLE * size;
+    settled = stable && contracts;
+    u = settled ? twice : (searched(equilibrium, f, u, r, step) ?? u);
   }
   return { error: plus(predicted, u, -1), inverted: 0, settled };
 }
 
-function contracts(
-  start: Float64Array,
-  u: Float64Array,
+/** Whether the steps become small, beside an estimate of some norm. */
+function isSmall(
+  error: number,
   step: Float64Array,
   simplified: Float64Array,
-  round: number,
+  further: Float64Array,
+  last: number,
 ): boolean {
-  const first = norm(step);
-  const second = norm(simplified);
-  const last = round === 0 ? second : first;
-  const error = norm(plus(plus(start, u, -1), step, -1));
-  const small = (first > 0 ? second / first : 0) <= CONTRACTION && last <= LAST_PART * error;
-  return small || last <= NEGLIGIBLE * norm(u);
+  const contraction = ratio(norm(simplified), norm(step));
+  const furtherContraction = ratio(norm(further), norm(simplified));
+  const goesOn = furtherContraction <= CONTRACTION || norm(further) <= SMALL_PART * error;
+  return contraction <= CONTRACTION && last <= LAST_PART * error && goesOn;
+}
+
+/** Quotient of two norms; 0 if the second is. */
+function ratio(following: number, first: number): number {
+  return first === 0 ? 0 : following / first;
+}
+
+/** r(u) in N; no numbers where a cell is inverted, or one is not finite. */
+function finiteResidual(equilibrium: Equilibrium, u: Float64Array, f: Float64Array): Float64Array {
+  const r = equilibrium.outOfBalance(u, f);
+  const isFinite = equilibrium.solid.inverted(u) === 0 && r.every(Number.isFinite);
+  return isFinite ? r : r.fill(NaN);
+}
+
+function negative(a: Float64Array): Float64Array {
+  return a.map((value) => -value);
 }
 
 /** Search along a step by Armijo's rule, as `surrogate/certify/correction.py`; null if Π does not decrease. */

@@ -20,11 +20,18 @@ export interface Tangent {
   stable: boolean;
 }
 
+/** Rounding error of ‖r‖: at rest in N, and per ‖u‖ in N/m. */
+interface RoundOff {
+  atRest: number;
+  perDisplacement: number;
+}
+
 export class Equilibrium {
   /** Bound of the rounding error of Π in J. */
   readonly rounding: number;
   private readonly layout: Layout;
   private undeformed: ProfileCholesky | null = null;
+  private rounded: RoundOff | null = null;
 
   /**
    * @param solid - the body
@@ -80,6 +87,17 @@ export class Equilibrium {
   /** K(0)⁻¹ f in m; the factor is kept. */
   linearResponse(f: Float64Array): Float64Array {
     return this.solve(this.rest(), f);
+  }
+
+  /** Rounding error of ‖r‖, as `shared_schema/common/bodies/force_tolerance.py`; it is kept. */
+  get roundOff(): RoundOff {
+    if (!this.rounded) {
+      const diagonal = this.layout.diagonal(this.assembled(new Float64Array(this.size)));
+      const largest = diagonal.reduce((most, value) => Math.max(most, value), 0);
+      const atRest = Number.EPSILON * this.solid.meanEdge * norm(diagonal);
+      this.rounded = { atRest, perDisplacement: Number.EPSILON * largest };
+    }
+    return this.rounded;
   }
 
   private rest(): ProfileCholesky {

@@ -55,6 +55,11 @@ export class Layout {
     return values;
   }
 
+  /** The diagonal of an assembled matrix, (free components). */
+  diagonal(values: Float64Array): Float64Array {
+    return Float64Array.from(this.order, (_, row) => values[this.profile.place(row, row)]);
+  }
+
   /** Factorise a matrix, which is overwritten; null if it is not positive definite. */
   factor(values: Float64Array): ProfileCholesky | null {
     return ProfileCholesky.of(this.profile, values);

@@ -17,17 +17,19 @@ export interface Material {
   meanDilation: boolean;
 }
 
-/** Strain energy in J of some coefficients, with its first and second derivatives by them. */
-export interface EnergyOfTerms {
-  energy: number;
-  gradient: Float64Array;
-  hessian: Float64Array;
+/** J U' and J U' + J² U'' in Pa, by e = J − 1. */
+export function volumetric({ lambda, volumetric }: Material, e: number): [number, number] {
+  const j = 1 + e;
+  if (volumetric === "paper") return [(lambda / 2) * e * (j + 1), lambda * j * j];
+  return [lambda * j * e, lambda * j * (2 * j - 1)];
 }
 
 export class Solid {
   readonly d: number;
   readonly volume: number;
   readonly corners: number;
+  /** Mean length in m of the first edge of the cells. */
+  readonly meanEdge: number;
   private readonly nodes: number;
   private readonly parts: CellGradients;
   private readonly f: Float64Array;
@@ -43,6 +45,7 @@ export class Solid {
     this.corners = this.parts.corners;
     this.d = type === "triangle" || type === "quad" ? 2 : 3;
     this.nodes = coordinates.length / this.d;
+    this.meanEdge = meanEdge(coordinates, cells, this.corners, this.d);
     this.volume = this.parts.volumes.reduce((sum, v) => sum + v, 0);
     this.f = new Float64Array(this.d * this.d);
     this.inverse = new Float64Array(this.d * this.d);
@@ -52,11 +55,11 @@ export class Solid {
     return this.cells.length / this.corners;
   }
 
-  /** Compute F at a quadrature point, and its inverse; returns J. */
-  private deform(u: Float64Array, cell: number, point: number): number {
+  /** Compute F − I at a quadrature point into `f`. */
+  private slope(u: Float64Array, cell: number, point: number): void {
     const { d, f, corners } = this;
     const { gradients } = this.parts;
-    for (let i = 0; i < d * d; i++) f[i] = i % (d + 1) === 0 ? 1 : 0;
+    f.fill(0);
     for (let a = 0; a < corners; a++) {
       const node = this.cells[cell * corners + a] * d;
       const g = (point * corners + a) * d;
@@ -65,14 +68,19 @@ export class Solid {
         for (let j = 0; j < d; j++) f[i * d + j] += value * gradients[g + j];
       }
     }
+  }
+
+  /** Compute F at a quadrature point, and its inverse; returns J. */
+  private deform(u: Float64Array, cell: number, point: number): number {
+    const { d, f } = this;
+    this.slope(u, cell, point);
+    for (let i = 0; i < d; i++) f[i * (d + 1)] += 1;
     return invert(f, d, this.inverse);
   }
 
-  /** J U' and J U' + J² U'' in Pa. */
-  private volumetric(j: number): [number, number] {
-    const { lambda, volumetric } = this.material;
-    if (volumetric === "paper") return [(lambda / 2) * (j * j - 1), lambda * j * j];
-    return [lambda * j * (j - 1), lambda * j * (2 * j - 1)];
+  /** Volumes of the quadrature points in m³. */
+  get volumes(): Float64Array {
+    return this.parts.volumes;
   }
 
   /** Number of cells with J ≤ 0, or no number, at a point. */
@@ -118,13 +126,10 @@ export class Solid {
   /** ∂u_i/∂x_j at the quadrature points, (points, d, d). */
   slopes(u: Float64Array): Float64Array {
     const { points, volumes } = this.parts;
-    const size = this.d * this.d;
-    const found = new Float64Array(volumes.length * size);
+    const found = new Float64Array(volumes.length * this.f.length);
     for (let point = 0; point < volumes.length; point++) {
-      this.deform(u, Math.floor(point / points), point);
-      for (let i = 0; i < size; i++) {
-        found[point * size + i] = this.f[i] - (i % (this.d + 1) === 0 ? 1 : 0);
-      }
+      this.slope(u, Math.floor(point / points), point);
+      found.set(this.f, point * this.f.length);
     }
     return found;
   }
@@ -145,72 +150,6 @@ export class Solid {
     return found;
   }
 
-  /**
-   * E(Σ_k c_k u_k) from the slopes H_k of the terms, infinite if a cell is inverted; with A_k = F⁻¹ H_k
-   *
-   *   ∂E/∂c_k = Σ_q w_q [μ F:H_k + (J U' − μ) tr A_k],
-   *   ∂²E/∂c_k∂c_l = Σ_q w_q [μ H_k:H_l + (μ − J U') tr A_k A_l + (J U' + J² U'') tr A_k tr A_l].
-   */
-  energyOf(slopes: readonly Float64Array[], c: Float64Array): EnergyOfTerms {
-    const { d, f, inverse } = this;
-    const { volumes } = this.parts;
-    const { mu } = this.material;
-    const n = slopes.length;
-    const size = d * d;
-    const gradient = new Float64Array(n);
-    const hessian = new Float64Array(n * n);
-    const a = slopes.map(() => new Float64Array(size));
-    const traces = new Float64Array(n);
-    let energy = 0;
-    for (let point = 0; point < volumes.length; point++) {
-      const w = volumes[point];
-      const first = point * size;
-      for (let i = 0; i < size; i++) {
-        f[i] = i % (d + 1) === 0 ? 1 : 0;
-        for (let k = 0; k < n; k++) f[i] += c[k] * slopes[k][first + i];
-      }
-      const j = invert(f, d, inverse);
-      if (!(j > 0)) return { energy: Infinity, gradient, hessian };
-      energy += w * this.density(j);
-      const [pressure, squared] = this.volumetric(j);
-      for (let k = 0; k < n; k++) {
-        const h = slopes[k];
-        const of = a[k];
-        let contraction = 0;
-        traces[k] = 0;
-        for (let row = 0; row < d; row++) {
-          for (let column = 0; column < d; column++) {
-            let product = 0;
-            for (let m = 0; m < d; m++) {
-              product += inverse[row * d + m] * h[first + m * d + column];
-            }
-            of[row * d + column] = product;
-            contraction += f[row * d + column] * h[first + row * d + column];
-          }
-          traces[k] += of[row * d + row];
-        }
-        gradient[k] += w * (mu * contraction + (pressure - mu) * traces[k]);
-        for (let l = 0; l <= k; l++) {
-          let contracted = 0;
-          let crossed = 0;
-          for (let row = 0; row < d; row++) {
-            for (let column = 0; column < d; column++) {
-              const i = row * d + column;
-              contracted += h[first + i] * slopes[l][first + i];
-              crossed += of[i] * a[l][column * d + row];
-            }
-          }
-          hessian[k * n + l] +=
-            w * (mu * contracted + (mu - pressure) * crossed + squared * traces[k] * traces[l]);
-        }
-      }
-    }
-    for (let k = 0; k < n; k++) {
-      for (let l = 0; l < k; l++) hessian[l * n + k] = hessian[k * n + l]!;
-    }
-    return { energy, gradient, hessian };
-  }
-
   /** f_int = ∂E/∂u in N, (nodes, d); no meaning if a cell is inverted. */
   internalForces(u: Float64Array): Float64Array {
     const { d } = this;
@@ -219,7 +158,7 @@ export class Solid {
     const stress = new Float64Array(volumes.length * d * d);
     for (let point = 0; point < volumes.length; point++) {
       const j = this.deform(u, Math.floor(point / points), point);
-      const [pressure] = this.volumetric(j);
+      const [pressure] = volumetric(this.material, j - 1);
       for (let i = 0; i < d; i++) {
         for (let k = 0; k < d; k++) {
           stress[(point * d + i) * d + k] =
@@ -310,7 +249,7 @@ export class Solid {
       const point = cell * points + q;
       const j = this.deform(u, cell, point);
       const w = volumes[point];
-      const [pressure, squared] = this.volumetric(j);
+      const [pressure, squared] = volumetric(this.material, j - 1);
       const crossed = w * (mu - pressure);
       const direct = w * squared;
       const first = point * size;
@@ -345,4 +284,13 @@ export class Solid {
       }
     }
   }
+}
+
+function meanEdge(x: Float64Array, cells: Int32Array, corners: number, d: number): number {
+  let sum = 0;
+  for (let first = 0; first < cells.length; first += corners) {
+    const [a, b] = [cells[first] * d, cells[first + 1] * d];
+    sum += Math.hypot(...x.subarray(a, a + d).map((value, i) => x[b + i] - value));
+  }
+  return sum / (cells.length / corners);
 }
